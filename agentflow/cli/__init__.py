@@ -30,6 +30,7 @@ MODULES = (
     "prompts",
     "records",
     "reports",
+    "studio",
     "sweeps",
     "tasks",
     "verify",

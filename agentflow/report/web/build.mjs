@@ -1,5 +1,6 @@
-// Bundles the page's script and style: node build.mjs <folder to write into>.
-// Run by setup.py in a folder where `npm ci` has been run. Licences stay in the bundle.
+// Bundles the scripts and styles of reports and of the studio: node build.mjs <folder to write into>.
+// Run by setup.py in a folder where `npm ci` has been run and report/ and studio/ hold the sources.
+// Licences stay in the bundle.
 
 import { readFileSync } from "node:fs";
 import { build } from "esbuild";
@@ -8,7 +9,7 @@ const licence = readFileSync("node_modules/three/LICENSE", "utf8").trim();
 const version = JSON.parse(readFileSync("node_modules/three/package.json", "utf8")).version;
 
 await build({
-  entryPoints: { player: "main.js" },
+  entryPoints: { player: "report/web/main.js", studio: "studio/web/main.js" },
   outdir: process.argv[2],
   bundle: true,
   minify: true,

@@ -1,0 +1,37 @@
+"""The command studio. Importing this module registers it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agentflow.cli.root import commands
+from agentflow.errors import ConfigError, UsageError
+
+
+@commands.command(epilog="Example: agentflow studio --runs runs")
+def studio(
+    runs: Annotated[Path, typer.Option(help="Directory of the runs to show and to add to.")] = Path(
+        "runs"
+    ),
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0 is any free one.")
+    ] = 0,
+) -> None:
+    """Open a local page to watch runs, start them, and build machines by hand.
+
+    The printed address opens it in one browser, once. Nothing leaves this computer, and nothing but
+    the directory of runs is read or written.
+    """
+    if runs.exists() and not runs.is_dir():
+        raise UsageError(f"{runs} is not a directory; name the directory of your runs with --runs")
+    try:
+        from agentflow.studio.server import serve
+    except ModuleNotFoundError as error:
+        library = str(error.name).partition(".")[0]
+        raise ConfigError(
+            f"{library} is not installed; install it with: pip install 'agentflow[studio]'"
+        ) from None
+    serve(runs, port, lambda address: print(address, flush=True))

@@ -1,0 +1,49 @@
+"""The folder of runs: names of runs as the page gives them, and the paths that they stand for."""
+
+from __future__ import annotations
+
+from pathlib import Path, PurePosixPath
+
+from agentflow.errors import RunError, UsageError
+from agentflow.files import require_plain_files
+from agentflow.runs.document import FILE_NAME
+
+LONGEST = 400
+"""Characters of a name."""
+
+
+class RunFolder:
+    """The runs below one folder, by name: their path in it, with slashes."""
+
+    def __init__(self, root: Path) -> None:
+        """`root` may be missing; the first run creates it."""
+        self.root = root
+
+    def name_of(self, path: Path) -> str:
+        """The name of a run in this folder."""
+        return path.relative_to(self.root).as_posix()
+
+    def run(self, name: str) -> Path:
+        """The directory of a run.
+
+        Raises:
+            UsageError: The name leads out of the folder, or through a link.
+            RunError: It does not exist, or it holds links.
+        """
+        path = self._path(name)
+        if not (path / FILE_NAME).is_file():
+            raise RunError(f"{self.root} does not hold a run named {name[:80]!r}")
+        require_plain_files(path)
+        return path
+
+    def _path(self, name: str) -> Path:
+        parts = PurePosixPath(name).parts
+        plain = name == "/".join(parts) and 0 < len(name) <= LONGEST and name.isprintable()
+        if not plain or any(part[0] in "./~" or set(part) & set(":\\") for part in parts):
+            raise UsageError(f"{name[:80]!r} is not the name of a run: name one of the list")
+        path = self.root
+        for part in parts:
+            path = path / part
+            if path.is_symlink():
+                raise UsageError(f"{name[:80]!r} leads through a link; runs are plain folders")
+        return path

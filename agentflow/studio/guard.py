@@ -1,0 +1,187 @@
+"""Checks every request before anything else sees it: who asks, from where, how much, how long."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import parse_qs
+
+import anyio
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from agentflow.studio.access import Access
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; "
+    "trusted-types 'none'; require-trusted-types-for 'script'"
+)
+HEADERS = {
+    "content-security-policy": POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-store",
+}
+FOLLOW = "/api/follow"
+"""The path of event streams, which stay open."""
+CLOSED = (
+    "this address needs the token that `agentflow studio` printed, and the token opens one "
+    "browser only: start the studio again for another one"
+)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What one request may take."""
+
+    body: int = 4 * 2**20
+    """Bytes; a machine of 800 blocks has 50,000."""
+    upload_s: float = 10.0
+    """Seconds until its body must be there."""
+    answer_s: float = 180.0
+    """Seconds until it must be answered; a simulation takes at most 90."""
+    streams: int = 24
+    """Event streams at a time; a browser opens 6 to one host."""
+
+
+class Refusal(Exception):
+    """A request that is not carried out: an HTTP status, and what to change."""
+
+    def __init__(self, status: int, text: str) -> None:
+        super().__init__(text)
+        self.status, self.text = status, text
+
+
+class Guard:
+    """Passes on the requests of the one browser that has brought the token."""
+
+    def __init__(self, app: ASGIApp, access: Access, limits: Limits) -> None:
+        """Stand before an application."""
+        self._app, self._access, self._limits = app, access, limits
+        self._streams = 0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request, or refuse it."""
+        if scope["type"] != "http":
+            await send({"type": "websocket.close", "code": 1008})
+            return
+        try:
+            if self._redeems(scope):
+                await _answer(send, 303, b"", {"location": "/", "set-cookie": self._access.cookie})
+                return
+            self._require_trusted(scope)
+            if scope["path"] == FOLLOW:
+                await self._stream(scope, receive, send)
+                return
+            body = await self._body(scope, receive)
+            with anyio.fail_after(self._limits.answer_s):
+                await self._app(scope, _replay(body, receive), _with_headers(send))
+        except Refusal as refusal:
+            await refuse(send, refusal)
+        except TimeoutError:
+            await refuse(send, Refusal(504, "this took too long; try it again, or with less"))
+
+    def _redeems(self, scope: Scope) -> bool:
+        """Whether the request opens the studio with the token."""
+        self._require_place(scope)
+        given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])
+        opens = scope["method"] == "GET" and scope["path"] == "/"
+        return opens and self._access.redeem(given[0])
+
+    def _require_trusted(self, scope: Scope) -> None:
+        headers = scope["headers"]
+        if not self._access.knows(headers):
+            raise Refusal(403, CLOSED)
+        if scope["method"] not in ("GET", "HEAD", "POST"):
+            raise Refusal(405, f"the studio knows GET and POST, not {scope['method'][:20]}")
+        if any(name == b"upgrade" for name, _ in headers):
+            raise Refusal(400, "the studio has no websockets")
+
+    def _require_place(self, scope: Scope) -> None:
+        """Refuse other names of this machine, and requests that other pages make."""
+        headers = scope["headers"]
+        hosts = [value.decode("latin-1") for name, value in headers if name == b"host"]
+        if len(hosts) != 1 or hosts[0].lower() not in self._access.hosts:
+            known = " or ".join(self._access.hosts)
+            raise Refusal(421, f"the request is for another host; ask {known}")
+        origins = {value.decode("latin-1").lower() for name, value in headers if name == b"origin"}
+        if origins - {f"http://{hosts[0].lower()}"} or (scope["method"] == "POST" and not origins):
+            raise Refusal(403, "the request comes from another page; use the studio's own")
+        sites = {value for name, value in headers if name == b"sec-fetch-site"}
+        if sites - {b"same-origin", b"none"}:
+            raise Refusal(403, "the request comes from another site; use the studio's own page")
+        path = scope["path"]
+        if "\\" in path or "\0" in path or not {"..", "."}.isdisjoint(path.split("/")):
+            raise Refusal(400, "the path leads elsewhere; paths here have no .. and no backslash")
+
+    async def _body(self, scope: Scope, receive: Receive) -> bytes:
+        """The whole body of a request, if it is small and comes in time."""
+        sizes = [value for name, value in scope["headers"] if name == b"content-length"]
+        too_large = Refusal(413, f"a request has at most {self._limits.body} bytes; send less")
+        if any(not size.isdigit() or int(size) > self._limits.body for size in sizes):
+            raise too_large
+        body = bytearray()
+        try:
+            with anyio.fail_after(self._limits.upload_s):
+                while True:
+                    message = await receive()
+                    body += message.get("body", b"")
+                    if len(body) > self._limits.body:
+                        raise too_large
+                    if not message.get("more_body", False):
+                        break
+        except TimeoutError:
+            raise Refusal(408, "the body of the request did not come in time") from None
+        if body and scope["method"] != "POST":
+            raise Refusal(400, f"a {scope['method']} request has no body here; use POST")
+        return bytes(body)
+
+    async def _stream(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["method"] != "GET":
+            raise Refusal(405, "an event stream is read with GET")
+        if self._streams >= self._limits.streams:
+            raise Refusal(429, "too many event streams are open; close other tabs of the studio")
+        self._streams += 1
+        try:
+            await self._app(scope, receive, _with_headers(send))
+        finally:
+            self._streams -= 1
+
+
+async def refuse(send: Send, refusal: Refusal) -> None:
+    """Send a refusal as JSON and close the connection, whose body nobody reads any more."""
+    body = json.dumps({"problem": refusal.text}).encode()
+    await _answer(send, refusal.status, body, {"connection": "close"})
+
+
+async def _answer(send: Send, status: int, body: bytes, headers: Mapping[str, str]) -> None:
+    plain = {"content-type": "application/json", "content-length": str(len(body))}
+    listed = [(k.encode(), v.encode()) for k, v in {**HEADERS, **plain, **headers}.items()]
+    await send({"type": "http.response.start", "status": status, "headers": listed})
+    await send({"type": "http.response.body", "body": body})
+
+
+def _replay(body: bytes, receive: Receive) -> Receive:
+    """Gives the application a body that has been read, then what comes next: its end."""
+    left: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def again() -> Message:
+        return left.pop() if left else await receive()
+
+    return again
+
+
+def _with_headers(send: Send) -> Callable[[Message], Any]:
+    """Adds the headers of every answer."""
+
+    async def sent(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            added = [(key.encode(), value.encode()) for key, value in HEADERS.items()]
+            message = {**message, "headers": [*message.get("headers", ()), *added]}
+        await send(message)
+
+    return sent

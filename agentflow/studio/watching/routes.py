@@ -1,0 +1,137 @@
+"""What the page shows of runs: their list, their record, their machines."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Mapping
+from typing import Any
+
+from pydantic import Field
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+from starlette.routing import BaseRoute, Route
+
+from agentflow.app.design.config import load_config
+from agentflow.app.inspect.reading import recorded_machine
+from agentflow.app.pages.compare import Comparison
+from agentflow.app.pages.films import Shapes
+from agentflow.app.pages.runs import FINE, ReportedMachine, film_machine, run_data
+from agentflow.app.tasks import list_tasks
+from agentflow.config.run import KEY_VARIABLE
+from agentflow.errors import AgentflowError
+from agentflow.runs import read_document
+from agentflow.studio.answers import Arguments, Nothing, get, post, told
+from agentflow.studio.folder import LONGEST, RunFolder
+from agentflow.studio.guard import FOLLOW, Refusal
+from agentflow.studio.simulations import Simulations
+from agentflow.studio.watching.designs import Designs
+from agentflow.studio.watching.forms import WORKFLOWS, NewDesign
+from agentflow.studio.watching.listing import Listing
+from agentflow.studio.watching.streams import News, as_stream, follow_list, follow_run
+
+
+class OneRun(Arguments):
+    """A run by name."""
+
+    run: str = Field(max_length=LONGEST)
+
+
+class OneMachine(OneRun):
+    """A machine of a run by content hash."""
+
+    machine: str = Field(pattern="^[0-9a-f]{16}$")
+
+
+class TwoRuns(Arguments):
+    """Two runs by name."""
+
+    a: str = Field(max_length=LONGEST)
+    b: str = Field(max_length=LONGEST)
+
+
+class Watching:
+    """Answers about the runs of a folder."""
+
+    def __init__(self, folder: RunFolder, designs: Designs, simulations: Simulations) -> None:
+        """Prepare; nothing is read yet."""
+        self._folder, self._designs, self._simulations = folder, designs, simulations
+        self._listing = Listing(folder)
+
+    @property
+    def routes(self) -> list[BaseRoute]:
+        """Where the page asks."""
+        return [
+            get("/api/start", Nothing, self.start),
+            get("/api/runs", Nothing, self.runs),
+            get("/api/run", OneRun, self.run),
+            get("/api/machine", OneMachine, self.machine),
+            get("/api/pair", TwoRuns, self.pair),
+            get("/api/designs", Nothing, self.designs),
+            post("/api/designs", NewDesign, self.begin_design),
+            post("/api/designs/stop", OneRun, self.stop_design),
+            Route(FOLLOW, self.follow, methods=["GET"]),
+        ]
+
+    async def start(self, _given: Nothing) -> Mapping[str, Any]:
+        """What forms offer: tasks, workflows and the default model; never a key."""
+        return {
+            "tasks": await asyncio.to_thread(list_tasks),
+            "workflows": list(WORKFLOWS),
+            "model": load_config(None, (), {}).model.name,
+            "key_variable": KEY_VARIABLE,
+            "runs": str(self._folder.root),
+        }
+
+    async def runs(self, _given: Nothing) -> list[dict[str, Any]]:
+        """The list of runs."""
+        return await asyncio.to_thread(self._listing.rows)
+
+    async def run(self, given: OneRun) -> dict[str, Any]:
+        """The data of a run's page, without machines."""
+        path = self._folder.run(given.run)
+        _, data = await asyncio.to_thread(run_data, path)
+        return {**data, "name": given.run}
+
+    async def machine(self, given: OneMachine) -> dict[str, Any]:
+        """A machine with its film: the shapes and files that it uses are in the answer."""
+        path = self._folder.run(given.run)
+        machine = recorded_machine(path, given.machine)
+        item = ReportedMachine.of(path, read_document(path), machine, None, FINE)
+        shapes = Shapes()
+        data = await film_machine(item, shapes, await self._simulations.pool(), lambda: None)
+        return {"machine": data, "shapes": shapes.rows, "files": shapes.files}
+
+    async def pair(self, given: TwoRuns) -> dict[str, Any]:
+        """The best machines of two runs, with both films and what differs."""
+        paths = (str(self._folder.run(given.a)), str(self._folder.run(given.b)))
+        comparison = await asyncio.to_thread(Comparison.of, paths)
+        played = await comparison.play(await self._simulations.pool(), lambda: None)
+        data = comparison.page_data(played)
+        for machine, name in zip(data["machines"], (given.a, given.b), strict=True):
+            machine["source"] = name
+        return data
+
+    async def designs(self, _given: Nothing) -> list[dict[str, Any]]:
+        """The designs that this studio has started."""
+        return self._designs.told()
+
+    async def begin_design(self, form: NewDesign) -> dict[str, str]:
+        """Start a design."""
+        return {"run": await self._designs.start(form)}
+
+    async def stop_design(self, given: OneRun) -> dict[str, str]:
+        """Stop a design that this studio has started."""
+        await self._designs.stop(given.run)
+        return {"run": given.run}
+
+    async def follow(self, request: Request) -> Response:
+        """The stream of one run, or of the list."""
+        name = request.query_params.get("run")
+        try:
+            news = follow_list(self._listing) if name is None else self._one(name)
+        except AgentflowError as error:
+            return told(Refusal(400, str(error)))
+        return StreamingResponse(as_stream(news), media_type="text/event-stream")
+
+    def _one(self, name: str) -> AsyncIterator[News]:
+        return follow_run(self._folder.run(name))

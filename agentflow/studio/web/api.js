@@ -1,0 +1,37 @@
+// Asks the server; what it refuses becomes an Error with its words.
+
+/** The answer to GET with these fields. */
+export function ask(path, fields = {}) {
+  return answered(fetch(`${path}?${new URLSearchParams(fields)}`));
+}
+
+/** The answer to POST with this data. */
+export function send(path, data) {
+  return answered(fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(data) }));
+}
+
+async function answered(coming) {
+  let response;
+  try {
+    response = await coming;
+  } catch {
+    throw new Error("The studio does not answer; its process may have ended.");
+  }
+  const found = await response.json();
+  if (!response.ok) throw new Error(found.problem);
+  return found;
+}
+
+/** Call back with each message of an event stream; returns what ends it. */
+export function follow(fields, hear) {
+  const stream = new EventSource(`/api/follow?${new URLSearchParams(fields)}`);
+  stream.onmessage = ({ data }) => {
+    const found = JSON.parse(data);
+    if (found.problem || found.state === "done") stream.close(); // else the browser would ask again
+    hear(found);
+  };
+  return () => stream.close();
+}
+
+/** The address of a page with these fields. */
+export const address = (page, fields) => `#${page}?${new URLSearchParams(fields)}`;

@@ -1,0 +1,147 @@
+// The page where people build machines, with mouse, touch or keyboard.
+
+import { el, formatNumber } from "../../report/web/dom.js";
+import { downloads } from "../../report/web/downloads.js";
+import { taskDetails } from "../../report/web/text.js";
+import { address, ask, follow, send } from "./api.js";
+import { designForm } from "./design.js";
+import { Editor } from "./editor.js";
+import { blockPalette, blockTree, faceList, facts } from "./panel.js";
+import { Recorder } from "./recorder.js";
+import { Stage } from "./stage.js";
+import { Trials } from "./trials.js";
+
+const FIRST = "movement"; // the task of those who name none
+
+export async function buildPage({ task, run, machine }) {
+  const session = await ask("/api/session");
+  const given = session ?? (run ? await ask("/api/build/from", machine ? { run, machine } : { run }) : null);
+  const [editor, library, start] = await Promise.all([Editor.of(given?.task ?? task ?? FIRST), ask("/api/build/blocks"), ask("/api/start")]);
+  editor.library = library;
+  if (given) editor.take(await send("/api/build/state", { task: editor.task, machine: given.machine }), "open");
+  return new BuildPage(editor, start, session);
+}
+
+class BuildPage {
+  constructor(editor, start, session) {
+    this.editor = editor;
+    this.recorder = session ? new Recorder(editor, session) : null;
+    this.stage = new Stage(editor);
+    this.trials = new Trials(editor, () => this.turnTo(true));
+    this.palette = blockPalette(editor);
+    this.view = el("div", { class: "centre" }, this.stage.element, this.trials.player.element);
+    this.keys = (event) => this.press(event);
+    document.addEventListener("keydown", this.keys);
+    this.stop = () => {};
+    this.elements = [el("main", { class: session?.paused ? "build paused" : "build" }, this.recorder?.element ?? "", this.top(start), this.palette.element, this.view,
+      el("div", { class: "side" }, faceList(editor), blockTree(editor), facts(editor), this.more(start)), this.trials.element), this.recorder?.over];
+    editor.on(["busy"], () => this.elements[0].setAttribute("aria-busy", editor.busy));
+    this.turnTo(false);
+  }
+
+  /** Show the film, or the machine that is being built. */
+  turnTo(film) {
+    this.view.classList.toggle("filming", film);
+    this.tab.textContent = film ? "Edit (E)" : "Film (E)";
+    if (!film) this.trials.player.pause();
+  }
+
+  /** Switch between film and machine, as a person does. */
+  switch() {
+    const film = !this.view.classList.contains("filming");
+    this.turnTo(film);
+    if (film && this.trials.shown) this.editor.record("watch");
+  }
+
+  top(start) {
+    const { editor } = this;
+    const button = (text, key, act) => el("button", { title: `${text} (${key})`, click: act }, text);
+    const tasks = el("select", { "aria-label": "Task", disabled: this.recorder ? "" : null, change: () => { location.hash = address("build", { task: tasks.value }); } },
+      ...start.tasks.map(({ name }) => el("option", { value: name, selected: name === editor.task ? "" : null }, name)));
+    this.tab = el("button", { class: "tab", click: () => this.switch() });
+    this.actions = {
+      "Undo|Ctrl+Z": () => editor.undo(), "Redo|Ctrl+Y": () => editor.redo(),
+      "Move|M": () => editor.aimAt({ move: editor.chosen }).then(focusFaces), "Turn|R": () => editor.edit("turn", { block: editor.chosen }),
+      "Copy|C": () => editor.aimAt({ copy_of: editor.chosen }).then(focusFaces), "Mirror|X": () => editor.edit("mirror", { block: editor.chosen }),
+      "Remove|Delete": () => editor.edit("remove", { block: editor.chosen }),
+    };
+    const said = el("p", { class: "said", role: "status" });
+    editor.on(["said"], () => { said.textContent = editor.said?.text ?? ""; said.classList.toggle("bad", Boolean(editor.said?.bad)); });
+    return el("div", { class: "top" }, tasks, ...Object.entries(this.actions).map(([name, act]) => button(...name.split("|"), () => { this.turnTo(false); act(); })),
+      this.tab, el("button", { class: "play test", title: "Simulate it (P)", click: () => this.trials.test() }, "Test"), said);
+  }
+
+  more(start) {
+    const { editor } = this;
+    const file = el("input", { type: "file", accept: ".json,.bsg", "aria-label": "Open a machine file", change: () => this.open(file.files[0]).then(() => (file.value = "")) });
+    const save = el("p", { class: "files" });
+    editor.on(["state"], () => save.replaceChildren("Save as ", ...downloads(editor.state.picture.files, () => editor.state.files)));
+    const told = el("p", { role: "status" });
+    const form = designForm(start, () => editor.given, (run) => { editor.record("refine"); this.refined(run, told); });
+    const task = taskDetails(editor.start);
+    task.addEventListener("toggle", () => task.open && editor.record("ask"));
+    return el("div", { class: "more" },
+      el("details", {}, el("summary", {}, "Open and save"), file, save, el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build.")),
+      el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Hand the machine to a model and take its answer."), form, told),
+      task,
+      el("details", {}, el("summary", {}, "Keys"), el("p", { class: "quiet" }, "B blocks · F faces · T tree · V view · arrows and digits move in lists · Enter chooses · Esc ends · P tests · E film or machine · ",
+        Object.keys(this.actions).map((name) => name.split("|").reverse().join(" ").toLowerCase()).join(" · "))));
+  }
+
+  /** Follow a refinement, and offer its answer. */
+  refined(run, told) {
+    const link = el("a", { href: address("run", { run }) }, run);
+    this.stop();
+    this.stop = follow({ run }, async ({ state, best, problem }) => {
+      const score = best === null || best === undefined ? "" : `, best ${formatNumber(best)}`;
+      const stop = el("button", { click: () => send("/api/designs/stop", { run }).catch((error) => this.editor.say(error.message, true)) }, "Stop");
+      const take = el("button", { class: "play", click: () => this.takeAnswer(run) }, "Take its answer");
+      told.replaceChildren(link, problem ? ` ${problem}` : ` ${state}${score} `, state === "running" ? stop : state === "done" ? take : "");
+    });
+  }
+
+  takeAnswer(run) {
+    const { editor } = this;
+    return editor.queue(async () => {
+      const { machine } = await ask("/api/build/from", { run });
+      await editor.take(await send("/api/build/state", { task: editor.task, machine }), "refine");
+      editor.say("This is the model's machine; undo brings yours back.");
+    });
+  }
+
+  async open(file) {
+    const { editor } = this;
+    const text = await file.text();
+    return editor.queue(async () => {
+      await editor.take(await send("/api/build/open", { task: editor.task, text, name: file.name }), "open");
+      editor.say(`Opened ${file.name}.`);
+    });
+  }
+
+  press(event) {
+    const { editor } = this;
+    const typing = event.target.matches("input:not([type=file]), select, textarea") && event.key !== "Escape";
+    const elsewhere = event.target.closest(".player") && !"pe".includes(event.key); // the film has keys of its own
+    const control = event.ctrlKey || event.metaKey;
+    if (event.altKey || typing || elsewhere || this.recorder?.stopped || this.recorder?.over.open) return;
+    const named = { z: event.shiftKey ? "Redo|Ctrl+Y" : "Undo|Ctrl+Z", y: "Redo|Ctrl+Y" }[control && event.key.toLowerCase()]
+      ?? (control ? null : { m: "Move|M", r: "Turn|R", c: "Copy|C", x: "Mirror|X", Delete: "Remove|Delete", Backspace: "Remove|Delete" }[event.key]);
+    const act = (named && this.actions[named]) ?? (control ? null : {
+      b: () => this.palette.focus(), f: focusFaces, t: () => this.view.parentElement.querySelector("[role=tree]").focus(), v: () => this.stage.canvas.focus(),
+      p: () => this.trials.test(), e: () => this.switch(), Escape: () => { editor.aimAt(null); this.stage.canvas.focus(); },
+    }[event.key]);
+    if (!act) return;
+    event.preventDefault();
+    act();
+  }
+
+  close() {
+    this.recorder?.leave();
+    document.removeEventListener("keydown", this.keys);
+    this.stop();
+    this.stage.close();
+    this.trials.player.close();
+  }
+}
+
+const focusFaces = () => document.querySelector("#faces .list").focus();

@@ -1,0 +1,43 @@
+// Entry point of the studio: a bar of pages, and the page that the address names after #.
+
+import "../../report/web/player.css";
+import "./studio.css";
+import { el } from "../../report/web/dom.js";
+import { problem } from "../../report/web/text.js";
+import { buildPage } from "./build.js";
+import { livePage } from "./live.js";
+import { pairPage } from "./pair.js";
+import { runsPage } from "./runs.js";
+import { sessionsPage } from "./sessions.js";
+
+const PAGES = { runs: runsPage, run: livePage, pair: pairPage, build: buildPage, sessions: sessionsPage };
+const UNDER = { run: "runs", pair: "runs" }; // pages that the bar has no entry for
+const BAR = { runs: "Runs", build: "Build", sessions: "Sessions" };
+let close = () => {};
+let asked = 0;
+
+/** Show the page of the address. A page is a function of the address's fields: {elements, close}. */
+async function open() {
+  const number = ++asked;
+  const [name, query] = location.hash.slice(1).split("?");
+  const page = PAGES[name] ? name : "runs";
+  close();
+  close = () => {};
+  document.body.dataset.page = page;
+  delete document.body.dataset.ready;
+  const bar = el("nav", { class: "bar", "aria-label": "Studio" }, el("b", {}, "agentflow studio"),
+    ...Object.entries(BAR).map(([key, text]) => el("a", { href: `#${key}`, "aria-current": key === (UNDER[page] ?? page) ? "page" : null }, text)));
+  let made;
+  try {
+    made = await PAGES[page](Object.fromEntries(new URLSearchParams(query ?? "")));
+  } catch (error) {
+    made = { elements: [el("main", { class: "alone" }, el("h1", {}, "This page cannot be shown"), problem(error.message))] };
+  }
+  if (number !== asked) return made.close?.();
+  close = () => made.close?.();
+  document.body.replaceChildren(bar, ...made.elements.filter(Boolean));
+  document.body.dataset.ready = page;
+}
+
+addEventListener("hashchange", open);
+open();

@@ -1,0 +1,89 @@
+// Beside the 3D view: blocks to choose from, faces that fit, the tree, problems, size and balance.
+
+import { el, formatNumber } from "../../report/web/dom.js";
+import { Listbox } from "./listbox.js";
+
+/** The blocks of the task, found by typing. */
+export function blockPalette(editor) {
+  const kinds = editor.library.filter(({ type }) => editor.start.allowed.includes(type));
+  const list = new Listbox("Blocks", ({ type, name, mass }) => ({ text: el("span", {}, el("span", { class: "kind-id" }, `${type} `), name, " ", el("small", {}, `${formatNumber(mass)} kg`)), key: type }), { pick: aim });
+  const words = el("input", { type: "search", placeholder: "Block (B)", "aria-label": "Find a block", input: () => draw(), keydown: (event) => {
+    if (event.key === "Enter" && list.items.length) aim((list.items[list.at] ?? list.items[0]).item);
+    else if (event.key === "ArrowDown" || event.key === "ArrowUp") list.move(list.at + (event.key === "ArrowDown" ? 1 : -1));
+    else return;
+    event.preventDefault();
+  } });
+  const fits = ({ type, name, category }) => words.value.toLowerCase().split(/\s+/).every((word) => `${type} ${name} ${category}`.toLowerCase().includes(word));
+
+  function draw() {
+    list.set(kinds.filter(fits));
+    if (words.value && list.items.length) list.mark(0);
+  }
+  function aim(kind) {
+    words.value = "";
+    draw();
+    list.mark(list.items.findIndex(({ key }) => key === kind.type));
+    editor.aimAt({ add: kind.type }).then(() => document.querySelector("#faces .list")?.focus());
+  }
+  draw();
+  return { element: el("section", { class: "palette", "aria-label": "Blocks" }, words, list.element), focus: () => { words.focus(); words.select(); } };
+}
+
+/** The faces of what was aimed at: those that fit first. */
+export function faceList(editor) {
+  const list = new Listbox("Faces", (spot) => ({
+    text: `${spot.block}.${spot.face} ${spot.name}, ${spot.facing}${spot.why_not ? " – does not fit" : ""}`, disabled: Boolean(spot.why_not), key: `${spot.block}.${spot.face}`,
+  }), { active: (spot) => editor.point(spot), pick: (spot) => editor.pick(spot) });
+  const title = el("h2", {}, "Faces");
+  editor.on(["spots"], () => {
+    list.set([...editor.spots].sort((a, b) => Boolean(a.why_not) - Boolean(b.why_not)));
+    const { add, first, move, copy_of: copied } = editor.aim ?? {};
+    const kind = editor.library.find(({ type }) => type === add);
+    title.textContent = move !== undefined ? `Move block ${move} to` : copied !== undefined ? `Copy block ${copied} to` : kind ? `${kind.name}${first ? ", second end" : kind.two_ended ? ", first end" : ""} on` : "Faces";
+  });
+  const hint = el("p", { class: "quiet" }, "Choose a block; the faces where it fits light up.");
+  editor.on(["spots"], () => (hint.hidden = Boolean(editor.aim)));
+  return el("section", { id: "faces" }, title, hint, list.element);
+}
+
+/** The tree of blocks. */
+export function blockTree(editor) {
+  const list = new Listbox("Tree", ({ id, name, facing, parents, depth, given }) => ({
+    text: `${id} ${name}${facing ? ` ${facing}` : ` to ${parents[1]?.[0]}`}${given ? " (given)" : ""}`, level: depth, key: id,
+  }), { active: ({ id }) => editor.choose(id) }, "tree");
+  editor.on(["state"], () => list.set(inOrder(editor.state.blocks), editor.chosen));
+  editor.on(["choice"], () => list.mark(list.items.findIndex(({ key }) => key === editor.chosen)));
+  return el("section", { class: "blocks" }, el("h2", {}, "Tree"), list.element);
+}
+
+/** Every block behind its parent, with its depth. */
+function inOrder(blocks) {
+  const below = new Map();
+  for (const block of blocks) {
+    const parent = block.parents[0]?.[0] ?? -1;
+    below.set(parent, [...(below.get(parent) ?? []), block]);
+  }
+  const walk = (parent, depth) => (below.get(parent) ?? []).flatMap((block) => [{ ...block, depth }, ...walk(block.id, depth + 1)]);
+  return walk(-1, 1);
+}
+
+/** Problems, size, mass and balance. */
+export function facts(editor) {
+  const element = el("section", { class: "facts-panel" });
+  editor.on(["state"], () => {
+    const { problems, warnings, size, mass, centre, stands, count, most, support } = editor.state;
+    const rows = [
+      ["Blocks", most === null ? `${count}` : `${count} of ${most}`], ["Size", `${size.map((side) => formatNumber(side)).join(" × ")} m`], ["Mass", `${formatNumber(mass)} kg`],
+      ["Centre of mass", `${centre.map((part) => formatNumber(part)).join(", ")} m`],
+      ["Support", `${support.length > 2 ? `${support.length} corners` : support.length === 2 ? "a line" : "a point"}, ${stands ? "stands" : "tips over"}`],
+    ];
+    element.replaceChildren(
+      el("h2", {}, "Problems"),
+      problems.length + warnings.length ? el("ul", { class: "problems" }, ...[...problems, ...warnings].map((item) =>
+        el("li", {}, el("button", { class: problems.includes(item) ? "bad" : "warned", click: () => item.blocks.length && editor.choose(item.blocks.at(-1)) }, item.message))))
+        : el("p", { class: "quiet" }, "None: it can be tested."),
+      el("h2", {}, "Balance"),
+      el("dl", { class: "facts" }, ...rows.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])));
+  });
+  return element;
+}

@@ -1,0 +1,93 @@
+// Tests of the machine: the film with loads and breaks, and a strip of all trials with their scores.
+
+import { el, formatNumber } from "../../report/web/dom.js";
+import { Player } from "../../report/web/player.js";
+import { address, send } from "./api.js";
+
+export class Trials {
+  constructor(editor, showFilm) {
+    this.editor = editor;
+    this.showFilm = showFilm;
+    this.films = new Map();
+    this.list = [];
+    this.player = new Player();
+    this.strip = el("ol", { class: "strip", "aria-label": "Trials" });
+    this.run = el("p", { class: "quiet" });
+    this.element = el("section", { class: "trials-strip" }, this.strip, this.run);
+    this.draw();
+  }
+
+  /** Simulate the machine as it is now, and play its film. */
+  async test() {
+    const { editor } = this;
+    await editor.working;
+    const { state, given } = editor;
+    if (!state.valid) return editor.say(state.problems[0]?.message ?? "The machine is not complete.", true);
+    editor.say("Simulating …");
+    const trial = { number: this.list.length + 1, state, score: null, status: "running" };
+    this.list.push(trial);
+    this.draw();
+    this.film(state, given);
+    const begun = performance.now();
+    try {
+      const found = await send("/api/build/test", given);
+      Object.assign(trial, found);
+      this.name = found.run;
+      editor.tellTrial({ machine: given.machine, seconds: (performance.now() - begun) / 1000, score: found.score, status: found.status, run: found.run });
+      editor.say(`Trial ${trial.number}: ${found.score === null ? found.status : `score ${formatNumber(found.score)}`}.`);
+    } catch (error) {
+      trial.status = "failed";
+      editor.say(error.message, true);
+    }
+    this.draw();
+    return this.open(trial, false);
+  }
+
+  film(state, given) {
+    if (!this.films.has(state.digest)) {
+      const coming = send("/api/build/film", given);
+      this.films.set(state.digest, coming);
+      coming.catch(() => this.films.delete(state.digest));
+    }
+    return this.films.get(state.digest);
+  }
+
+  /** Play the film of a trial; its machine is what is built on, if that is wanted. */
+  async open(trial, build = true) {
+    const { editor } = this;
+    if (build && editor.state !== trial.state) editor.take(trial.state, "open", 0);
+    this.shown = trial;
+    this.draw();
+    try {
+      const { machine, shapes, files } = await this.film(trial.state, { task: editor.task, machine: trial.state.machine });
+      if (this.shown !== trial) return;
+      this.showFilm();
+      editor.record("watch");
+      this.player.use(shapes, files);
+      await this.player.show(machine, `Trial ${trial.number} · ${trial.score === null ? trial.status : formatNumber(trial.score)}`, machine.remark);
+      this.player.setLoads(true);
+      this.player.play();
+    } catch (error) {
+      editor.say(error.message, true);
+    }
+  }
+
+  draw() {
+    const best = Math.max(...this.list.map(({ score }) => score ?? -Infinity));
+    this.strip.replaceChildren(...this.list.map((trial) => el("li", {}, el("button", {
+      "aria-current": trial === this.shown ? "true" : null, class: trial.score === best && this.list.length > 1 ? "best" : null, title: trial.feedback, click: () => this.open(trial),
+    }, el("small", {}, `#${trial.number} · ${trial.state.count} blocks`), el("b", {}, trial.score === null ? trial.status : formatNumber(trial.score))))));
+    this.run.replaceChildren(...(this.name ? ["Recorded in ", el("a", { href: address("run", { run: this.name }) }, this.name), " ", el("button", { click: () => this.finish() }, "Finish this run")]
+      : ["Test the machine (P): its trials stay here, and in a run that the command line reads."]));
+  }
+
+  /** Complete the run; the next test begins another one. */
+  async finish() {
+    try {
+      const { run, score } = await send("/api/build/finish", { task: this.editor.task });
+      this.editor.say(`${run} is complete${score === null ? "" : `: its best score is ${formatNumber(score)}`}.`);
+    } catch (error) {
+      this.editor.say(error.message, true);
+    }
+  }
+}

@@ -1,0 +1,276 @@
+"""The Build page in a real browser: machines are built by keyboard, mouse and touch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from selenium import webdriver
+from selenium.webdriver.common.actions.action_builder import ActionBuilder
+from selenium.webdriver.common.actions.interaction import POINTER_MOUSE, POINTER_TOUCH
+from selenium.webdriver.common.actions.pointer_input import PointerInput
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+from agentflow.app.inspect.overview import run_list
+from agentflow.app.machines.files import read_one
+from tests.machine.builders import CAR
+from tests.report.browser import complaints
+from tests.studio.pages import (
+    attach,
+    blocks,
+    fill,
+    find,
+    idle,
+    keys,
+    open_page,
+    said,
+    take_block,
+    tree,
+    until,
+)
+from tests.studio.serving import Served
+
+pytestmark = pytest.mark.slow
+
+
+def test_a_car_is_built_by_keyboard_alone_tested_and_undone(
+    browser: webdriver.Chrome, served: Served, runs: Path
+) -> None:
+    open_page(browser, served, "build?task=movement")
+    take_block(browser, "wooden block")
+    for number, face in enumerate(("0.0", "0.1"), start=2):
+        attach(browser, face)
+        blocks(browser, number)
+    take_block(browser, "powered wheel")
+    for number, face in enumerate(("1.1", "1.3", "2.1", "2.3"), start=4):
+        attach(browser, face)
+        blocks(browser, number)
+    keys(browser, "p")
+    said(browser, "Trial 1: score")
+    score = float(find(browser, ".strip b").text)
+    assert score >= 40
+    until(browser, lambda: find(browser, ".player .title").text == f"Trial 1 · {score:.2f}")
+    clock = find(browser, ".player output")
+    until(browser, lambda: float(clock.text.removesuffix(" s")) > 0.3)
+    keys(browser, "e")
+    for left in range(6, 0, -1):
+        keys(browser, Keys.CONTROL, "z", Keys.NULL)
+        blocks(browser, left)
+    keys(browser, Keys.CONTROL, "z", Keys.NULL)
+    said(browser, "nothing to undo")
+    for count in range(2, 8):
+        keys(browser, Keys.CONTROL, "y", Keys.NULL)
+        blocks(browser, count)
+    find(browser, ".trials-strip p button").click()
+    said(browser, "is complete")
+    [row] = [row for row in run_list(runs) if row["task"] == "movement"]
+    assert (row["state"], row["model"]) == ("done", "a person in the studio")
+    assert row["score"] == pytest.approx(score, abs=0.005)
+    assert read_one(row["run"]) == CAR
+    assert complaints(browser) == []
+
+
+def click_face(driver: webdriver.Chrome, key: str, pointer: str) -> None:
+    """Click or tap the mark of a face."""
+    block, face = map(int, key.split("."))
+    canvas = find(driver, ".stage canvas")
+    x, y = driver.execute_script(
+        "return arguments[0].placeOf(arguments[1], arguments[2])", canvas, block, face
+    )
+    hand = ActionBuilder(driver, mouse=PointerInput(pointer, pointer))
+    hand.pointer_action.move_to(canvas, round(x), round(y)).click()
+    hand.perform()
+    idle(driver)
+
+
+@pytest.fixture
+def screen(browser: webdriver.Chrome) -> Iterator[Callable[[int, int], None]]:
+    """Sets the size of what is seen; afterwards it is as before."""
+    before = browser.get_window_size()
+    bars = before["height"] - int(browser.execute_script("return innerHeight"))
+
+    def set_size(width: int, height: int) -> None:
+        browser.set_window_size(width, height + bars)
+        seen = browser.execute_script("return [innerWidth, innerHeight]")
+        assert seen == [width, height]
+
+    yield set_size
+    browser.set_window_size(before["width"], before["height"])
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "pointer"), [(1280, 720, POINTER_MOUSE), (820, 1180, POINTER_TOUCH)]
+)
+def test_a_car_is_built_by_mouse_or_touch_saved_and_reopened(
+    browser: webdriver.Chrome,
+    served: Served,
+    tmp_path: Path,
+    screen: Callable[[int, int], None],
+    width: int,
+    height: int,
+    pointer: str,
+) -> None:
+    screen(width, height)
+    open_page(browser, served, "build?task=movement")
+    browser.execute_cdp_cmd(
+        "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)}
+    )
+
+    def choose(name: str) -> None:
+        items = browser.find_elements(By.CSS_SELECTOR, ".palette .list > div")
+        next(item for item in items if name in item.text).click()
+        idle(browser)
+        assert name in find(browser, "#faces h2").text
+
+    choose("Wooden Block")
+    for number, key in enumerate(("0.1", "1.0"), start=2):
+        click_face(browser, key, pointer)
+        blocks(browser, number)
+    choose("Powered Wheel")
+    click_face(browser, "1.1", pointer)
+    blocks(browser, 4)
+    click_face(browser, "2.2", pointer)
+    blocks(browser, 5)
+    for wheel, count in ((3, 6), (4, 7)):
+        blocks(browser, count - 1)
+        at = next(i for i, text in enumerate(tree(browser), 1) if text.startswith(f"{wheel} "))
+        find(browser, f"[role=treeitem]:nth-child({at})").click()
+        find(browser, "button[title^=Mirror]").click()
+        blocks(browser, count)
+    find(browser, ".test").click()
+    said(browser, "Trial 1: score")
+    assert float(find(browser, ".strip b").text) >= 40
+    find(browser, ".top .tab").click()
+    details = browser.find_elements(By.CSS_SELECTOR, ".more summary")
+    next(item for item in details if item.text == "Open and save").click()
+    for button in browser.find_elements(By.CSS_SELECTOR, ".more .files button"):
+        name = button.get_attribute("title")
+        assert name
+        button.click()
+        until(browser, (tmp_path / name).exists)
+    saved = next(tmp_path.glob("*.json"))
+    assert read_one(str(next(tmp_path.glob("*.bsg")))).count(2) == 4
+    open_page(browser, served, "build?task=movement")
+    browser.execute_script("document.querySelector('.more details').open = true")
+    find(browser, "input[type=file]").send_keys(str(saved))
+    blocks(browser, 7)
+    said(browser, f"Opened {saved.name}")
+    assert complaints(browser) == []
+
+
+CATAPULT = (
+    *(("wooden block", f"0.{face}") for face in (0, 1, 3, 2)),
+    ("log", "0.4"),
+    ("hinge", "5.0"),
+    ("log", "6.4"),
+    ("log", "6.3"),
+    ("container", "8.9"),
+    ("boulder", "9.0"),
+    ("ballast", "1.6"),
+    ("spring", "7.12", "11.3"),
+    ("spring", "7.0", "0.3"),
+    ("brace", "2.2", "5.8"),
+)
+"""Blocks of a catapult in building order, and the faces that they are attached to."""
+
+
+def test_a_catapult_with_springs_and_a_brace_is_built_tested_and_undone(
+    browser: webdriver.Chrome, served: Served
+) -> None:
+    open_page(browser, served, "build?task=throwing")
+    for count, (name, *faces) in enumerate(CATAPULT, start=2):
+        take_block(browser, name)
+        for face in faces:
+            attach(browser, face)
+        blocks(browser, count)
+    assert find(browser, ".facts-panel .quiet").text == "None: it can be tested."
+    keys(browser, "p")
+    said(browser, "Trial 1: score")
+    assert float(find(browser, ".strip b").text) > 5
+    keys(browser, "e")
+    whole = tree(browser)
+    for left in range(14, 0, -1):
+        keys(browser, Keys.CONTROL, "z", Keys.NULL)
+        blocks(browser, left)
+    keys(browser, *(Keys.CONTROL, "y" * 14, Keys.NULL))
+    until(browser, lambda: tree(browser) == whole)
+    assert complaints(browser) == []
+
+
+def test_blocks_are_moved_turned_copied_mirrored_and_removed_by_keyboard(
+    browser: webdriver.Chrome, served: Served
+) -> None:
+    open_page(browser, served, "build?task=movement")
+    for name, face in (("wooden block", "0.3"), ("powered wheel", "1.1")):
+        take_block(browser, name)
+        attach(browser, face)
+    root, plank, wheel = "0 Starting Block z+ (given)", "Wooden Block", "Powered Wheel"
+    built = [root, f"1 {plank} x+", f"2 {wheel} z+"]
+    assert tree(browser) == built
+    both = [*built, f"3 {plank} x-", f"4 {wheel} z-"]
+    mirrored = [*built, f"3 {plank} x-", f"4 {wheel} z+"]
+    for chosen, pressed, face, found in (
+        ("1", "m", "0.0", [root, f"1 {plank} z+", f"2 {wheel} x-"]),
+        ("1", "r", "", [root, f"1 {plank} z-", f"2 {wheel} x+"]),
+        ("1", "m", "0.3", built),
+        ("1", "c", "0.2", both),
+        ("3", Keys.DELETE, "", built),
+        ("1", "x", "", mirrored),
+    ):
+        keys(browser, Keys.ESCAPE)
+        keys(browser, "t")
+        keys(browser, chosen, pressed)
+        idle(browser)
+        if face:
+            attach(browser, face)
+        assert tree(browser) == found, pressed
+    keys(browser, Keys.CONTROL, "z" * 8, Keys.NULL)
+    blocks(browser, 1)
+    assert complaints(browser) == []
+
+
+def test_a_face_that_does_not_fit_says_why_before_the_click(
+    browser: webdriver.Chrome, served: Served
+) -> None:
+    open_page(browser, served, "build?task=movement")
+    take_block(browser, "wooden block")
+    attach(browser, "0.0")
+    blocks(browser, 2)
+    take_block(browser, "powered wheel")
+    attach(browser, "1.1")
+    blocks(browser, 3)
+    keys(browser, "1.2")
+    said(browser, "overlap by")
+    assert "bad" in str(find(browser, ".said").get_attribute("class"))
+    keys(browser, Keys.ENTER)
+    said(browser, "overlap by")
+    assert len(tree(browser)) == 3
+
+
+@pytest.mark.parametrize("model", ["procedural", "an endpoint"])
+def test_a_model_refines_a_machine_and_its_answer_can_be_undone(
+    browser: webdriver.Chrome, served: Served, tmp_path: Path, stub_url: str, model: str
+) -> None:
+    (tmp_path / "car.json").write_text(CAR.to_text(), encoding="utf-8")
+    open_page(browser, served, "build?task=movement")
+    browser.execute_script(
+        "document.querySelectorAll('.more details').forEach((d) => d.open = true)"
+    )
+    find(browser, "input[type=file]").send_keys(str(tmp_path / "car.json"))
+    blocks(browser, 7)
+    before = tree(browser)
+    form = find(browser, ".more form")
+    fill(form, workflow="iterative", trajectories="1", rounds="1")
+    if model == "an endpoint":
+        fill(form, model="some-model", base_url=stub_url)
+    form.find_element(By.CSS_SELECTOR, "button").click()
+    take = "//button[text()='Take its answer']"
+    until(browser, lambda: browser.find_elements(By.XPATH, take))
+    browser.find_element(By.XPATH, take).click()
+    said(browser, "This is the model's machine")
+    assert len(tree(browser)) >= 7
+    find(browser, ".top button").click()
+    until(browser, lambda: tree(browser) == before)
+    assert complaints(browser) == []

@@ -1,0 +1,171 @@
+"""The other pages in a real browser: runs, designs, comparisons and sessions."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import Select
+
+from agentflow.app.inspect.overview import run_list
+from agentflow.study.session import Action, Trial, read_session
+from tests.report.browser import complaints
+from tests.studio.pages import (
+    NASTY,
+    RECORDED,
+    attach,
+    blocks,
+    fill,
+    find,
+    keys,
+    open_page,
+    said,
+    take_block,
+    tree,
+    until,
+)
+from tests.studio.serving import Served
+
+pytestmark = pytest.mark.slow
+
+
+def listed(driver: webdriver.Chrome) -> list[str]:
+    """The names of the runs that are shown, as a reader sees them."""
+    script = "return [...document.querySelectorAll('tbody tr[data-run] a')].map((a) => a.innerText)"
+    return list(driver.execute_script(script))
+
+
+def test_runs_are_listed_filtered_and_opened_and_names_stay_text(
+    browser: webdriver.Chrome, served: Served
+) -> None:
+    open_page(browser, served, "runs")
+    until(browser, lambda: {"throwing", NASTY} <= set(listed(browser)))
+    find(browser, "input[type=search]").send_keys("onerror")
+    until(browser, lambda: listed(browser) == [NASTY])
+    find(browser, "input[type=search]").send_keys(Keys.BACKSPACE * 20, "hierarchical throwing")
+    until(browser, lambda: sorted(listed(browser)) == [NASTY, "throwing"])
+    find(browser, "tr[data-run=throwing] a").click()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "run")
+    until(browser, lambda: find(browser, ".live .state").text.endswith("done"))
+    until(browser, lambda: find(browser, ".player").get_attribute("class") != "player empty")
+    find(browser, ".chosen .button").click()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "build")
+    assert find(browser, "select[aria-label=Task]").get_attribute("value") == "throwing"
+    assert len(tree(browser)) == len(
+        json.loads((RECORDED / "result.json").read_text(encoding="utf-8"))["machine"]
+    )
+    assert browser.execute_script("return window.owned ?? null") is None
+    assert complaints(browser) == []
+
+
+def test_a_session_is_recorded_while_a_person_builds(
+    browser: webdriver.Chrome, served: Served, runs: Path
+) -> None:
+    open_page(browser, served, "sessions")
+    Select(find(browser, "select[name=task]")).select_by_value("movement")
+    Select(find(browser, "select[name=mode]")).select_by_value("guided")
+    find(browser, "input[name=minutes]").send_keys("10")
+    browser.execute_script("arguments[0].value = arguments[1]", find(browser, "textarea"), NASTY)
+    find(browser, "form.begin button").click()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "build")
+    assert NASTY in find(browser, ".rationale").text
+    assert re.fullmatch(r"9:\d\d left", find(browser, ".clock").text)
+    microphone = find(browser, ".microphone")
+    assert microphone.text == "Microphone off"
+    microphone.click()
+    until(browser, lambda: microphone.text == "Microphone on")
+    browser.execute_async_script("setTimeout(arguments[0], 500)")
+    microphone.click()
+    until(browser, lambda: list((runs / "sessions").glob("*/speech-1.webm")))
+    take_block(browser, "wooden block")
+    attach(browser, "0.0")
+    find(browser, ".notes input").send_keys(NASTY, Keys.ENTER)
+    until(browser, lambda: "Noted." in find(browser, ".session").text)
+    pause = find(browser, ".session > button")
+    pause.click()
+    until(browser, lambda: find(browser, ".clock").text == "paused")
+    assert not find(browser, ".stage").is_displayed()
+    pause.click()
+    until(browser, lambda: find(browser, ".clock").text.endswith("left"))
+    browser.refresh()
+    blocks(browser, 2)
+    find(browser, ".test").click()
+    said(browser, "Trial 1: score")
+    until(browser, lambda: "filming" in str(find(browser, ".centre").get_attribute("class")))
+    find(browser, ".top .tab").click()
+    keys(browser, Keys.CONTROL, "z", Keys.NULL)
+    blocks(browser, 1)
+    find(browser, ".session > button:nth-of-type(3)").click()
+    until(browser, lambda: find(browser, ".ended").is_displayed())
+    find(browser, ".ended a").click()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "sessions")
+    [path] = (runs / "sessions").iterdir()
+    until(browser, lambda: path.name in find(browser, "table").text)
+    found = read_session(path)
+    assert (found.start.task, found.start.limit_s, found.start.rationale) == (
+        *("movement", 600),
+        NASTY,
+    )
+    done = [event.do if isinstance(event, Action) else event.kind for event in found.events]
+    assert done == ["audio", "add", "note", "pause", "trial", "watch", "undo", "end"]
+    assert (path / "speech-1.webm").read_bytes().startswith(b"\x1aE\xdf\xa3")  # as WebM does
+    assert [len(action.machine) for action in found.of(Action)] == [2, 2, 1]
+    [trial] = found.of(Trial)
+    assert (trial.status, len(trial.machine)) == ("ok", 2)
+    assert (runs / trial.run / "events.jsonl").is_file()
+    assert browser.execute_script("return window.owned ?? null") is None
+    assert complaints(browser) == []
+
+
+def test_a_design_is_started_watched_and_stopped(
+    browser: webdriver.Chrome, served: Served, runs: Path
+) -> None:
+    open_page(browser, served, "runs")
+    find(browser, ".design summary").click()
+    form = find(browser, ".design form")
+    fill(form, task="throwing", seed="5", rounds="50")
+    form.find_element(By.CSS_SELECTOR, "button").click()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "run")
+    until(browser, lambda: find(browser, ".live .state").text.endswith("running"))
+    until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, "svg[aria-label^='Best score']"))
+    stop = find(browser, ".live button")
+    until(browser, stop.is_displayed)
+    stop.click()
+    until(browser, lambda: find(browser, ".live .state").text.endswith("stopped"))
+    [row] = [row for row in run_list(runs) if row["seed"] == 5]
+    assert (row["task"], row["state"]) == ("throwing", "stopped")
+    assert complaints(browser) == []
+
+
+def test_two_runs_are_shown_side_by_side_in_step(
+    browser: webdriver.Chrome, served: Served, runs: Path
+) -> None:
+    result = runs / NASTY / "result.json"
+    document = json.loads(result.read_text(encoding="utf-8"))
+    document["machine"] = document["machine"][:-1]
+    result.write_text(json.dumps(document), encoding="utf-8")
+    open_page(browser, served, "runs")
+    for name in ("throwing", NASTY):
+        until(browser, lambda name=name: name in listed(browser))
+        next(
+            line.find_element(By.CSS_SELECTOR, "input")
+            for line in browser.find_elements(By.CSS_SELECTOR, "tr[data-run]")
+            if line.get_attribute("data-run") == name
+        ).click()
+    find(browser, ".filters button").click()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "pair")
+    find(browser, ".both").click()
+    clocks = browser.find_elements(By.CSS_SELECTOR, ".player output")
+    until(browser, lambda: all(float(c.text.removesuffix(" s")) > 0.3 for c in clocks))
+    assert len(clocks) == 2
+    browser.find_elements(By.CSS_SELECTOR, ".player .play")[0].click()
+    until(browser, lambda: len({clock.text for clock in clocks}) == 1)
+    differ = browser.find_element(By.XPATH, "//button[text()='Mark differences']")
+    assert differ.get_attribute("aria-pressed") == "true"
+    assert browser.execute_script("return window.owned ?? null") is None
+    assert complaints(browser) == []

@@ -1,0 +1,240 @@
+"""The API of runs: the list, a run that grows, designs that are started and stopped."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from agentflow.app.inspect.overview import run_list
+from agentflow.runs import state_of
+from agentflow.studio.folder import RunFolder
+from agentflow.studio.watching.listing import Listing
+from tests.studio.serving import Browser, studio
+
+RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
+PATIENCE = 120.0
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    shutil.copytree(RECORDED, tmp_path / "runs" / "throwing")
+    return tmp_path / "runs"
+
+
+@pytest.fixture
+def browser(runs: Path) -> Iterator[Browser]:
+    with studio(runs) as served:
+        yield served.enter()
+
+
+def until(met: Any) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not met():
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+def news(browser: Browser, **query: str) -> Iterator[dict[str, Any]]:
+    """What a stream tells."""
+    timeout = httpx.Timeout(PATIENCE)
+    with browser.client.stream("GET", "/api/follow", params=query, timeout=timeout) as stream:
+        for line in stream.iter_lines():
+            if line.startswith("data: "):
+                yield json.loads(line.removeprefix("data: "))
+
+
+def test_the_list_is_that_of_the_command_line_and_a_curve(browser: Browser, runs: Path) -> None:
+    [row] = browser.get("/api/runs")
+    [known] = run_list(runs)
+    assert (row["run"], row["sweep"]) == ("throwing", None)
+    same = ("state", "task", "workflow", "model", "seed", "score", "calls", "problem")
+    assert {key: row[key] for key in same} == {key: known[key] for key in same}
+    scores = [score for _, score in row["curve"]]
+    assert scores == sorted(set(scores))
+    assert scores[-1] == pytest.approx(known["score"])
+
+
+def test_rows_are_read_again_only_when_files_change(runs: Path) -> None:
+    listing = Listing(RunFolder(runs))
+    [before] = listing.rows()
+    assert listing.rows()[0] is before
+    (runs / "throwing" / "result.json").unlink()
+    [after] = listing.rows()
+    assert after is not before
+    assert (before["state"], after["state"]) == ("done", "stopped")
+    assert after["curve"] == before["curve"]
+
+
+def test_runs_of_a_sweep_name_it(runs: Path) -> None:
+    (runs / "study").mkdir()
+    (runs / "study" / "sweep.yaml").touch()
+    shutil.copytree(RECORDED, runs / "study" / "runs" / "a")
+    rows = {row["run"]: row["sweep"] for row in Listing(RunFolder(runs)).rows()}
+    assert rows == {"throwing": None, "study/runs/a": "study"}
+
+
+def test_a_damaged_run_is_listed_with_its_problem(browser: Browser, runs: Path) -> None:
+    (runs / "throwing" / "run.yaml").write_text("schema: 1\n")
+    [row] = browser.get("/api/runs")
+    assert row["state"] == "damaged"
+    assert "edited" in row["problem"]
+
+
+def test_an_empty_folder_has_no_runs(tmp_path: Path) -> None:
+    with studio(tmp_path / "none") as served:
+        assert served.enter().get("/api/runs") == []
+
+
+def test_a_run_has_the_data_of_its_report(browser: Browser) -> None:
+    data = browser.get("/api/run", run="throwing")
+    assert (data["kind"], data["run"]["task"]) == ("run", "throwing")
+    assert data["nodes"]
+    assert "machines" not in data
+
+
+@pytest.mark.slow
+def test_a_stream_follows_the_events_as_they_are_written(browser: Browser, runs: Path) -> None:
+    run = runs / "throwing"
+    result, events = run / "result.json", run / "events.jsonl"
+    lines = events.read_bytes().splitlines(keepends=True)
+    finished = result.read_bytes()
+    result.unlink()
+    half = len(lines) // 2
+    events.write_bytes(b"".join(lines[:half]) + lines[half][:20])  # half a line is no event
+    stream = news(browser, run="throwing")
+    first = next(stream)
+    assert first["state"] == "stopped"
+    with events.open("ab") as file:
+        file.write(lines[half][20:] + b"".join(lines[half + 1 :]))
+    second = next(stream)
+    result.write_bytes(finished)
+    rest = [second, *stream]
+    assert rest[-1]["state"] == "done"
+    points = [point for item in (first, *rest) for point in item["points"]]
+    whole = browser.get("/api/run", run="throwing")["progress"]
+    assert [point["score"] for point in points] == [point["score"] for point in whole]
+    assert rest[-1]["best"] == max(point["score"] for point in points)
+
+
+def test_a_stream_of_a_damaged_run_says_so_and_ends(browser: Browser, runs: Path) -> None:
+    (runs / "throwing" / "events.jsonl").write_text("{}\n")
+    [told] = news(browser, run="throwing")
+    assert "damaged" in told["problem"]
+
+
+@pytest.mark.slow
+def test_a_stream_of_the_list_tells_what_comes_and_goes(browser: Browser, runs: Path) -> None:
+    stream = news(browser)
+    assert [row["run"] for row in next(stream)["rows"]] == ["throwing"]
+    shutil.copytree(runs / "throwing", runs / "second")
+    told = next(stream)
+    while not told["rows"]:
+        told = next(stream)
+    assert told["rows"][-1]["run"] == "second"
+    shutil.rmtree(runs / "throwing")
+    until(lambda: "throwing" in next(stream)["gone"])
+
+
+@pytest.mark.slow
+def test_a_machine_comes_with_its_film(browser: Browser) -> None:
+    data = browser.get("/api/run", run="throwing")
+    best = next(node for node in data["nodes"] if node["best"])
+    found = browser.get("/api/machine", run="throwing", machine=best["machine"])
+    assert found["machine"]["film"]["samples"] > 10
+    assert len(found["machine"]["solids"]) == len(
+        json.loads((RECORDED / "machines" / f"{best['machine']}.json").read_text())
+    )
+
+
+@pytest.mark.slow
+def test_two_runs_are_compared_with_both_films(browser: Browser, runs: Path) -> None:
+    shutil.copytree(runs / "throwing", runs / "again")
+    data = browser.get("/api/pair", a="throwing", b="again")
+    assert [machine["source"] for machine in data["machines"]] == ["throwing", "again"]
+    assert data["only"] == [[], []]
+    assert all(film["film"]["samples"] > 10 for film in data["films"])
+
+
+FORM = {"task": "movement", "workflow": "single", "trajectories": 2, "rounds": 0}
+
+
+@pytest.mark.slow
+def test_a_design_runs_to_its_end_and_the_command_line_reads_it(
+    browser: Browser, runs: Path
+) -> None:
+    name = browser.post("/api/designs", {**FORM, "seed": 3})["run"]
+    assert name in {row["run"] for row in browser.get("/api/runs")}
+    until(lambda: not browser.get("/api/designs")[0]["running"])
+    assert browser.get("/api/designs") == [{"run": name, "running": False, "problem": ""}]
+    command = [sys.executable, "-c", "from agentflow.cli import main; main()"]
+    shown = subprocess.run(
+        [*command, "show", str(runs / name), "--json"], capture_output=True, text=True, check=True
+    )
+    details = json.loads(shown.stdout)
+    assert (details["task"], details["workflow"], details["seed"]) == ("movement", "single", 3)
+    assert details["score"] > 0
+
+
+@pytest.mark.slow
+def test_a_design_is_stopped_and_can_be_resumed(browser: Browser, runs: Path) -> None:
+    form = {"task": "throwing", "trajectories": 8, "rounds": 50}
+    name = browser.post("/api/designs", form)["run"]
+    assert state_of(runs / name) == "running"
+    until(lambda: (runs / name / "events.jsonl").read_bytes().count(b"\n") > 1)
+    browser.post("/api/designs/stop", {"run": name})
+    [told] = browser.get("/api/designs")
+    assert not told["running"]
+    assert "--resume" in told["problem"]
+    assert state_of(runs / name) == "stopped"
+
+
+@pytest.mark.slow
+def test_a_key_is_in_no_answer_and_in_no_file(
+    runs: Path, monkeypatch: pytest.MonkeyPatch, stub_url: str
+) -> None:
+    key = "sk-secret-of-the-studio"
+    monkeypatch.setenv("OPENAI_API_KEY", key)
+    with studio(runs) as served:
+        browser = served.enter()
+        answer = browser.ask(
+            "/api/designs", {**FORM, "model": "gpt", "base_url": stub_url, "calls": 2}
+        )
+        told = [answer.text, json.dumps(browser.get("/api/start"))]
+        until(lambda: not any(item["running"] for item in browser.get("/api/designs")))
+        told.append(json.dumps(browser.get("/api/designs")))
+    files = [path.read_bytes() for path in runs.rglob("*") if path.is_file()]
+    assert all(key not in text for text in told)
+    assert all(key.encode() not in content for content in files)
+
+
+@pytest.mark.slow
+def test_the_command_prints_one_address_that_opens_once(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", "import sys; from agentflow.cli import main; sys.exit(main())"]
+    process = subprocess.Popen(
+        [*command, "studio", "--runs", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.getcwd()},
+    )
+    try:
+        assert process.stdout is not None
+        address = process.stdout.readline().strip()
+        assert address.startswith("http://127.0.0.1:")
+        assert httpx.get(address, trust_env=False).status_code == 303
+        assert httpx.get(address, trust_env=False).status_code == 403
+    finally:
+        process.send_signal(2)
+        _, said = process.communicate(timeout=60)
+    assert said == ""
+    assert process.returncode == 0
