@@ -19,6 +19,7 @@ MODULES = (
     "analysis.diagnose",
     "analysis.diversity",
     "analysis.perturb",
+    "analysis.study",
     "benchmark",
     "design",
     "engines",

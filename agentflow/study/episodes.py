@@ -1,0 +1,111 @@
+"""Cuts a session at pauses and actions into episodes, and says which labels each may have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from operator import itemgetter
+from typing import Literal
+
+from pydantic import BaseModel
+
+from agentflow.study.session import IDLE, Action, Pause, Session, Trial
+from agentflow.study.transcript import Utterance
+
+Coarse = Literal["building", "testing", "looking", "asking", "talking", "pause", "break"]
+"""What goes on, as the record shows it without interpretation. A break stops the clock."""
+Label = Literal[
+    "Plan", "Hypothesize", "Build", "Test", "Observe", "Diagnose", "Revise", "Restructure",
+    "Reflect", "Query",
+]  # fmt: skip
+
+MEANING: Mapping[Label, str] = {
+    "Plan": "decides what to build, or in which order, before it is built",
+    "Hypothesize": "says or thinks what a change would do, or why something would work",
+    "Build": "adds to a machine that has not been simulated yet",
+    "Test": "has the machine simulated",
+    "Observe": "takes in what happened in a simulation, without explaining it",
+    "Diagnose": "explains why a machine failed or fell short",
+    "Revise": "changes a machine that was simulated, and keeps the way in which it works",
+    "Restructure": "changes the way in which the machine works, or begins anew",
+    "Reflect": "looks back on the design as a whole, or on the way of working",
+    "Query": "asks for information: about blocks, the task, or from a model",
+}
+"""Label -> what the person does."""
+
+_THINKING: tuple[Label, ...] = ("Plan", "Hypothesize", "Observe", "Diagnose", "Reflect")
+ALLOWED: Mapping[Coarse, tuple[Label, ...]] = {
+    "building": ("Build", "Revise", "Restructure"),
+    "testing": ("Test",),
+    "looking": ("Observe", "Diagnose"),
+    "asking": ("Query",),
+    "talking": (*_THINKING, "Query"),
+    "pause": _THINKING,
+    "break": (),
+}
+"""Coarse label -> labels that an episode may have."""
+
+_NOT_BUILDING: Mapping[str, Coarse] = {"watch": "looking", "ask": "asking", "refine": "asking"}
+"""Actions that are not building."""
+
+
+class Episode(BaseModel, frozen=True, extra="forbid"):
+    """A stretch of a session in which one thing goes on."""
+
+    begin: float
+    """Seconds since the start of the session."""
+    end: float
+    coarse: Coarse
+    label: Label | None = None
+    """None until it is labelled, of breaks, and where a model gave no allowed label."""
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts."""
+        return self.end - self.begin
+
+
+def cut(session: Session, said: Sequence[Utterance]) -> list[Episode]:
+    """The episodes of a session, from its start to its end without gaps.
+
+    An episode begins where another thing begins to go on, and lasts until the next one. Pauses are
+    cut further, where somebody begins to talk or has said nothing for as long as makes a pause.
+    """
+    begun: list[tuple[float, Coarse]] = []
+    for event in session.events:
+        if isinstance(event, Pause) and not event.asked:
+            begun += _cut_pause(event, said)
+        elif isinstance(event, Action | Trial | Pause):
+            begun.append((event.at, _coarse(event)))
+    at_once = dict(sorted(begun, key=itemgetter(0)))  # of what begins at once, the last counts
+    stretches = [(next(at), coarse) for coarse, at in groupby(at_once, at_once.__getitem__)]
+    bounds = [0.0, *(begin for begin, _ in stretches[1:]), session.seconds]
+    return [
+        Episode(begin=begin, end=end, coarse=coarse)
+        for begin, end, (_, coarse) in zip(bounds, bounds[1:], stretches, strict=False)
+        if end > begin
+    ]
+
+
+def _coarse(event: Action | Trial | Pause) -> Coarse:
+    if isinstance(event, Trial):
+        return "testing"
+    if isinstance(event, Pause):
+        return "break"
+    return _NOT_BUILDING.get(event.do, "building")
+
+
+def _cut_pause(pause: Pause, said: Sequence[Utterance]) -> Iterator[tuple[float, Coarse]]:
+    """Where somebody begins to talk in a pause, and where silence begins."""
+    heard = [one for one in said if one.begin < pause.end and one.end > pause.at]
+    silent_since = pause.at
+    for one in heard:
+        begin = max(one.begin, pause.at)
+        if begin - silent_since >= IDLE:
+            yield silent_since, "pause"
+            yield begin, "talking"
+        else:
+            yield silent_since, "talking"
+        silent_since = max(silent_since, one.end)
+    if not heard or pause.end - silent_since >= IDLE:
+        yield silent_since, "pause"

@@ -1,0 +1,214 @@
+"""What is measured in sessions of people and in runs of agents, in one table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from agentflow.app.design.plan import task_of_run
+from agentflow.app.design.results import read_finished
+from agentflow.app.inspect.behaviour import (
+    Result,
+    behaviour_columns,
+    behaviour_of,
+    working_roles,
+)
+from agentflow.errors import RunError
+from agentflow.machine import library, read_machine
+from agentflow.metrics.tables import FORMATS, Column, Row, Table
+from agentflow.runs import find_runs, read_document
+from agentflow.runs.events import (
+    AttemptEvent,
+    BlueprintEvent,
+    EvaluationEvent,
+    ToolEvent,
+    read_typed_events,
+)
+from agentflow.study.behaviour import behaviour_of_session
+from agentflow.study.clusters import condense, find_clusters
+from agentflow.study.designs import design_type
+from agentflow.study.measures import (
+    builds_foundation_first,
+    is_foundation_first,
+    session_restarts,
+    time_of_roles,
+)
+from agentflow.study.segments import everything_said, read_segments
+from agentflow.study.session import FILE, Session, Trial, read_session
+
+ABOUT = (
+    "Best, final: scores. Foundation first: it stood, with 2 blocks or more, before the first "
+    "block that moves. Restarts: machines that were begun anew. Effort: of people, share of time; "
+    "of agents, of tokens. Cluster: similar sequences of labels. The other columns are those of "
+    "agentflow behaviour. docs/study.md has the rules."
+)
+LABEL_OF_ROLE = {
+    "meta_designer": "Plan",
+    "designer": "Build",
+    "placer": "Build",
+    "inspector": "Diagnose",
+    "querier": "Query",
+    "refiner": "Revise",
+}
+"""Role of a call -> label in the sequence of its run."""
+LABEL_OF_TOOL = {"check": "Build", "edit": "Revise", "look": "Observe", "query": "Query"}
+"""Tool of a call -> label in the sequence of its run; others have none."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A session or a run, and what is measured in it."""
+
+    result: Result
+    """Its behaviour."""
+    by: str
+    """Who designed: a person, or the model of a run."""
+    effort_in: Literal["seconds", "tokens"]
+    task: str
+    trials: int
+    """Simulated machines."""
+    best: float | None
+    final: float | None
+    """Score of the last trial of a person, or of the result of a run."""
+    foundation_first: bool | None
+    restarts: int | None
+    """None for runs, which have several machines at a time."""
+    design: str | None
+    labels: tuple[str, ...]
+    """In the order of time; no label follows itself."""
+    labelled_by: str
+    """Model that labelled a session; "" for runs, whose labels follow from their roles."""
+    unlabelled: int
+    """Episodes without a label."""
+    cluster: int | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """All numbers as JSON data."""
+        own = {key: value for key, value in vars(self).items() if key != "result"}
+        behaviour = self.result.to_json()
+        effort = behaviour.pop("effort")
+        spent = {own.pop("effort_in"): effort["tokens"], "shares": effort["shares"]}
+        return {**behaviour, **own, "effort": spent}
+
+    def row(self, roles: Sequence[str]) -> Row:
+        """A line of the table."""
+        first = {None: None, True: "yes", False: "no"}[self.foundation_first]
+        return Row(
+            (self.result.source, self.by, self.task),
+            (self.trials, self.best, self.final, first, self.restarts,
+             *self.result.row(roles).values, self.design, self.cluster),
+        )  # fmt: skip
+
+
+def measure(paths: Iterable[Path]) -> list[Measured]:
+    """Every session and run at or below some paths, with their clusters.
+
+    Raises:
+        RunError: A path holds neither, or one is damaged or unfinished.
+    """
+    found = [one for path in paths for one in _measure(path)]
+    clusters = find_clusters([one.labels for one in found])
+    if clusters is None:
+        return found
+    return [replace(one, cluster=number) for one, number in zip(found, clusters, strict=True)]
+
+
+def _measure(path: Path) -> Iterator[Measured]:
+    sessions = list(find_sessions(path))
+    runs = list(find_runs(path))
+    if not sessions and not runs:
+        raise RunError(f"{path} holds no session and no run")
+    for folder in sessions:
+        yield measure_session(read_session(folder))
+    for run in runs:
+        yield measure_run(run)
+
+
+def find_sessions(path: Path) -> Iterator[Path]:
+    """The folders of sessions at or below a path, by name."""
+    if path.name == FILE:
+        yield path
+    elif path.is_dir():
+        yield from sorted(file.parent for file in path.rglob(FILE))
+
+
+def measure_session(session: Session) -> Measured:
+    """What is measured in a session."""
+    segments = read_segments(session)
+    said = everything_said(session, segments)
+    scores = [trial.score for trial in session.of(Trial) if trial.score is not None]
+    found = behaviour_of_session(session, said, time_of_roles(segments.episodes))
+    return Measured(
+        Result(str(session.path), 1, found),
+        by="person",
+        effort_in="seconds",
+        task=session.start.task,
+        trials=len(session.of(Trial)),
+        best=max(scores, default=None),
+        final=scores[-1] if scores else None,
+        foundation_first=is_foundation_first(session),
+        restarts=session_restarts(session),
+        design=design_type(" ".join(one.text for one in said)),
+        labels=condense([one.label for one in segments.episodes if one.label]),
+        labelled_by=segments.model,
+        unlabelled=segments.unlabelled,
+    )
+
+
+def measure_run(path: Path) -> Measured:
+    """What is measured in a finished run."""
+    result, task = read_finished(path), task_of_run(path, read_document(path))
+    events = list(read_typed_events(path))
+    tried = {e.machine: e.score for e in events if isinstance(e, EvaluationEvent)}
+    machine = read_machine(result["machine"], library()).machine if result["valid"] else None
+    first = None if machine is None else builds_foundation_first(machine, task.brief.given)
+    plans = [event.definition for event in events if isinstance(event, BlueprintEvent)]
+    return Measured(
+        Result(str(path), 1, behaviour_of(path)),
+        by=result["model"],
+        effort_in="tokens",
+        task=task.name,
+        trials=len(tried),
+        best=max((score for score in tried.values() if score is not None), default=None),
+        final=result["score"],
+        foundation_first=first,
+        restarts=None,
+        design=design_type(" ".join(plans)),
+        labels=condense([label for event in events if (label := _label(event))]),
+        labelled_by="",
+        unlabelled=0,
+    )
+
+
+def _label(event: object) -> str | None:
+    if isinstance(event, EvaluationEvent):
+        return "Test"
+    if isinstance(event, AttemptEvent):
+        return LABEL_OF_ROLE.get(event.role)
+    return LABEL_OF_TOOL.get(event.tool) if isinstance(event, ToolEvent) else None
+
+
+def format_results(results: Sequence[Measured], form: str) -> str:
+    """The results as text in one of the `FORMATS`."""
+    roles = working_roles(one.result for one in results)
+    columns = (
+        *(Column("", name) for name in ("trials", "best", "final")),
+        *(Column("", name) for name in ("foundation first", "restarts")),
+        *behaviour_columns(roles, "effort"),
+        *(Column("", name) for name in ("design", "cluster")),
+    )
+    rows = tuple(one.row(roles) for one in results)
+    heads = ("source", "by", "task")
+    notes = (ABOUT, *_label_notes(results))
+    return FORMATS[form](Table("Designers", heads, columns, rows, notes=notes))
+
+
+def _label_notes(results: Sequence[Measured]) -> Iterator[str]:
+    """Who labelled the sessions, and how many episodes have no label."""
+    for labelled_by in dict.fromkeys(one.labelled_by for one in results if one.labelled_by):
+        own = [one.unlabelled for one in results if one.labelled_by == labelled_by]
+        lost = f"; {sum(own)} episodes have no label" if any(own) else ""
+        sessions = "1 session" if len(own) == 1 else f"{len(own)} sessions"
+        yield f"Labels of {sessions} are from {labelled_by}{lost}."
