@@ -94,9 +94,14 @@ class Tasks:
             while not ended:
                 tell(report)
                 ended, report = await result_of(await anext(reports))
+            await anext(reports, None)
             return report
-        finally:
+        except RayError:
+            raise
+        except BaseException:
+            # Only what still runs: cancelling what has just ended makes Ray end this process.
             ray.cancel(reports, force=True)
+            raise
 
     async def _wait_for_place(self, first: asyncio.Future[Any]) -> None:
         """Wait for a first report while others run; alone, no longer than a cluster may take."""
