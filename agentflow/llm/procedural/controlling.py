@@ -30,7 +30,8 @@ def add_program(
         window: Latest end of a control, s; None if machines may not bring any.
         rng: Random generator.
         ranges: For groups that a mechanism controls in its own way: `group`, and least and most of
-            `at` (s), `for` (s) and `level`.
+            `at` (s), `for` (s) and `level`; one entry each, or several in order, such as full
+            thrust and then less.
     """
     if window is None:
         return machine

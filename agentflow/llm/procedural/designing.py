@@ -83,7 +83,7 @@ def build_machine(prompt: Prompt, rng: random.Random) -> tuple[Machine, list[str
             notes.append(f"{name}: {', '.join(f'{key} {value}' for key, value in dims.items())}.")
         if _is_complete(builder, [parts[name]["slots"][0] for name in names], prompt):
             break
-    ranges = [parts[name]["controls"] for name in names if "controls" in parts[name]]
+    ranges = [entry for name in names for entry in parts[name].get("controls", ())]
     return add_program(builder.machine, prompt.brief.limits.controls, rng, ranges), notes
 
 

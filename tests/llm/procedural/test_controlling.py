@@ -1,17 +1,30 @@
-"""Control programs of the procedural model: at first everything is on, then it changes them."""
+"""Control programs of the procedural model: at first everything is on, unless its mechanism says
+otherwise; then it changes them."""
 
 from __future__ import annotations
 
+import pytest
+
 from agentflow.agents.refiner import RefinerInput
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.registry import get_task
 from agentflow.llm.procedural.reading import read_listing
 from agentflow.machine import check, describe_text
 from agentflow.machine.controls import driven_blocks
 from agentflow.machine.description.geometry_info import list_text
+from agentflow.machine.tree import Machine
 from tests.env.levels import designed_task
-from tests.llm.procedural.asking import refinement, whole_design
+from tests.llm.procedural.asking import (
+    blueprint_of,
+    brief_of,
+    designs,
+    refinement,
+    whole_design,
+)
 from tests.machine.test_control_edits import DRIVEN
 
 BRIEF = designed_task().brief
+LANDING = "rocket/5"
 
 
 async def test_designs_switch_everything_on() -> None:
@@ -23,6 +36,44 @@ async def test_designs_switch_everything_on() -> None:
         groups = {*driven_blocks(machine).values()} - {"grabbers", "decouplers"}
         assert {each.target for each in machine.controls} >= groups
         assert any(each.level == 1.0 and each.lasts == 5.0 for each in machine.controls)
+
+
+async def landers(count: int) -> list[Machine]:
+    """Whole designs of a rocket that is to land."""
+    found = [await whole_design(brief_of(LANDING), seed) for seed in range(count)]
+    return [design.machine for design in found if design is not None]
+
+
+async def test_a_rocket_that_is_to_land_throttles_its_engines_after_a_while() -> None:
+    brief = brief_of(LANDING)
+    machines = await landers(6)
+    in_parts = await designs(brief, await blueprint_of(brief, 0), 0, "parts")
+    assert len(machines) == 6
+    assert in_parts is not None
+    for machine in (*machines, in_parts):
+        assert check(machine, brief).task_valid
+        full, weak = machine.controls
+        assert full.target == weak.target == "thrusters"
+        assert (full.at, full.level) == (0.0, 1.0)
+        assert full.at < weak.at < full.at + full.lasts
+        assert weak.at + weak.lasts == brief.limits.controls
+        assert 0.0 < weak.level < 1.0
+    assert len({machine.controls for machine in machines}) > 1
+
+
+async def test_a_rocket_without_controls_of_its_own_gets_none() -> None:
+    assert get_task("rocket/4").brief.limits.controls is None
+    climbing = await whole_design(brief_of("rocket/4"), 0)
+    landing = await whole_design(get_task("rocket/4", {"aim": "landing"}).brief, 0)
+    for design in (climbing, landing):
+        assert design is not None
+        assert design.machine.controls == ()
+
+
+@pytest.mark.slow
+async def test_some_rockets_land_softly() -> None:
+    scores = [simulate(machine, get_task(LANDING)).score for machine in await landers(12)]
+    assert sum(score is not None and score > 0.0 for score in scores) >= 1
 
 
 async def test_refinements_change_programs_too() -> None:

@@ -54,6 +54,7 @@ MECHANISMS = {
     "transport/2": {"steered car"},
     "rocket": {"steam rocket"},
     "rocket/3": {"steam rocket"},
+    "rocket/5": {"throttled rocket"},
 }
 
 
