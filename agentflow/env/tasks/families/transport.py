@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import hypot
 from typing import ClassVar
 
 import numpy as np
@@ -16,6 +15,13 @@ from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import Body, Parameters, WorldView
 from agentflow.env.tasks.descriptors import Descriptor, count_driven_wheels, wheelbase
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences, wall
+from agentflow.env.tasks.features.journey import (
+    LEAST,
+    Journey,
+    Target,
+    target_mark,
+    target_sentence,
+)
 from agentflow.env.tasks.features.resting import highest_point_under
 from agentflow.env.tasks.features.terrain import Roughness, slabs, terrain_sentences
 from agentflow.env.tasks.knobs import knob
@@ -27,27 +33,11 @@ BLOCKS = (0, 1, 2, 5, 7, 13, 15, 16, 22, 28, 35, 40, 46, 50, 63)
 CARGO, ROOT_BLOCK = "cargo", 0
 POINTS = 10.0
 """For coming close to the target, less the distance in metres; as many more for arriving."""
-LEAST = 4.0
-"""How far every block must get from where it was, m: a crane that stays there carries nothing."""
 THICK = 0.5
 """Thickness of the wall, m."""
 WIDE = 48.0
 """Extent of uneven ground along x, m."""
-COLOR, MARK = (0.75, 0.35, 0.2, 1.0), (0.2, 0.6, 0.3, 1.0)
-
-
-class Target(Parameters):
-    """Where to go, from where what is to be moved is at t = 0."""
-
-    right: float = knob(10, -30, 30, "m", "distance of the target along x+")
-    ahead: float = knob(10, 5, 30, "m", "distance of the target along z+")
-    reach: float = knob(1, 0.1, 5, "m", "greatest distance that counts as arrived")
-    back: int = knob(0, 0, 1, "", "1: from the target back to the start")
-
-    @property
-    def length(self) -> float:
-        """Distance from the start, m."""
-        return hypot(self.right, self.ahead)
+COLOR = (0.75, 0.35, 0.2, 1.0)
 
 
 class Cargo(Parameters):
@@ -123,7 +113,7 @@ class Transport(Family):
             scene=(
                 *GROUND,
                 *_cargo_sentences(knobs.cargo),
-                *_target_sentences(knobs),
+                target_sentence(knobs.target, _moved(knobs)),
                 *_wall_sentences(knobs.wall),
                 *terrain_sentences(knobs.ground),
                 *knobs.wind.sentences(),
@@ -142,7 +132,7 @@ class Transport(Family):
             *_cargo_things(knobs.cargo, machine),
             *_wall_things(knobs.wall),
             *slabs(knobs.ground, WIDE, 0),
-            _mark(knobs.target),
+            target_mark(knobs.target),
         )
         return Scene(things, knobs.wind.velocity)
 
@@ -165,41 +155,26 @@ class Transport(Family):
 
 
 class TransportReferee:
-    """Tracks the horizontal place of what is to be moved."""
+    """Follows what is to be moved on its way, until the cargo is lost."""
 
     def __init__(self, knobs: TransportKnobs) -> None:
-        self._target = knobs.target
+        self._journey = Journey(knobs.target)
         self._cargo = bool(knobs.cargo.mass)
         self._body: Body = CARGO if self._cargo else ROOT_BLOCK
-        self._origin = self._here = (0.0, 0.0)
-        """x and z at t = 0, and where it last was as it should be, m."""
-        self._time = self._deviation = 0.0
-        """When that was (s), and the greatest distance from the straight line (m)."""
-        self._turned: float | None = None
-        """When it reached the target of a way there and back, s."""
-        self._arrived: float | None = None
-        """Since when it is at the end of its way, s."""
         self._lost: tuple[float, str] | None = None
         """When (s) the cargo first touched something else, and what."""
 
     def start(self, world: WorldView) -> None:
         """Record where it rests."""
         x, _, z = world.centre(self._body)
-        self._origin = self._here = (x, z)
+        self._journey.start((x, z))
 
     def watch(self, world: WorldView) -> None:
-        """Update place, deviation and arrival, until the cargo is lost."""
+        """Go on with the journey, until the cargo is lost."""
         if self._lost is not None or (self._cargo and not self._carried(world)):
             return
         x, _, z = world.centre(self._body)
-        self._here, self._time = (x, z), world.time
-        self._deviation = max(self._deviation, self._aside(x, z))
-        if self._left() > self._target.reach:
-            self._arrived = None
-        elif self._target.back and self._turned is None:
-            self._turned = world.time
-        elif self._arrived is None:
-            self._arrived = world.time
+        self._journey.move((x, z), world.time)
 
     def _carried(self, world: WorldView) -> bool:
         """Whether the cargo is on the machine; notes what else it touches."""
@@ -209,56 +184,34 @@ class TransportReferee:
             self._lost = world.time, others[0]
         return bool(touching) and not others
 
-    def _left(self) -> float:
-        """Distance from the end of this part of the way, m."""
-        (x, z), (x0, z0), target = self._here, self._origin, self._target
-        if self._turned is not None:
-            return hypot(x - x0, z - z0)
-        return hypot(x - x0 - target.right, z - z0 - target.ahead)
-
-    def _aside(self, x: float, z: float) -> float:
-        """Distance from the line through start and target, m."""
-        (x0, z0), target = self._origin, self._target
-        return abs((x - x0) * target.ahead - (z - z0) * target.right) / target.length
-
     def verdict(self, trace: Trace) -> Verdict:
         """Score and terms: distance and deviation (m), arrival, intactness, times (s)."""
-        distance, stayed = self._distance(trace)
-        success = self._arrived is not None and not stayed and self._lost is None
+        journey = self._journey
+        distance, stayed = journey.distance(trace)
+        success = journey.arrived is not None and not stayed and self._lost is None
         intact = bool(trace.alive[-1].all()) and not np.isnan(trace.utilisation[-1]).any()
         score = max(0.0, POINTS - distance) + (POINTS if success and intact else 0.0)
         terms: dict[str, float | bool | str | None] = {
             "distance": distance,
             "success": success,
             "intact": intact,
-            "deviation": self._deviation,
-            "time": self._arrived if success else None,
-            "turned": self._turned,
+            "deviation": journey.deviation,
+            "time": journey.arrived if success else None,
+            "turned": journey.turned,
             "lost_at": None if self._lost is None else self._lost[0],
             "result": self._result(success, stayed, intact),
         }
         moment = None if self._lost is None else Moment(self._lost[0], "the cargo's loss", CARGO)
         return Verdict(score, terms, tuple(self._events()), moment)
 
-    def _distance(self, trace: Trace) -> tuple[float, bool]:
-        """How much of the way is left, as scored (m), and whether some block stayed behind."""
-        length, turned = self._target.length, self._turned
-        first = not turned or _least_moved(trace, 0.0, turned) > LEAST
-        if turned is not None and not first:
-            return length, True
-        stayed = _least_moved(trace, turned or 0.0, self._time) <= LEAST
-        left = length if stayed else self._left()
-        if not self._target.back:
-            return left, stayed
-        return (left + (length if turned is None else 0.0)) / 2, stayed
-
     def _result(self, success: bool, stayed: bool, intact: bool) -> str:
-        end = "start" if self._turned is not None else "target"
-        away = f"{number(self._left())} m from the {end}"
+        journey = self._journey
+        end = "start" if journey.turned is not None else "target"
+        away = f"{number(journey.left)} m from the {end}"
         if success:
             state = "intact" if intact else "but something broke"
-            since = number(float(self._arrived or 0.0))
-            near = f"within {number(self._target.reach)} m since {since} s"
+            since = number(float(journey.arrived or 0.0))
+            near = f"within {number(journey.target.reach)} m since {since} s"
             return f"arrived: {near}, {away} at the end, {state}"
         if self._lost is not None:
             time, what = self._lost
@@ -267,24 +220,17 @@ class TransportReferee:
         else:
             text = f"ended {away}"
         rest = "; a block stayed behind, so this part of the way does not count"
-        return text + (rest if stayed and self._left() < POINTS else "")
+        return text + (rest if stayed and journey.left < POINTS else "")
 
     def _events(self) -> Iterator[RolloutEvent]:
-        if self._turned is not None:
-            yield RolloutEvent(self._turned, "turned", (), "the target is reached")
-        if self._arrived is not None:
-            yield RolloutEvent(self._arrived, "arrived", (), "the end of the way is reached")
+        journey = self._journey
+        if journey.turned is not None:
+            yield RolloutEvent(journey.turned, "turned", (), "the target is reached")
+        if journey.arrived is not None:
+            yield RolloutEvent(journey.arrived, "arrived", (), "the end of the way is reached")
         if self._lost is not None:
             text = "the cargo touches something else than the machine"
             yield RolloutEvent(self._lost[0], "cargo_lost", (), text)
-
-
-def _least_moved(trace: Trace, begin: float, end: float) -> float:
-    """Least horizontal distance of any block between its places at two times (s), m."""
-    last = len(trace.times) - 1
-    a, b = (min(last, int(np.searchsorted(trace.times, time))) for time in (begin, end))
-    way = trace.centre[b] - trace.centre[a]
-    return float(np.hypot(way[:, 0], way[:, 2]).min())
 
 
 def _top_speed(times: Array, centres: Array) -> float:
@@ -310,12 +256,6 @@ def _wall_things(knobs: Wall) -> Iterator[Thing]:
         yield wall("wall", knobs.left + knobs.length / 2, knobs.ahead, size)
 
 
-def _mark(target: Target) -> Thing:
-    """A disc that shows the target in plans; it lies under the ground, where nothing is."""
-    size, place = (2 * target.reach, 0.1, 2 * target.reach), (target.right, -0.1, target.ahead)
-    return Thing("target", "cylinder", size, place, color=MARK)
-
-
 def _objective(knobs: TransportKnobs) -> str:
     what = "carries a cargo and steers it" if knobs.cargo.mass else "steers"
     back = ", and back to the start" if knobs.target.back else ""
@@ -330,15 +270,6 @@ def _cargo_sentences(cargo: Cargo) -> Iterator[str]:
             f"machine: it starts above x = z = 0 with its underside {cargo.drop:g} m above the "
             "ground, or on the highest part of the machine below it if that is higher."
         )
-
-
-def _target_sentences(knobs: TransportKnobs) -> Iterator[str]:
-    target = knobs.target
-    side = "right (x+)" if target.right >= 0 else "left (x-)"
-    yield (
-        f"The target is {target.ahead:g} m ahead (z+) and {abs(target.right):g} m to the {side} of "
-        f"where the centre of {_moved(knobs)} is at t = 0. Only horizontal distances count."
-    )
 
 
 def _wall_sentences(wall: Wall) -> Iterator[str]:
