@@ -31,6 +31,7 @@ class FakeWorld:
     centres: dict[Body, Vec3] = field(default_factory=dict)
     contacts: dict[Body, frozenset[Body]] = field(default_factory=dict)
     levels: dict[str, float] = field(default_factory=dict)
+    rotations: dict[Body, Quat] = field(default_factory=dict)
 
     def centre(self, body: Body) -> Vec3:
         return self.centres.get(body, (0.0, 0.5, 0.0))
@@ -38,8 +39,8 @@ class FakeWorld:
     def origin(self, block: int) -> Vec3:
         return self.centre(block)
 
-    def rotation(self, body: Body) -> Quat:  # noqa: ARG002
-        return IDENTITY
+    def rotation(self, body: Body) -> Quat:
+        return self.rotations.get(body, IDENTITY)
 
     def touching(self, body: Body) -> frozenset[Body]:
         return self.contacts.get(body, frozenset())

@@ -29,9 +29,21 @@ class Series:
     @property
     def text(self) -> str:
         """One line: label, interval, start and the points in brackets."""
-        step = spacing(self.times)
-        points = " ".join(map(point_text, self.values))
-        return f"{self.label} every {step:.3g} s from t = {self.times[0]:.3g} s (x, y, z): {points}"
+        return f"{self._head} (x, y, z): {' '.join(map(point_text, self.values))}"
+
+    @property
+    def _head(self) -> str:
+        return f"{self.label} every {spacing(self.times):.3g} s from t = {self.times[0]:.3g} s"
+
+
+@dataclass(frozen=True)
+class Angles(Series):
+    """One angle over time, thinned alike."""
+
+    @property
+    def text(self) -> str:
+        """One line with whole degrees."""
+        return f"{self._head}: {' '.join(number(angle, 0) for (angle,) in self.values)}"
 
 
 def spacing(times: Sequence[float] | Array) -> float:

@@ -31,6 +31,8 @@ STARTING_BLOCK = 0
 """Type of the first block of every machine that is not built on a plate."""
 GRABBER, CONTAINER, BOULDER = 27, 30, 36
 """Types that task rules refer to."""
+STEERING = frozenset({13, 28})
+"""Steering Block and Steering Hinge."""
 TORCH, WATER_CANNON = 47, 56
 LATER = frozenset({TORCH, WATER_CANNON})
 """Extended types that came after the first runs were recorded, which must not change by them."""

@@ -8,9 +8,11 @@ from agentflow.env.constants import constants
 from agentflow.env.rollout import Verdict
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
+from agentflow.machine.blocks.library import TORCH, WATER_CANNON
 from agentflow.machine.geometry.vectors import Vec3
 from benchmarks.shelf import load
 from tests.env.fakes import LONE_ROOT, FakeWorld, make_trace
+from tests.env.machines import machine
 
 GRAVITY = constants()["gravity"]
 
@@ -78,10 +80,34 @@ def test_two_engines_have_exactly_two_cannons() -> None:
     assert rollout.status == "invalid"
 
 
+def test_feedback_tells_for_how_long_each_cannon_fired_as_steam_and_cold() -> None:
+    """The torch heats cannon 1, which it loses after 2 s; nothing heats cannon 2."""
+    tree = machine((0, -1, -1), (WATER_CANNON, 0, 2), (WATER_CANNON, 0, 3), (TORCH, 0, 4))
+    upside_down = (0.0, 0.0, 1.0, 0.0)
+    referee, world = get_task("rocket/2").referee(tree), FakeWorld(rotations={3: upside_down})
+    world.centres = {1: (0.0, 5.0, 0.2), 2: (0.0, 5.0, 0.4), 3: (0.0, 6.0, 0.0)}
+    referee.start(world)
+    for step in range(1, 51):
+        world.time = step / 10
+        world.levels["motors"] = float(step > 10)
+        if step == 31:
+            world.centres[1] = (0.0, 9.0, 0.0)
+        referee.watch(world)
+    fired = referee.verdict(make_trace(4)).terms["cannons"]
+    assert fired == "1 as steam 2.0 s, cold 2.0 s; 2 cold 4.0 s"
+
+
+@pytest.mark.parametrize(("power", "fired"), [(True, "cold 0.5 s"), (False, "never fired")])
+def test_without_power_no_cannon_fires(power: bool, fired: str) -> None:
+    rollout = simulate(load("rocket/cold.json"), get_task("rocket/2"), power=power)
+    assert f"\nWater cannons: 2, 4 {fired}\n" in rollout.feedback.text
+
+
 @pytest.mark.slow
 def test_a_throttled_rocket_lands_softly() -> None:
     rollout = simulate(load("rocket/throttled.json"), get_task("rocket/5"))
     assert rollout.score is not None
     assert rollout.score > 60.0
+    assert rollout.terms["cannons"] == "4, 9 as steam 30.0 s"
     assert 0.0 < float(rollout.terms["touchdown"] or 0.0) < 8.0
     assert rollout.broken == ()

@@ -8,16 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from agentflow.env.feedback.steering import steering_angles
 from agentflow.env.physics.engines import EngineSpec, installed_engines
 from agentflow.env.rollout import Verdict
+from agentflow.env.rotations import compose
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Body
 from agentflow.env.tasks.families.transport import CARGO
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.controls import control_problems
-from agentflow.machine.geometry.vectors import Vec3
-from agentflow.machine.tree import Machine
+from agentflow.machine.geometry import placement
+from agentflow.machine.geometry.vectors import Vec3, about_axis
+from agentflow.machine.tree import Control, Machine
 from benchmarks.shelf import load
 from tests.env.fakes import FakeWorld, make_trace
 from tests.env.machines import machine
@@ -173,3 +176,44 @@ def test_a_carrier_keeps_its_cargo_on_both_engines(spec: EngineSpec) -> None:
     assert (rollout.terms["lost_at"], rollout.terms["intact"]) == (None, True)
     assert rollout.score is not None
     assert rollout.score > 8.0
+
+
+STEERED = Machine(
+    machine(
+        (0, -1, -1), (63, 0, 0), (63, 0, 1), (28, 1, 3), (28, 1, 6), (13, 2, 3), (13, 2, 9)
+    ).steps,
+    tuple(Control((block,), 0.0, 0.25, 1.0) for block in (3, 5, 6)),
+)
+"""Steering hinges on both sides in front, steering blocks at the side and on top behind."""
+
+
+@pytest.mark.parametrize("spec", installed_engines(), ids=lambda spec: spec.name)
+def test_feedback_tells_how_far_everything_has_steered(spec: EngineSpec) -> None:
+    """At full speed, 3 rad/s, for 0.25 s, in the sense of level 1; block 4 is not driven."""
+    task = replace(get_task("transport", {"window": 1}), engine=spec.name)
+    feedback = simulate(STEERED, task).feedback
+    lines = [line for line in feedback.text.splitlines() if line.startswith("Steering")]
+    assert len(lines) == 2
+    assert lines[0].startswith("Steering of 3, 5, 6 (deg, + at level 1) every 0.2 s from t = 0 s:")
+    turned, still, path = feedback.data["series"]
+    assert turned["values"][-1] == pytest.approx([np.degrees(0.75)], abs=1.5)
+    assert still["values"] == pytest.approx(np.zeros((len(still["times"]), 1)), abs=1.0)
+    assert turned["times"] == still["times"] == path["times"]
+
+
+def test_at_most_four_ways_of_steering_are_told_up_to_where_a_block_breaks_off() -> None:
+    tree = machine((0, -1, -1), *((28, 0, face) for face in range(6)))
+    turned = np.array([block.quaternion for block in placement.place(tree).blocks])
+    trace = make_trace(7, rotation=np.tile(turned, (26, 1, 1)))
+    up = np.array([about_axis((0.0, 1.0, 0.0), np.radians(10.0 * block)) for block in range(7)])
+    trace.rotation[5:] = compose(up, turned)
+    trace.alive[20:, 3] = False
+    found = steering_angles(tree, trace)
+    assert [line.label for line in found] == [
+        "Steering of 1 (deg, + at level 1)",
+        "Steering of 2 (deg, + at level 1)",
+        "Steering of 3 (deg, + at level 1)",
+        "Steering of 4 (deg, + at level 1), 2 more not shown,",
+    ]
+    assert [len(line.times) for line in found] == [9, 9, 7, 9]
+    assert found[1].text.endswith(": 0 0 -20 -20 -20 -20 -20 -20 -20")

@@ -18,6 +18,7 @@ from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import ROUNDING, WorldView
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
+from agentflow.env.tasks.features.cannons import CannonWatch
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import TORCH, WATER_CANNON, library
 from agentflow.machine.brief import Brief
@@ -89,10 +90,15 @@ class Rocket(Family):
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """What was reached, and the path of the root."""
+        """What was reached, what each cannon did, and the path of the root."""
         unit = "N" if self.parameters.aim == "thrust" else "m"
         even = trace.even
-        lines = (f"Result: {verdict.terms['result']}", *flight_lines(machine, even))
+        fired = verdict.terms["cannons"]
+        lines = (
+            f"Result: {verdict.terms['result']}",
+            *([f"Water cannons: {fired}"] if fired else []),
+            *flight_lines(machine, even),
+        )
         path = series("Root position", even.times, even.centre[:, 0])
         return compose(machine, trace, broken, verdict, unit, lines, {}, (path,))
 
@@ -104,6 +110,7 @@ class RocketReferee:
         self._knobs = knobs
         self._masses = [(step.id, library()[step.type].mass) for step in machine]
         self._mass = sum(mass for _, mass in self._masses)
+        self._cannons = CannonWatch(machine)
         self._heights: list[float] = []
         """Heights of the centre of mass as the measurement begins, in its middle and at its end."""
         self._grounded = False
@@ -125,7 +132,8 @@ class RocketReferee:
         self._before = 0.0, self._start
 
     def watch(self, world: WorldView) -> None:
-        """Update thrust, height and landing."""
+        """Update thrust, height, landing and what the cannons did."""
+        self._cannons.watch(world)
         place = self._last = world.centre(0)
         touching = any(isinstance(body, int) for body in world.touching("ground"))
         self._measure_thrust(world, touching)
@@ -165,7 +173,8 @@ class RocketReferee:
         return max(0.0, self._mass * (gain + constants()["gravity"]))
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
-        """Score and terms: thrust (N), height, deviation (m), touchdown (m/s), cost in blocks."""
+        """Score and terms: thrust (N), height, deviation (m), touchdown (m/s), cost in blocks, what
+        the cannons did."""
         knobs, thrust = self._knobs, self.thrust
         weight = self._mass * constants()["gravity"]
         soft = self._touch is not None and self._touch <= knobs.touchdown
@@ -184,6 +193,7 @@ class RocketReferee:
             "success": thrust > weight if knobs.aim == "thrust" else score > HIGH,
             "blocks": float(len(self._masses)),
             "result": self._result(),
+            "cannons": self._cannons.text or None,
         }
         top = Moment(self._best_time, "the greatest height") if self._aloft else None
         return Verdict(score, terms, (), top)

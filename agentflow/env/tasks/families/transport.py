@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.steering import steering_angles
 from agentflow.env.feedback.text import number, series, term_number, thing_name
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
@@ -142,7 +143,7 @@ class Transport(Family):
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """How far it came, how straight, and its path."""
+        """How far it came, how straight, how it steered, and its path."""
         even, cargo = trace.even, bool(self.parameters.cargo.mass)
         centres = even.thing_position[:, 0] if cargo else even.centre[:, ROOT_BLOCK]
         lines = (
@@ -151,7 +152,8 @@ class Transport(Family):
             f"straight line, greatest speed {number(_top_speed(even.times, centres))} m/s",
         )
         path = series("Cargo position" if cargo else "Root position", even.times, centres)
-        return compose(machine, trace, broken, verdict, "", lines, {}, (path,))
+        paths = (*steering_angles(machine, even), path)
+        return compose(machine, trace, broken, verdict, "", lines, {}, paths)
 
 
 class TransportReferee:
