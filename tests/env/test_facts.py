@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
@@ -107,3 +108,38 @@ def test_wind_brakes_motion_across_it() -> None:
 def test_friction_is_the_geometric_mean_of_both_surfaces() -> None:
     mean = (facts()["friction"]["wood"] * 0.2) ** 0.5
     assert friction(15, 30, 0.2) == pytest.approx(mean, rel=0.025)
+
+
+def test_what_a_joint_separates_collides_but_for_the_joint_and_its_parent() -> None:
+    """A hinge on a log swings its wheel into the log, but turns freely on its own."""
+    for wheels, reached in (([], 90.0), ([(2, 2, 0)], 47.0)):
+        stand = Stand([(63, 0, 0), (28, 1, 5), *wheels])
+        before = stand.world.state().rotation[2]
+        after = stand.run(1.0, steering_hinges=1).world.state().rotation[2]
+        assert np.degrees(2 * np.arccos(abs(before @ after))) == pytest.approx(reached, abs=1.0)
+
+
+@pytest.mark.parametrize("ends", [(0, 3, 4, 9), (2, 0, 4, 8), (2, 12, 3, 0)])
+def test_a_brace_is_rigid_in_every_direction(ends: tuple[int, ...]) -> None:
+    """Of 7.6 m from below, of 3 m from above, and of 1 m along the hinge that it locks."""
+    for brace, sinks in (([], 2.3), ([(7, *ends)], 0.0)):
+        logs = [(63, 0, 4), (63, 1, 0), (5, 2, 12), (63, 3, 0), *brace]
+        stand = Stand(logs, Scene(), gravity=True)
+        before = stand.world.state().centre[:, 1]
+        sunk = before - stand.run(2.0).world.state().centre[:, 1]
+        assert sunk[4] - sunk[0] == pytest.approx(sinks, abs=0.1 if sinks else 1e-3)
+
+
+def test_drag_loads_no_connection() -> None:
+    """At the greatest speed, what the air takes from a cannon never reaches its connection."""
+    stand = Stand([(56, 0, 2), (56, 0, 3)], anchored=False).run(10.0, motors=1)
+    push = library()[56].thrust
+    assert stand.momentum(1) / stand.mass() == pytest.approx(2 * push / 3.05, rel=0.01)
+    assert abs(stand.reaction(1)[1]) == pytest.approx(push, rel=1e-3)
+
+
+@pytest.mark.parametrize("face", range(6))
+def test_all_faces_hold_equally_well(face: int) -> None:
+    (joint,) = Stand([(63, 0, face)]).assembly.joints
+    assert joint.strength is not None
+    assert [joint.strength.force, joint.strength.torque] == facts()["strength"]["usual"]

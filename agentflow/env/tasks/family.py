@@ -12,11 +12,12 @@ from typing import ClassVar
 
 from pydantic import Field
 
+from agentflow.env.constants import constants
 from agentflow.env.physics.engines import engine_limits
 from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters, Schedule, Task
 from agentflow.env.tasks.knobs import knob
-from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.library import BRACE, library
 from agentflow.machine.blocks.types import Group
 from agentflow.machine.brief import Limits
 from agentflow.machine.formats.parse import MAX_BLOCKS
@@ -177,6 +178,21 @@ GROUND = (
     "on the ground.",
 )
 """First sentences of most scenes."""
+
+ANY_START = (
+    "However far the machine tilts or sinks while it settles (at most "
+    f"{constants()['settle_most']:g} s), the run starts from there."
+)
+
+
+def joint_sentences(blocks: Collection[int]) -> Iterator[str]:
+    """What holds how well, for machines of these types that carry much."""
+    if BRACE in blocks:
+        yield (
+            "A Brace of any length is rigid against pull, push and bending, and locks a joint that "
+            "it spans; only its ends break."
+        )
+    yield "All faces hold equally well, the root's too."
 
 
 def wall(

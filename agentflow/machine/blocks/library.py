@@ -29,7 +29,7 @@ from agentflow.machine.geometry.vectors import Vec3
 
 STARTING_BLOCK = 0
 """Type of the first block of every machine that is not built on a plate."""
-GRABBER, CONTAINER, BOULDER = 27, 30, 36
+BRACE, GRABBER, CONTAINER, BOULDER = 7, 27, 30, 36
 """Types that task rules refer to."""
 STEERING = frozenset({13, 28})
 """Steering Block and Steering Hinge."""

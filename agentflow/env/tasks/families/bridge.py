@@ -12,7 +12,7 @@ from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
 from agentflow.env.scene import Scene, Start, Thing
 from agentflow.env.tasks.base import ROUNDING, Body, Parameters, Schedule, WorldView
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
-from agentflow.env.tasks.family import CommonKnobs, Family, wall
+from agentflow.env.tasks.family import ANY_START, CommonKnobs, Family, joint_sentences, wall
 from agentflow.env.tasks.features.resting import highest_point_under, lowest_place
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
@@ -119,7 +119,11 @@ class Bridge(Family):
                 "The machine starts with the centre of its bounding box above x = z = 0. It is "
                 "set down from above as low as the banks and the floor allow, so parts of it may "
                 "hang into the gap.",
+                ANY_START,
                 "Two-ended blocks touch nothing: they pass through the banks and the cargo.",
+                *joint_sentences(self.allow(BLOCKS)),
+                "Blocks never bend; where a load has several paths, it divides as if each "
+                "connection were a spring as stiff as its strength squared.",
                 f"The machine may be up to {knobs.room.length:g} m long (z) and "
                 f"{knobs.room.height:g} m high.",
                 f"The cargo is a box {x:g} m wide, {z:g} m long and {y:g} m high, with mass "
@@ -140,8 +144,8 @@ class Bridge(Family):
                 f"It carries the load until the cargo's centre is below y = {gap.depth - DROP:g} m "
                 f"or more than {ASIDE:g} m from z = 0, the cargo touches anything but the machine, "
                 "or any block, even one that broke off, touches the floor of the gap.",
-                "The score is 0 if that happens before t = 0, or if at t = 0 a block whose centre "
-                "is above the cargo's centre touches the cargo.",
+                "The score is 0 if that is so at t = 0, or if then a block whose centre is above "
+                "the cargo's centre touches the cargo.",
                 f"The run is a success if the machine carries the growing load for {HOLD:g} s.",
             ),
             blocks=self.allow(BLOCKS),

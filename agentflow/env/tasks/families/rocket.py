@@ -17,7 +17,13 @@ from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import ROUNDING, WorldView
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
+from agentflow.env.tasks.family import (
+    ANY_START,
+    GROUND,
+    CommonKnobs,
+    Family,
+    schedule_sentences,
+)
 from agentflow.env.tasks.features.cannons import CannonWatch
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import TORCH, WATER_CANNON, library
@@ -72,7 +78,14 @@ class Rocket(Family):
         return Brief(
             name=self.name,
             objective=_OBJECTIVES[knobs.aim],
-            scene=(*GROUND, *_engine_sentences(count), *knobs.wind.sentences()),
+            scene=(
+                *GROUND,
+                ANY_START,
+                *_engine_sentences(count),
+                "Air drag acts at each block's centre. The loads told leave it out, and it breaks "
+                "nothing.",
+                *knobs.wind.sentences(),
+            ),
             schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
             score=tuple(_score_sentences(knobs, self.window)),
             blocks=self.allow(BLOCKS),

@@ -15,7 +15,15 @@ from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent,
 from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import Body, Parameters, WorldView
 from agentflow.env.tasks.descriptors import Descriptor, count_driven_wheels, wheelbase
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences, wall
+from agentflow.env.tasks.family import (
+    ANY_START,
+    GROUND,
+    CommonKnobs,
+    Family,
+    joint_sentences,
+    schedule_sentences,
+    wall,
+)
 from agentflow.env.tasks.features.journey import (
     LEAST,
     Journey,
@@ -113,6 +121,10 @@ class Transport(Family):
             objective=_objective(knobs),
             scene=(
                 *GROUND,
+                ANY_START,
+                *joint_sentences(self.allow(BLOCKS)),
+                "Blocks collide where a joint or wheel lies between them, except it and its "
+                "parent: what turns needs room.",
                 *_cargo_sentences(knobs.cargo),
                 target_sentence(knobs.target, _moved(knobs)),
                 *_wall_sentences(knobs.wall),
