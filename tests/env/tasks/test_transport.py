@@ -15,7 +15,7 @@ from agentflow.env.rotations import compose
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Body
 from agentflow.env.tasks.families.transport import CARGO
-from agentflow.env.tasks.registry import get_task
+from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.controls import control_problems
 from agentflow.machine.geometry import placement
@@ -217,3 +217,12 @@ def test_at_most_four_ways_of_steering_are_told_up_to_where_a_block_breaks_off()
     ]
     assert [len(line.times) for line in found] == [9, 9, 7, 9]
     assert found[1].text.endswith(": 0 0 -20 -20 -20 -20 -20 -20 -20")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spec", installed_engines(), ids=lambda spec: spec.name)
+def test_a_large_wheeled_carrier_is_back_on_both_engines(spec: EngineSpec) -> None:
+    tree = load("transport/large_wheeled_carrier.json")
+    rollout = simulate(tree, replace(get_task("transport/5"), engine=spec.name))
+    assert rollout.score is not None
+    assert rollout.score >= get_level("transport/5").file.good, rollout.feedback.text
