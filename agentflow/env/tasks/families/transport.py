@@ -121,8 +121,7 @@ class Transport(Family):
             objective=_objective(knobs),
             scene=(
                 *GROUND,
-                ANY_START,
-                *joint_sentences(self.allow(BLOCKS)),
+                *((ANY_START, *joint_sentences(self.allow(BLOCKS))) if knobs.cargo.mass else ()),
                 "Blocks collide where a joint or wheel lies between them, except it and its "
                 "parent: what turns needs room.",
                 *_cargo_sentences(knobs.cargo),
@@ -184,7 +183,7 @@ class TransportReferee:
         self._journey.start((x, z))
 
     def watch(self, world: WorldView) -> None:
-        """Go on with the journey, until the cargo is lost."""
+        """Follow the journey until the cargo is lost."""
         if self._lost is not None or (self._cargo and not self._carried(world)):
             return
         x, _, z = world.centre(self._body)
