@@ -48,11 +48,11 @@ class Journey:
         self._time = 0.0
 
     def start(self, place: Place) -> None:
-        """Begin here, at t = 0."""
+        """Note where it is at t = 0."""
         self._origin = self._here = place
 
     def move(self, place: Place, time: float) -> None:
-        """Go on to this place, where it is at this time (s)."""
+        """Note where it is at this time (s)."""
         self._here, self._time = place, time
         self.deviation = max(self.deviation, self._aside(*place))
         if self.left > self.target.reach:
