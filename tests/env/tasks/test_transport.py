@@ -221,8 +221,15 @@ def test_at_most_four_ways_of_steering_are_told_up_to_where_a_block_breaks_off()
 
 @pytest.mark.slow
 @pytest.mark.parametrize("spec", installed_engines(), ids=lambda spec: spec.name)
-def test_a_large_wheeled_carrier_is_back_on_both_engines(spec: EngineSpec) -> None:
-    tree = load("transport/large_wheeled_carrier.json")
-    rollout = simulate(tree, replace(get_task("transport/5"), engine=spec.name))
+@pytest.mark.parametrize(
+    ("level", "name"),
+    [
+        ("transport/3", "carrier_there_and_back"),
+        ("transport/4", "carrier_round_a_wall"),
+        ("transport/5", "large_wheeled_carrier"),
+    ],
+)
+def test_a_carrier_is_back_on_both_engines(level: str, name: str, spec: EngineSpec) -> None:
+    rollout = simulate(load(f"transport/{name}.json"), replace(get_task(level), engine=spec.name))
     assert rollout.score is not None
-    assert rollout.score >= get_level("transport/5").file.good, rollout.feedback.text
+    assert rollout.score >= get_level(level).file.good, rollout.feedback.text
