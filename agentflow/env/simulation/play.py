@@ -81,6 +81,8 @@ class Play:
         self._monitor = Monitor(self._world, self._assembly, self._loads, things, rate)
         self._view = RefereeView(self._world)
         self._referee = task.referee(machine)
+        self._over = False
+        """Whether the referee has seen all that counts."""
         self._speeds = 0.0, 0.0
         """Greatest linear and angular speed seen in the last step."""
         self._steps = 0
@@ -154,7 +156,7 @@ class Play:
                 samples += 1
                 self._monitor.recorder.sample(self._elapsed / self._rate)
             rest = rest + 1 if self._resting() else 0
-            if not due and rest >= long:
+            if self._over or (not due and rest >= long):
                 break
         return "ok"
 
@@ -203,8 +205,8 @@ class Play:
             status = self._advance(divisions, thorough)
             if status != "ok":
                 return status
-            if start:
-                self._referee.watch(self._view)
+            if start and not self._over:
+                self._over = bool(self._referee.watch(self._view))
         self._steps += 1
         if start:
             speeds = self._world.speeds(thorough=False) if thorough else self._speeds

@@ -62,8 +62,8 @@ class Referee(Protocol):
     def start(self, world: WorldView) -> None:
         """Called once at t = 0, after settling."""
 
-    def watch(self, world: WorldView) -> None:
-        """Called after every later step."""
+    def watch(self, world: WorldView) -> bool | None:
+        """Called after every later step; True ends the window, as nothing later would count."""
 
     def verdict(self, trace: Trace) -> Verdict:
         """Score, terms and events of the whole window."""

@@ -128,8 +128,8 @@ class Bridge(Family):
                 f"{knobs.room.height:g} m high.",
                 f"The cargo is a box {x:g} m wide, {z:g} m long and {y:g} m high, with mass "
                 f"{EMPTY:g} kg when empty. Before t = 0 it is placed with its centre above "
-                "x = z = 0, on the highest point of the machine below it, and settles there with "
-                "the machine.",
+                "x = z = 0, on the highest block under it (two-ended blocks do not count), and "
+                "settles there with the machine.",
                 *knobs.wind.sentences(),
             ),
             schedule=(
@@ -146,7 +146,8 @@ class Bridge(Family):
                 "or any block, even one that broke off, touches the floor of the gap.",
                 "The score is 0 if that is so at t = 0, or if then a block whose centre is above "
                 "the cargo's centre touches the cargo.",
-                f"The run is a success if the machine carries the growing load for {HOLD:g} s.",
+                f"The run is a success if the machine carries the growing load for {HOLD:g} s, up "
+                f"to {load.most * min(1.0, HOLD / load.until):.0f} kg.",
             ),
             blocks=self.allow(BLOCKS),
             limits=self.limits,
@@ -201,17 +202,20 @@ class BridgeReferee:
         else:
             self.watch(world)
 
-    def watch(self, world: WorldView) -> None:
-        """Update the load, or notice that it is no longer carried."""
-        if self._end is not None:
-            return
-        why = self._why_not_carried(world)
+    def watch(self, world: WorldView) -> bool:
+        """Update the load; True once it is no longer carried.
+
+        What falls then, thousands of kilograms on wooden blocks, could make the simulation diverge.
+        """
+        why = "" if self._end else self._why_not_carried(world)
         if why:
             self._end = world.time, why
-            return
+        if self._end is not None:
+            return True
         self._share = world.levels.get("loads", 0.0)
         self._load = self._share * self._knobs.load.most
         self._sunk = self._height - world.centre(CARGO)[1]
+        return False
 
     def _why_not_carried(self, world: WorldView) -> str:
         """What ended the carrying; "" if nothing has."""
