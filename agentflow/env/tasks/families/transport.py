@@ -298,10 +298,10 @@ def _score_sentences(knobs: TransportKnobs) -> Iterator[str]:
     what, target = _moved(knobs), knobs.target
     if target.back:
         yield (
-            f"{what[0].upper()}{what[1:]} must come within {target.reach:g} m of the target, and "
-            "then back to where it was at t = 0. Score: 10 minus half the way in metres that is "
-            f"left after {knobs.window:g} s: straight to the target and back, or, once the target "
-            "was reached, straight to the start; never less than 0."
+            f"{what[0].upper()}{what[1:]} must come within {target.reach:g} m of the target, if "
+            "only in passing, and then back to where it was at t = 0. Score: 10 minus half the way "
+            f"in metres that is left after {knobs.window:g} s: straight to the target and back, "
+            "or, once the target was reached, straight to the start; never less than 0."
         )
     else:
         yield (
