@@ -50,7 +50,8 @@ def test_scoring_a_machine(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_model_of_ones_own(tmp_path: Path) -> None:
     lines = run("-W", "error", str(EXAMPLES / "own_model.py"), cwd=tmp_path).splitlines()
-    assert re.match(r"designer/traj-1/attempt-1: a prompt of \d{4} characters", lines[0])
+    first = min(lines[:2])  # both are asked at the same time
+    assert re.match(r"designer/traj-1/attempt-1: a prompt of \d{4} characters", first)
     assert re.match(r"always the same car: 4\d\.\d m with 7 blocks", lines[2])
     assert "calls.jsonl events.jsonl machines result.json" in lines[3]
     assert os.listdir(tmp_path) == []
