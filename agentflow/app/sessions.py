@@ -7,7 +7,6 @@ from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from pathlib import Path
 from shlex import quote
-from types import TracebackType
 from typing import Any
 
 from agentflow.app.design.results import read_finished, trusted_score
@@ -193,11 +192,6 @@ class ClientRuns:
     async def __aenter__(self) -> ClientRuns:
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await asyncio.gather(*(session.finish() for session in self._sessions))
         await asyncio.gather(*self._verifying)
