@@ -10,6 +10,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from agentflow.version import __version__
+
 if TYPE_CHECKING:
     from agentflow.api import (
         Design,
@@ -32,8 +34,6 @@ if TYPE_CHECKING:
     from agentflow.llm.messages import Message, Reply, Request, Usage
     from agentflow.machine import Machine, Problem, Report
     from agentflow.rewards import Reward, reward, reward_async
-
-__version__ = "0.1.0"
 
 _MODULES = {
     "agentflow.api": (

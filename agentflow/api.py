@@ -14,22 +14,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from agentflow.errors import UsageError
-from agentflow.machine import Machine, Report, library, read_machine
+from agentflow.machine import Machine, Report
 from agentflow.machine import check as check_machine
 from agentflow.machine.brief import Brief, Limits
 from agentflow.machine.formats.detect import read_for
 
 if TYPE_CHECKING:
+    from agentflow.app.design.run import RunOptions
     from agentflow.config.run import DesignConfig
     from agentflow.env.pool.base import Pool
     from agentflow.env.rollout import Rollout
     from agentflow.env.tasks.base import Task
     from agentflow.env.verification import Verification
     from agentflow.llm.function import FunctionClient, ModelFunction
-    from agentflow.runs import Listener, Notify
+    from agentflow.runs import Listener, Notify, RunResult
 
 MachineLike = Machine | str | list[dict[str, Any]] | dict[str, Any] | Path
 """A machine: an object, any text that holds one (also .bsg), JSON data, or the path of a file."""
+_OPTIONS = ("task", "workflow", "model.name", "model.base_url", "engine", "seed", "workers")
+"""Configuration keys that are arguments of `design`."""
 
 
 @dataclass(frozen=True)
@@ -164,10 +167,7 @@ def resume(
     from agentflow.app.design import run as runs
 
     _require_no_event_loop("resume")
-    client = _client_of_run(Path(run), answer)
-    options = runs.RunOptions(
-        say or _print_remark, listener, client, approve=lambda _sentence: trust
-    )
+    options = _options_of_run(Path(run), answer, trust, say, listener)
     return _to_design(runs.resume(Path(run), options))
 
 
@@ -183,10 +183,7 @@ async def resume_async(
     """Like `resume`, on a running event loop."""
     from agentflow.app.design import run as runs
 
-    client = _client_of_run(Path(run), answer)
-    options = runs.RunOptions(
-        say or _print_remark, listener, client, pool, approve=lambda _sentence: trust
-    )
+    options = _options_of_run(Path(run), answer, trust, say, listener, pool)
     return _to_design(await runs.resume_async(Path(run), options))
 
 
@@ -339,32 +336,17 @@ def design_prompt(
     Raises:
         UsageError: The task, knob, engine, prompt set or role does not exist.
     """
-    from agentflow.app.prompts import render_prompt
+    from agentflow.agents.base import chat_prompt
+    from agentflow.agents.registry import ROLES
     from agentflow.env.tasks.registry import get_task
 
-    found = render_prompt(prompts, role, get_task(task, knobs, engine).brief)
-    return [{"role": name, "content": found[name]} for name in ("system", "user")]
+    return chat_prompt(ROLES[role], get_task(task, knobs, engine).brief, prompts)
 
 
-def _config_keys(
-    task: str | None,
-    workflow: str | None,
-    model: str | None,
-    base_url: str | None,
-    engine: str | None,
-    seed: int | None,
-    workers: int | None,
-) -> dict[str, object]:
-    given: dict[str, object] = {
-        "task": task,
-        "workflow": workflow,
-        "model.name": model,
-        "model.base_url": base_url,
-        "engine": engine,
-        "seed": seed,
-        "workers": workers,
-    }
-    return {key: value for key, value in given.items() if value is not None}
+def _config_keys(*values: object) -> dict[str, object]:
+    """The configuration keys that a call gives: the values of `_OPTIONS`, without None."""
+    given = zip(_OPTIONS, values, strict=True)
+    return {key: value for key, value in given if value is not None}
 
 
 def _configure(
@@ -375,10 +357,10 @@ def _configure(
     trust: bool,
 ) -> tuple[DesignConfig, FunctionClient | None]:
     """The configuration, and the client of `answer`."""
-    from agentflow.app.design.config import complete_config
     from agentflow.app.design.trust import require_trust
     from agentflow.config.run import PROCEDURAL, build_config, load_document, set_key
     from agentflow.llm.function import FunctionClient
+    from agentflow.models.completion import complete_config
 
     document = load_document(config) if isinstance(config, Path) else dict(config or {})
     named: dict[str, Any] = {}
@@ -401,27 +383,40 @@ def _configure(
     return built, FunctionClient(answer, built.model.name)
 
 
-def _client_of_run(path: Path, answer: ModelFunction | None) -> FunctionClient | None:
+def _options_of_run(
+    path: Path,
+    answer: ModelFunction | None,
+    trust: bool,
+    say: Notify | None,
+    listener: Listener | None,
+    pool: Pool | None = None,
+) -> RunOptions:
+    """How to continue a run."""
+    from agentflow.app.design.run import RunOptions
     from agentflow.config.run import build_config, load_document
     from agentflow.llm.function import FunctionClient
 
-    if answer is None:
-        return None
-    return FunctionClient(answer, build_config(load_document(path / "run.yaml")).model.name)
+    client = None
+    if answer is not None:
+        name = build_config(load_document(path / "run.yaml")).model.name
+        client = FunctionClient(answer, name)
+    return RunOptions(say or _print_remark, listener, client, pool, approve=lambda _sentence: trust)
 
 
-def _to_design(result: Mapping[str, Any]) -> Design:
-    machine = result["machine"]
+def _to_design(result: RunResult) -> Design:
+    from agentflow.app.design.results import best_machine
+
+    data = result.to_json()
     return Design(
-        run=Path(result["run"]),
-        valid=result["valid"],
-        score=result["score"],
-        verified=(result.get("verified") or {}).get("score"),
-        machine=None if machine is None else read_machine(machine, tuple(library())).machine,
-        model=result["model"],
-        stages=tuple(result["stages"]),
-        stopped=result["stopped"],
-        data=result,
+        run=Path(result.run),
+        valid=result.valid,
+        score=result.score,
+        verified=result.verified_score,
+        machine=best_machine(result),
+        model=result.model,
+        stages=tuple(data["stages"]),
+        stopped=result.stopped,
+        data=data,
     )
 
 
@@ -457,15 +452,16 @@ def _read(
 
 
 def _check(machine: MachineLike, brief: Brief | None, limits: Limits) -> Report:
-    from agentflow.app.machines.files import machine_text
+    from agentflow.app.machines.files import read_source
 
     if isinstance(machine, Machine):
         return check_machine(machine, brief, limits)
-    source = machine_text(str(machine)) if isinstance(machine, Path) else machine
-    report = check_machine(read_for(brief, source), brief, limits)
-    if report.machine is None and isinstance(source, str) and _is_file_name(source):
+    if isinstance(machine, Path):
+        return check_machine(read_source(str(machine), brief), brief, limits)
+    report = check_machine(read_for(brief, machine), brief, limits)
+    if report.machine is None and isinstance(machine, str) and _is_file_name(machine):
         first, *others = report.problems
-        message = f"{first.message}; this is the name of a file: pass Path({source!r})"
+        message = f"{first.message}; this is the name of a file: pass Path({machine!r})"
         report = replace(report, problems=(replace(first, message=message), *others))
     return report
 

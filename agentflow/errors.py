@@ -115,10 +115,3 @@ class InterruptedRunError(AgentflowError):
     """The user stopped a run; the message says how to resume it."""
 
     exit_status = 130
-
-
-def yaml_problem(error: Exception) -> str:
-    """Describe a YAML error in one line, with its line number if known."""
-    mark = getattr(error, "problem_mark", None)
-    why = getattr(error, "problem", None) or str(error).partition("\n")[0]
-    return f"line {mark.line + 1}: {why}" if mark else why

@@ -36,12 +36,14 @@ Check = Callable[[str, Any], str]
 class Registry(Mapping[str, T]):
     """Things of one kind by name: ours in the given order, then others alphabetically."""
 
-    def __init__(self, kind: str, group: str, ours: Mapping[str, str | T], check: Check) -> None:
+    def __init__(
+        self, kind: str, group: str | None, ours: Mapping[str, str | T], check: Check
+    ) -> None:
         """Declare a registry; nothing is loaded or searched yet.
 
         Args:
             kind: Kind of thing as messages call it, such as "physics engine".
-            group: Entry-point group of other distributions.
+            group: Entry-point group of other distributions; None if they cannot add to it.
             ours: Name -> "module:attribute", "module" for a whole module, or the thing itself.
             check: Checks a thing from another distribution.
         """
@@ -87,9 +89,11 @@ class Registry(Mapping[str, T]):
 
     @cached_property
     def _others(self) -> dict[str, EntryPoint]:
+        found: dict[str, EntryPoint] = {}
+        if self._group is None:
+            return found
         from importlib.metadata import entry_points
 
-        found: dict[str, EntryPoint] = {}
         for entry in sorted(entry_points(group=self._group), key=lambda entry: entry.name):
             if entry.name in self._ours or entry.name in found:
                 problem = f"has the same name as another {self.kind}"

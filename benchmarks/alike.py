@@ -10,7 +10,7 @@ from figures import MUJOCO, PYBULLET, Figure, Options, engines, reach, run, ship
 from published import machines, misfit, throw
 from shelf import families, load, read
 
-from agentflow.app.inspect.engines import compare_engines
+from agentflow.app.subjects.engines import compare_engines
 from agentflow.env.physics.engines import choose_engine
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate

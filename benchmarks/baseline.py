@@ -23,7 +23,7 @@ from agentflow.machine.brief import LONE_ROOT
 def score_of(document: dict[str, Any], out: Path) -> tuple[float, int]:
     """Score (0 without a valid machine) and rollouts of a run."""
     result = design(build_config(document), out)
-    return result["score"] or 0.0, result["rollouts"]
+    return result.score or 0.0, result.rollouts
 
 
 def main() -> None:

@@ -31,7 +31,7 @@ from pathlib import Path
 
 import httpx
 
-from agentflow.llm.build import open_client
+from agentflow.llm.build import open_client, wrap
 from agentflow.llm.client import Client
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.messages import Message, Request
@@ -124,12 +124,8 @@ def open_recorded(base_url: str) -> Iterator[Client]:
         tempfile.TemporaryDirectory() as folder,
         Tape(Path(folder) / "calls.jsonl", print) as tape,
     ):
-        yield open_client(
-            Endpoint("m", base_url, "sk-benchmark"),
-            tape=tape,
-            budget=Budget(),
-            warn=print,
-        )
+        reached = open_client(Endpoint("m", base_url, "sk-benchmark"), warn=print)
+        yield wrap(reached, tape=tape, budget=Budget())
 
 
 async def wall(base_url: str) -> float:

@@ -18,6 +18,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 from statistics import median
 
@@ -32,7 +33,7 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.tree import ROOT, Machine
-from agentflow.training.data.folder import map_in_order
+from agentflow.search.concurrency import work_in_order
 
 PARTS = 4
 """Local pool and Ray take turns this often, as other load changes."""
@@ -139,12 +140,15 @@ async def _work_through(queue: int, workers: int) -> None:
         async def run(_: int) -> str:
             return (await pool.run(EMPTY, THROWING)).status
 
-        done, began = 0, time.perf_counter()
-        async for _ in map_in_order(range(queue), run, 4 * MOST * workers):
-            done += 1
+        numbers, began = count(1), time.perf_counter()
+
+        def keep(_: str) -> None:
+            done = next(numbers)
             if done % max(1, queue // 10) == 0:
                 spent = time.perf_counter() - began
                 print(f"driver after {done:8d} rollouts        {_memory():6.1f} MB, {spent:.0f} s")
+
+        await work_in_order(range(queue), run, keep, 4 * MOST * workers)
 
 
 def _memory() -> float:

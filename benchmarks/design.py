@@ -43,12 +43,10 @@ def main() -> None:
     wall = time.perf_counter() - began
     own = cpu_seconds(resource.RUSAGE_SELF) - own
     workers = cpu_seconds(resource.RUSAGE_CHILDREN)
-    print(f"score {result['score']:.2f}, {result['calls']} calls, {result['rollouts']} rollouts")
+    print(f"score {result.score:.2f}, {result.calls} calls, {result.rollouts} rollouts")
     print(f"wall {wall:.1f} s; workers {workers:.1f} s, main process {own:.1f} s (profiled)")
     print(f"workers' share: {workers / (workers + own):.0%}")
-    print(
-        f"per rollout {workers / result['rollouts']:.3f} s, per call {own / result['calls']:.3f} s"
-    )
+    print(f"per rollout {workers / result.rollouts:.3f} s, per call {own / result.calls:.3f} s")
     pstats.Stats(profile).sort_stats("tottime").print_stats(12)
 
 

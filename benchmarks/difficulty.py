@@ -84,8 +84,8 @@ def best_of_designs(level: str, workflow: str, seed: int) -> dict[str, Any]:
     }
     with tempfile.TemporaryDirectory() as folder:
         result = design(build_config(document), Path(folder))
-    passes = result.get("attempts", {}).get("passes")
-    return {"best": result["score"], "passes": passes}
+    passes = result.attempts.passes if result.attempts else None
+    return {"best": result.score, "passes": passes}
 
 
 def rows(family: str, cells: Cells, seed: int) -> list[list[str]]:

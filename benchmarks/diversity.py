@@ -18,9 +18,9 @@ import gensim.models.word2vec as gensim
 import numpy as np
 
 from agentflow.app.diversity.sources import read_sources
-from agentflow.diversity import embedding, shape, solid
+from agentflow.diversity import embedding, solid
 from agentflow.diversity.embedding import cosines, embed
-from agentflow.diversity.shape import Shape, surface_points
+from agentflow.diversity.solid import Solid, surface_points
 from agentflow.diversity.topology import tree_edit_distance
 from agentflow.machine import Machine
 from agentflow.machine.edits.random import random_machine
@@ -46,7 +46,7 @@ def word2vec(**options: object) -> Callable[..., Any]:
     return lambda walks, **ours: WORD2VEC(walks, **{**ours, **options})
 
 
-def shape_means(shapes: Sequence[Shape]) -> list[float]:
+def shape_means(shapes: Sequence[Solid]) -> list[float]:
     """Mean Chamfer and Hausdorff distance and IoU over all pairs."""
     found = [a.distances(b) for a, b in combinations(shapes, 2)]
     return [fmean(values) for values in zip(*found, strict=True)]
@@ -59,25 +59,28 @@ def row(label: str, cells: Sequence[float]) -> None:
 
 def measure_shapes(sets: dict[str, list[Machine]]) -> None:
     """Points on surfaces, cells of the grid, two-ended blocks."""
-    plain = {name: [Shape.of(m) for m in machines] for name, machines in sets.items()}
+    plain = {name: [Solid.of(m) for m in machines] for name, machines in sets.items()}
     for name, shapes in plain.items():
         for count in (512, 2048, 8192):
-            with changed(shape, POINTS=count):
-                row(f"{name}, {count} points", shape_means([Shape(s.solid) for s in shapes])[:2])
+            with changed(solid, POINTS=count):
+                row(
+                    f"{name}, {count} points",
+                    shape_means([dataclasses.replace(s) for s in shapes])[:2],
+                )
         others = [sampled_again(s) for s in shapes]
         again = [a.distances(b)[:2] for a, b in zip(shapes, others, strict=True)]
         row(f"{name}, same machine, other points", np.mean(again, axis=0).tolist())
         for cells in (16, 32, 64):
             with changed(solid, CELLS=cells):
                 row(f"{name}, {cells} cells", shape_means(shapes)[2:])
-        bare = [Shape(dataclasses.replace(s.solid, ends=s.solid.ends[:0])) for s in shapes]
+        bare = [dataclasses.replace(s, ends=s.ends[:0]) for s in shapes]
         row(f"{name}, without two-ended blocks", shape_means(bare))
 
 
-def sampled_again(one: Shape) -> Shape:
+def sampled_again(one: Solid) -> Solid:
     """The same solid with other random points."""
-    other = Shape(one.solid)
-    vars(other)["points"] = surface_points(one.solid, 2 * shape.POINTS)[shape.POINTS :]
+    other = dataclasses.replace(one)
+    vars(other)["points"] = surface_points(one, 2 * solid.POINTS)[solid.POINTS :]
     return other
 
 
@@ -118,7 +121,7 @@ def measure_time() -> None:
         work()
         print(f"| {label} | {time.process_time() - began:.2f} s |", flush=True)
 
-    shapes = [Shape.of(machine) for machine in machines]
+    shapes = [Solid.of(machine) for machine in machines]
     clock("points on surfaces", lambda: [(s.points, s.tree) for s in shapes])
     clock("distances of shapes", lambda: [shapes[a].distances(shapes[b]) for a, b in pairs])
     clock("walks and training", lambda: embed(machines, 0))

@@ -86,7 +86,7 @@ def stacks(options: Options) -> Iterator[Figure]:
             share = np.linalg.norm(np.abs(across) - (0.0, weight, 0.0)) / weight
             worst = max(worst, float(share))
     yield Figure(
-        "forces in static stacks, off the weight above",
+        "forces in static stacks, error relative to the weight above",
         f"{100 * worst:.2f} %",
         f"{100 * STACK_MOST:g} %",
         worst <= STACK_MOST,

@@ -20,6 +20,7 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import World
 from agentflow.env.physics.engines import default_engine
+from agentflow.env.physics.laws.flight import PropellerBlade
 from agentflow.env.physics.loads import Loads
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene, Start, Thing
@@ -233,8 +234,10 @@ def blade_lift(arm: int, fastest: float) -> float:
 
 def blade_climb() -> float:
     """Speed to its Up over speed to its Right at which a blade lifts nothing."""
-    normal = Stand([(26, 0, 0)]).assembly.devices.blades[0].normal
-    return abs(normal[0] / normal[1])
+    (blade,) = Stand([(26, 0, 0)]).assembly.devices.moved
+    assert isinstance(blade, PropellerBlade)
+    right, _, up = blade.normal
+    return abs(right / up)
 
 
 def friction(kind: int, degrees: float, surface: float | None = None) -> float:

@@ -29,8 +29,8 @@ from published import (
 )
 
 from agentflow.env.constants import constants
-from agentflow.env.physics.engine import Engine
-from agentflow.env.physics.engines import AUTO, choose_engine
+from agentflow.env.physics.engine import AUTO, Engine
+from agentflow.env.physics.engines import choose_engine
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task

@@ -43,7 +43,7 @@ from agentflow.search.events import SearchEvent, Simulated
 from agentflow.search.mcts import mcts
 from agentflow.search.node import C, Evaluation, Node, SearchResult
 from agentflow.search.settings import MAP_ELITES
-from agentflow.workflows.explore import workflow
+from agentflow.workflows import explore as workflow
 
 HERE = Path(__file__).parent
 CELLS, PAGE = HERE / "data" / "kinds.jsonl", HERE.parent / "docs" / "search.md"

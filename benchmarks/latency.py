@@ -18,6 +18,7 @@ from collections import defaultdict
 from typing import Any
 
 from agentflow.agents.base import AskContext
+from agentflow.agents.registry import scripts
 from agentflow.app.design.laboratory import PhysicsLaboratory
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
@@ -32,7 +33,7 @@ class SlowClient(ProceduralClient):
     """The procedural model with a delay."""
 
     def __init__(self, seed: int, latency: float) -> None:
-        super().__init__(seed)
+        super().__init__(seed, scripts())
         self._latency = latency
         self.spans: list[tuple[str, float, float]] = []
 

@@ -11,10 +11,10 @@ that was stopped loses nothing and can be run again.
 
 `update` verifies each record again and compares it with the other known machines of its family:
 reference machines, other records, and the machines of recorded runs in the given folders. `find`
-climbs hills from the record for some seconds; a step that scores more counts only if its verified
-score is higher, too. An item of the benchmark without a record starts from another machine of its
-family, adapted to the item's budget and block types. `check` simulates the records and fails if a
-score differs from the file. `list` prints the records.
+runs hill climbing from the record for some seconds; a step that scores more counts only if its
+verified score is higher, too. An item of the benchmark without a record starts from another machine
+of its family, adapted to the item's budget and block types. `check` simulates the records and fails
+if a score differs from the file. `list` prints the records.
 """
 
 from __future__ import annotations

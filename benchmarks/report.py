@@ -93,7 +93,7 @@ def make_run(folder: Path) -> Path:
     """Make a run of the procedural model with about 200 candidates."""
     settings = {"trajectories": 8, "search": {"rounds": 6}}
     config = build_config({"task": "throwing", "seed": 0, "settings": settings})
-    return Path(design(config, folder)["run"])
+    return Path(design(config, folder).run)
 
 
 def large_machine(folder: Path) -> Path:

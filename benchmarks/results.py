@@ -12,11 +12,11 @@ from pathlib import Path
 
 from agentflow.app.pages.pictures import render_run
 from agentflow.app.sweeps.folder import read_folder
+from agentflow.app.sweeps.registry import VIEWS
 from agentflow.app.sweeps.tables import FinishedRun, layout_table, read_sweep_result
-from agentflow.app.sweeps.views import VIEWS
 from agentflow.env.tasks.registry import get_level
 from agentflow.metrics.tables import markdown
-from agentflow.runs import read_document, read_result
+from agentflow.runs import read_document
 
 ORDER = (
     "workflows",
@@ -114,7 +114,7 @@ def gallery(folders: Iterable[Path], pictures: Path, base: Path) -> str:
     for folder in folders:
         for run in read_sweep_result(folder).finished:
             family = get_level(run.planned.config.task).file.family
-            score = read_result(run.path)["score"]
+            score = run.result.score
             if score is not None and score > best.get(family, (0.0, run))[0]:
                 best[family] = (score, run)
     lines = ["## The best machine of each family", ""]
@@ -125,7 +125,8 @@ def gallery(folders: Iterable[Path], pictures: Path, base: Path) -> str:
         lines += [
             f"![The best machine of {family}]({place})",
             "",
-            f"{run.planned.config.task}: score {score:.2f}, model {run.model}, run `{run.path}`",
+            f"{run.planned.config.task}: score {score:.2f}, model {run.result.model}, "
+            f"run `{run.path}`",
             "",
         ]
     return "\n".join(lines)

@@ -4,12 +4,12 @@
     python benchmarks/step_errors.py measure MACHINES.jsonl
     python benchmarks/step_errors.py cost [--machines 100] [--repeats 4] [--seed 0]
 
-`find` climbs hills on throwing, jumping and movement in turn, from the machines in tests/machines,
-and writes the last machines that were the best of a climb. `measure` simulates each at the default
-rate and at 480 Hz and prints the share of machines whose scores differ by at most 10 %; machines
-that score 0 at both rates are left out. `cost` compares the CPU time of rollouts with that of
-rollouts in which no step is divided: reference machines on their levels, and machines of the
-procedural model and random machines on all levels in turn, as searches without a language model
+`find` runs hill climbing on throwing, jumping and movement, alternating, from the machines in
+tests/machines, and writes the last machines that were the best of a climb. `measure` simulates each
+at the default rate and at 480 Hz and prints the share of machines whose scores differ by at most 10
+%; machines that score 0 at both rates are left out. `cost` compares the CPU time of rollouts with
+that of rollouts in which no step is divided: reference machines on their levels, and machines of
+the procedural model and random machines on all levels in turn, as searches without a language model
 simulate them; of a level with several trials, only the first.
 """
 
@@ -202,7 +202,7 @@ def _references() -> Iterator[Case]:
 
 async def _procedural(count: int, seed: int) -> list[Case]:
     """Valid first designs; of gearing there are none."""
-    prompts, client, cases = PromptSet(), ProceduralClient(seed), list[Case]()
+    prompts, client, cases = PromptSet(), ProceduralClient(seed, [Designer.script]), list[Case]()
     for number, task in enumerate(cycle(_tasks())):
         context = AskContext(client, prompts, Sampling(seed=seed + number))
         given = Designer.sample(task.brief, LONE_ROOT)

@@ -22,7 +22,7 @@ from random import Random
 import numpy as np
 
 from agentflow.env.archive import rollout_json
-from agentflow.env.physics.engines import AUTO
+from agentflow.env.physics.engine import AUTO
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task

@@ -18,7 +18,6 @@ from typing import Any
 import yaml
 
 from agentflow.app.design.execution import execute
-from agentflow.app.design.models import open_models
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.replay import MemoryRecord
 from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
@@ -29,10 +28,10 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.machine.formats.detect import read_any
 from agentflow.machine.tree import Machine
+from agentflow.models.clients import open_models
 from agentflow.runs import Event
 
 THROWER = Path(__file__).parent.parent / "tests/machines/thrower_long_arm.json"
@@ -90,7 +89,7 @@ async def in_memory(plans: list[RunPlan], pool: StandIn, tape: Tape) -> float:
     """CPU seconds of the same runs without recording to disk."""
     began = time.process_time()
     for plan in plans:
-        models = open_models(plan.config, tape, Budget(), print, {})
+        models = open_models(plan.config, tape, print)
         await execute(plan, models, MemoryRecord(), pool)
     return time.process_time() - began
 

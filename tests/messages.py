@@ -29,14 +29,22 @@ def messages() -> Iterator[str]:
 
 
 def _texts(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    named = {
+        target.id: node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef) and _is_command(node):
             yield "help", " ".join((ast.get_docstring(node) or "").split("\b")[0].split())
         if isinstance(node, ast.Call):
             name = getattr(node.func, "id", getattr(node.func, "attr", ""))
             helps = [word.value for word in node.keywords if word.arg in ("help", "epilog")]
+            helps = [named.get(h.id, h) if isinstance(h, ast.Name) else h for h in helps]
             yield from (("help", text) for value in helps if (text := _text(value)))
-            if name in ERRORS or name.endswith("Error"):
+            if name in ERRORS or name.endswith("Error") or name == "os_errors":
                 yield from ((name, text) for value in node.args if (text := _text(value)))
             if name == "Problem":
                 given = [*node.args[2:], *(w.value for w in node.keywords if w.arg == "message")]

@@ -23,6 +23,7 @@ from agentflow.cli import command_group, main
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine import check
 from agentflow.machine.formats.detect import read_any
+from tests.loops import for_each
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted(
@@ -76,11 +77,16 @@ def long(page: str) -> bool:
     )
 
 
-WITH_COMMANDS = [
-    pytest.param(page, marks=pytest.mark.slow if long(page) else ())
-    for page in PAGES
-    if shown(page)
-]
+def marks(page: str) -> list[pytest.MarkDecorator]:
+    """Pages that run physics are slow; those that show a score show PyBullet's."""
+    scores = any("pybullet" in command.output for command in shown(page))
+    return [
+        *([pytest.mark.slow] if long(page) else ()),
+        *([pytest.mark.pybullet] if scores else ()),
+    ]
+
+
+WITH_COMMANDS = [pytest.param(page, marks=marks(page)) for page in PAGES if shown(page)]
 ALL = [(page, command) for page in PAGES for command in understood(page)]
 
 
@@ -100,7 +106,7 @@ def parse(words: list[str]) -> None:
         context = command.make_context(name, rest, parent=context)
 
 
-@pytest.mark.parametrize(("page", "command"), ALL, ids=lambda value: getattr(value, "line", value))
+@for_each(ALL)
 def test_the_command_line_understands_it(page: str, command: Command) -> None:  # noqa: ARG001
     parse(command.words[1:])
 
@@ -157,7 +163,7 @@ def test_machines_that_are_shown_are_valid() -> None:
         assert check(read_any(text)).machine_valid
 
 
-@pytest.mark.parametrize("page", PAGES)
+@for_each(PAGES)
 def test_links_lead_somewhere(page: str) -> None:
     text = (ROOT / page).read_text()
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text):
@@ -165,7 +171,7 @@ def test_links_lead_somewhere(page: str) -> None:
             assert os.path.exists((ROOT / page).parent / target), target
 
 
-@pytest.mark.parametrize("page", PAGES)
+@for_each(PAGES)
 def test_every_fence_says_what_it_is(page: str) -> None:
     opened = re.findall(r"(?m)^```(.*)$", (ROOT / page).read_text())[::2]
     assert all(language for language in opened), opened

@@ -48,7 +48,7 @@ def test_every_public_name_exists_and_is_documented() -> None:
 def test_importing_the_package_loads_nothing_else() -> None:
     code = "import sys, agentflow; print(*(n for n in sys.modules if n.startswith('agentflow')))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["agentflow"]
+    assert {*done.stdout.split()} == {"agentflow", "agentflow.version"}
 
 
 def test_checking_a_machine_loads_no_physics() -> None:
@@ -73,6 +73,14 @@ def test_defaults_match_the_command_line() -> None:
         assert set(defaults.values()) == {None}
     assert inspect.signature(agentflow.simulate).parameters["seed"].default == 0
     assert inspect.signature(agentflow.reward).parameters["seed"].default == DesignConfig().seed
+
+
+@pytest.mark.parametrize("name", ["design", "resume", "simulate", "verify", "reward"])
+def test_twins_take_the_same_arguments(name: str) -> None:
+    """Of each pair, the one for event loops takes a pool as well; no type can say that."""
+    twin = inspect.signature(getattr(agentflow, f"{name}_async"))
+    others = [each for each in twin.parameters.values() if each.name != "pool"]
+    assert inspect.signature(getattr(agentflow, name)) == twin.replace(parameters=others)
 
 
 def test_the_prompt_for_a_trainer_is_what_a_designer_gets() -> None:

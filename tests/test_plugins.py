@@ -60,7 +60,7 @@ def test_every_registry_lists_what_was_added(tmp_path: Path) -> None:
     code = """
 from agentflow.agents.registry import ROLES, model_roles, stage_of
 from agentflow.app.pages.registry import PAGES
-from agentflow.env.physics.engines import ENGINES
+from agentflow.env.physics.registry import ENGINES
 from agentflow.env.tasks.registry import FAMILIES
 from agentflow.llm.procedural.mechanisms import MECHANISMS
 from agentflow.metrics.cells import METRICS
@@ -105,6 +105,9 @@ def test_a_run_made_of_toys(run: Path) -> None:
     assert roles == {"designer", "querier", "refiner", "judge"}
     prompts = {call["request"]["messages"][0]["text"] for call in calls}
     assert "You judge machines in one sentence.\n" in prompts
+    judged = [call["reply"]["text"] for call in calls if call["request"]["role"] == "judge"]
+    assert len(judged) == 2
+    assert all(re.fullmatch(r"A (good|fine) machine of \d+ blocks\.", text) for text in judged)
     designs = [call for call in calls if call["request"]["role"] == "designer"]
     assert all("Roller: length " in call["reply"]["text"] for call in designs)
     events = [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
@@ -137,7 +140,8 @@ def test_an_engine_simulates(tmp_path: Path) -> None:
     code = """
 from pathlib import Path
 import sys
-from agentflow.env.physics.engines import ENGINES, default_engine
+from agentflow.env.physics.engines import default_engine
+from agentflow.env.physics.registry import ENGINES
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import library, read_machine

@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
+import agentflow
 from agentflow.agents.base import Role
 from agentflow.agents.designer import Designer
 from agentflow.agents.registry import ROLES
 from agentflow.app.pages.registry import PAGES
-from agentflow.env.physics.engines import ENGINES
+from agentflow.env.physics.registry import ENGINES
 from agentflow.env.tasks.registry import FAMILIES
 from agentflow.errors import UnknownNameError
 from agentflow.metrics.cells import METRICS
@@ -69,3 +70,30 @@ def test_everything_of_ours_loads_and_unknown_names_are_refused(registry: Regist
 def test_checks(check: Any, right: Any, wrong: Any, problem: str) -> None:
     assert check("designer", right) == ""
     assert check("designer", wrong) == problem
+
+
+NAMED = (ENGINES, PROMPT_SETS, STRATEGIES, WORKFLOWS)
+"""Registries whose names stand nowhere else; families and roles have such tests of their own."""
+ORDINARY = {
+    *("compact", "default", "explore", "external", "placement", "random", "single", "tools"),
+}
+"""Names that are ordinary words too, of which a search for strings tells nothing."""
+HOMES = ("env/physics/", "prompts/", "search/", "workflows/")
+"""Parts that these things consist of."""
+EXCEPTIONS = {
+    "app/machines/formats.py": "the format of one engine, which writes it",
+    "cli/commands/machines.py": "the format of one engine, which writes it",
+    "config/run.py": "a default that users read",
+    "studio/watching/designs.py": "a default that users read",
+}
+"""Modules elsewhere that name one of these things, and why."""
+
+
+def test_names_of_registered_things_have_one_place() -> None:
+    package = Path(agentflow.__file__).parent
+    names = {name for registry in NAMED for name in registry.ours} - ORDINARY
+    quoted = re.compile(rf"([\"'])({'|'.join(map(re.escape, names))})\1")
+    files = {path.relative_to(package).as_posix(): path for path in package.rglob("*.py")}
+    others = {name: path for name, path in files.items() if not name.startswith(HOMES)}
+    naming = {name for name, path in others.items() if quoted.search(path.read_text("utf-8"))}
+    assert naming == set(EXCEPTIONS)

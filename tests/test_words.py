@@ -25,7 +25,10 @@ ODD = re.compile(
     r"\bOwns\b|\bspec \d|Of everything|a begun\b|\bGo on with\b|finds out\b|\ban own\b|Whose model|"
     r"tell of\b|taken over\b|\bis no (run|sweep|folder|saved)\b|stands there twice|"
     r"came out otherwise|\bwith room\b|in money is spent|taken hold of|open hands|"
-    r"nothing came to again|further left, the stronger|\bunheeded\b|no recorded question"
+    r"nothing came to again|further left, the stronger|\bunheeded\b|no recorded question|"
+    r"in the median\b|in the mean\b|(would|that) hang on\b|\bstands? beside\b|counted apart|"
+    r"measured apart|off the weight|climbs hills|fared differently|was at hand\b|"
+    r"keep telling\b|also tells the"
 )
 """Phrases that puzzled readers, and citations of documents that are not in the repository."""
 

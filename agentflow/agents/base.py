@@ -5,16 +5,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Generic, TypeVar
+from functools import cache
+from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Message, Reply, Request, Sampling
+from agentflow.llm.procedural.reading import Script
+from agentflow.machine.blocks.library import EXAMPLE
 from agentflow.machine.brief import Brief
-from agentflow.machine.tree import Machine
+from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.prompts.render import PromptSet
 
 In = TypeVar("In")
 Out = TypeVar("Out", covariant=True)
+
+Replies = Literal["answers", "edits", "calls"]
+"""What a role replies with: answers, edits of a machine, or calls of tools."""
 
 UNFINISHED: Mapping[str, tuple[str, str, str]] = {
     "length": (
@@ -115,6 +121,14 @@ class Role(Prompt[In, Out]):
     """
     model_role: ClassVar[str] = ""
     """Role whose model and sampling it uses; its own by default."""
+    replies: ClassVar[Replies] = "answers"
+    """What refused replies are counted as. Calls of tools are recorded one by one, and counted in
+    place of the replies that hold them."""
+    labels: ClassVar[tuple[str, ...]] = ()
+    """The steps of people's designing that are its work, as docs/study.md labels them. Its own
+    calls have the first of them."""
+    script: ClassVar[Script | None] = None
+    """How the procedural model plays it; None if it cannot."""
 
     @classmethod
     @abstractmethod
@@ -122,9 +136,45 @@ class Role(Prompt[In, Out]):
         """The input of its first question in a run, for a task and a machine."""
 
     @classmethod
+    def prediction(cls, text: str) -> str:  # noqa: ARG003
+        """What a reply predicts of the machine that it makes; "" if it predicts nothing."""
+        return ""
+
+    @classmethod
     def stage_for(cls, purpose: str) -> str:  # noqa: ARG003
         """Stage of a call; `purpose` says what a role with several uses is asked for."""
         return cls.stage
+
+
+def chat_prompt(
+    role: type[Role[Any, Any]],
+    brief: Brief,
+    prompts: str = "default",
+    machine: Machine | None = None,
+) -> list[dict[str, str]]:
+    """The prompt of a role's first question in a run, as chat messages: `role` and `content`.
+
+    Args:
+        role: Who is asked.
+        brief: The task.
+        prompts: Prompt set.
+        machine: For roles that receive one; by default a small one.
+    """
+    asked = role()
+    given = asked.sample(brief, machine or _small_machine(brief))
+    system, user = _open_set(prompts).render(asked.name, asked.variables(given))
+    return [{"role": "system", "content": system}, {"role": "user", "content": user}]
+
+
+@cache
+def _open_set(name: str) -> PromptSet:
+    """A prompt set, whose templates are compiled once."""
+    return PromptSet(name)
+
+
+def _small_machine(brief: Brief) -> Machine:
+    kind = EXAMPLE if EXAMPLE in brief.blocks else ROOT.type
+    return Machine((ROOT, *((Step(1, kind, 0, 4),) if kind else ())))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 from agentflow.agents.replies import Representation, machine_text
-from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.library import EXAMPLE, library
 from agentflow.machine.blocks.types import BlockType, Face
 from agentflow.machine.brief import Brief
 from agentflow.machine.controls import GROUPS, MAX_CONTROLS
@@ -16,8 +16,6 @@ from agentflow.machine.tree import Machine
 from agentflow.prompts.render import block_functions, facts
 
 ROOT_TYPE = 0
-EXAMPLE = 15
-"""Block type used in examples of formats, if the task allows it."""
 SAMPLE_REPORT = "Score: 0.00\nBroken: none"
 """A short simulation report, for sample inputs of roles."""
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")

@@ -12,6 +12,8 @@ from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import ROOT_TYPE, RoleInput
 from agentflow.agents.meta_designer import Blueprint, Structure
 from agentflow.agents.replies import machine_items, no_machine, read_reply, rejection
+from agentflow.llm.procedural.designing import design
+from agentflow.llm.procedural.reading import Script
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
@@ -57,6 +59,8 @@ class Designer(Role[DesignerInput, Design]):
     name: ClassVar[str] = "designer"
     stage: ClassVar[str] = "initial"
     tokens: ClassVar[tuple[int, int]] = (3230, 220)
+    labels: ClassVar[tuple[str, ...]] = ("Build",)
+    script: ClassVar[Script] = Script(design, "First the rationale", needs_machine=False)
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> DesignerInput:  # noqa: ARG003

@@ -8,6 +8,8 @@ from typing import Any, ClassVar
 
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import ROOT_TYPE, task_context
+from agentflow.llm.procedural.designing import plan
+from agentflow.llm.procedural.reading import Script
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.json_text import iter_json
 from agentflow.machine.tree import Machine
@@ -78,6 +80,8 @@ class MetaDesigner(Role[MetaDesignerInput, Blueprint]):
     name: ClassVar[str] = "meta_designer"
     stage: ClassVar[str] = "initial"
     tokens: ClassVar[tuple[int, int]] = (1250, 670)
+    labels: ClassVar[tuple[str, ...]] = ("Plan", "Hypothesize")
+    script: ClassVar[Script] = Script(plan, "machine_structure", needs_machine=False)
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> MetaDesignerInput:  # noqa: ARG003

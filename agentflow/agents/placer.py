@@ -11,6 +11,8 @@ from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import block_rows, task_context
 from agentflow.agents.designer import Design, Designer, DesignerInput
 from agentflow.agents.replies import machine_text
+from agentflow.llm.procedural.placing import place_cogs
+from agentflow.llm.procedural.reading import Script
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -30,6 +32,8 @@ class Placer(Role[PlacerInput, Design]):
     stage: ClassVar[str] = "initial"
     tokens: ClassVar[tuple[int, int]] = (3230, 220)
     model_role: ClassVar[str] = "designer"
+    labels: ClassVar[tuple[str, ...]] = ("Build",)
+    script: ClassVar[Script] = Script(place_cogs, "Place cogs")
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> PlacerInput:  # noqa: ARG003

@@ -9,6 +9,8 @@ from typing import ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import SAMPLE_REPORT, RoleInput, report_context
 from agentflow.agents.replies import find_sections
+from agentflow.llm.procedural.inspecting import query
+from agentflow.llm.procedural.reading import Script
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.json_text import extract_json
 from agentflow.machine.tree import Machine
@@ -42,6 +44,8 @@ class Querier(Role[QuerierInput, Inquiry]):
     name: ClassVar[str] = "querier"
     stage: ClassVar[str] = "env_feedback"
     tokens: ClassVar[tuple[int, int]] = (2720, 60)
+    labels: ClassVar[tuple[str, ...]] = ("Query",)
+    script: ClassVar[Script] = Script(query, f"<{QUERIES}>")
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> QuerierInput:

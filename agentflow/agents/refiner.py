@@ -6,18 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
-from agentflow.agents.base import Parsed, Role
+from agentflow.agents.base import Parsed, Replies, Role
 from agentflow.agents.context import SAMPLE_REPORT, RoleInput, report_context
 from agentflow.agents.history import History
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.replies import find_sections, no_machine, read_reply, rejection
+from agentflow.llm.procedural.reading import Script
+from agentflow.llm.procedural.refining import refine
 from agentflow.machine.brief import Brief
 from agentflow.machine.description.statics_text import statics_text
-from agentflow.machine.edits.commands import read_command, script_lines
+from agentflow.machine.edits.commands import is_machine, script_lines
 from agentflow.machine.edits.script import StepVerdict, apply_script
 from agentflow.machine.edits.telling import Renumbering, matching_ids, renumbering
 from agentflow.machine.tree import Machine
-from agentflow.machine.validity import check
+from agentflow.machine.validity import Report, check
 
 NO_CHANGE = "no change"
 """Description of a refinement that leaves the machine as it is."""
@@ -87,6 +89,9 @@ class Refiner(Role[RefinerInput, Refinement]):
     name: ClassVar[str] = "refiner"
     stage: ClassVar[str] = "env_feedback"
     tokens: ClassVar[tuple[int, int]] = (4590, 80)
+    replies: ClassVar[Replies] = "edits"
+    labels: ClassVar[tuple[str, ...]] = ("Revise", "Restructure")
+    script: ClassVar[Script] = Script(refine, f"<{STEPS}>")
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> RefinerInput:
@@ -98,6 +103,11 @@ class Refiner(Role[RefinerInput, Refinement]):
         machine; else the feedback loop."""
         stages = {"blind": "blind_refinement", **{name: name for name in TRIED_STAGES}}
         return stages.get(purpose, cls.stage)
+
+    @classmethod
+    def prediction(cls, text: str) -> str:
+        """It has a section of its own."""
+        return find_sections(text, (PREDICTION,)).get(PREDICTION, "")
 
     def variables(self, given: RefinerInput) -> Mapping[str, object]:
         report = report_context(given.score, given.feedback)
@@ -129,14 +139,9 @@ class Refiner(Role[RefinerInput, Refinement]):
         lines = script_lines(found[STEPS])
         if not lines or lines[0].strip(" .*()").casefold() in _NOTHING:
             return Parsed(Refinement(given.machine, NO_CHANGE), spatial=True)
-        if given.format == "whole_machine" or _is_machine(lines):
+        if given.format == "whole_machine" or is_machine(lines):
             return _read_machine(found, given)
         return _read_script(found, given, "\n".join(lines))
-
-
-def _is_machine(lines: Sequence[str]) -> bool:
-    """Whether lines that should be commands are a whole machine instead."""
-    return any("{" in line for line in lines) and not any(map(read_command, lines))
 
 
 def _read_script(found: Mapping[str, str], given: RefinerInput, script: str) -> Parsed[Refinement]:
@@ -146,7 +151,8 @@ def _read_script(found: Mapping[str, str], given: RefinerInput, script: str) -> 
         problem = "The script failed; the machine is unchanged:\n" + verdict_text(outcome.steps)
         return Parsed(None, problem, code, spatial=False if code in GEOMETRIC else None)
     ids = renumbering(given.machine, outcome.id_map, outcome.names)
-    return _check(found, given, outcome.machine, script, ids)
+    report = check(outcome.machine, given.brief)
+    return _judge(found, given, outcome.machine, report, script, ids)
 
 
 def _read_machine(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
@@ -154,18 +160,18 @@ def _read_machine(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refin
     if report.machine is None:
         return no_machine(report, f"<{STEPS}>")
     ids = renumbering(given.machine, matching_ids(given.machine, report.machine), {})
-    return _check(found, given, report.machine, "", ids, repaired=report.repaired)
+    return _judge(found, given, report.machine, report, "", ids)
 
 
-def _check(
+def _judge(
     found: Mapping[str, str],
     given: RefinerInput,
     machine: Machine,
+    report: Report,
     script: str,
     ids: Renumbering,
-    repaired: bool = False,
 ) -> Parsed[Refinement]:
-    report = check(machine, given.brief)
+    repaired = report.repaired
     refused = rejection(machine, report, given.brief, complete=True)
     if refused is None and machine == given.machine:
         refused = "no_change", f"The new machine is the same as the current one; {_KEEP}."
@@ -174,7 +180,7 @@ def _check(
     if refused is not None:
         code, problem = refused
         return Parsed(None, problem, code, repaired, spatial=report.spatial_valid)
-    refinement = Refinement(machine, found.get(DESCRIPTION, ""), script, ids)
+    refinement = Refinement(report.machine or machine, found.get(DESCRIPTION, ""), script, ids)
     return Parsed(refinement, repaired=repaired, spatial=report.spatial_valid)
 
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 from agentflow.registry import Registry, subclass_of
 
 if TYPE_CHECKING:
-    from agentflow.agents.base import Role
+    from agentflow.agents.base import Replies, Role
+    from agentflow.llm.procedural.reading import Script
 
 ROLES: Registry[type[Role[Any, Any]]] = Registry(
     "role",
@@ -19,7 +20,7 @@ ROLES: Registry[type[Role[Any, Any]]] = Registry(
         "querier": "agentflow.agents.querier:Querier",
         "refiner": "agentflow.agents.refiner:Refiner",
         "placer": "agentflow.agents.placer:Placer",
-        "agent": "agentflow.agents.tool_agent.role:Agent",
+        "agent": "agentflow.agents.tool_agent:Agent",
     },
     subclass_of("agentflow.agents.base:Role", named_by="name"),
 )
@@ -28,6 +29,16 @@ ROLES: Registry[type[Role[Any, Any]]] = Registry(
 def model_roles() -> tuple[str, ...]:
     """Roles that can have their own model and sampling; the others share one of these."""
     return tuple(name for name, role in ROLES.items() if role.model_role in ("", name))
+
+
+def replies_of(role: str) -> Replies:
+    """What a role replies with; "answers" if it is not installed."""
+    return ROLES[role].replies if role in ROLES else "answers"
+
+
+def scripts() -> tuple[Script, ...]:
+    """How the procedural model plays the roles that it can play."""
+    return tuple(role.script for role in ROLES.values() if role.script)
 
 
 def stage_of(role: str, purpose: str = "") -> str:

@@ -20,6 +20,10 @@ Representation = Literal["tree", "coordinates"]
 MAX_PROBLEMS = 8
 """Maximum number of problems listed; the first usually cause the others."""
 _TAG = re.compile(r"<(/?)([^<>\n]{1,80})>")
+_SENTENCE = re.compile(r"(?<=[.!?])\s+|\n+")
+_EXPECTED = re.compile(
+    r"\b(?:will|should|would|expect(?:s|ed|ing)?|predict(?:s|ed|ing)?)\b|'ll\b", re.IGNORECASE
+)
 
 
 def machine_items(machine: Machine, representation: Representation) -> Sequence[object]:
@@ -151,3 +155,8 @@ def find_sections(text: str, names: Iterable[str]) -> dict[str, str]:
 
 def _key(name: str) -> str:
     return " ".join(re.split(r"[\s_-]+", name.strip().strip("/"))).strip().casefold()
+
+
+def expectations(text: str) -> str:
+    """The sentences of a text that say what is expected, as agents have no field for it."""
+    return " ".join(part for part in _SENTENCE.split(text) if _EXPECTED.search(part))

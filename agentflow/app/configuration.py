@@ -10,9 +10,10 @@ from typing import Any
 
 import yaml
 
-from agentflow.app.design.config import complete_config, config_json, fill_from_environment
+from agentflow.app.design.config import config_json
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import apply_settings, load_document
+from agentflow.models.completion import complete_config, fill_from_environment
 
 DEFAULT, SETTING, ENVIRONMENT = "default", "--set", "environment"
 COLUMN = 52

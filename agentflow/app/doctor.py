@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from agentflow.agents.tool_agent.role import Agent
-from agentflow.app.design.models import choose_models
+from agentflow.agents.registry import ROLES
 from agentflow.config.run import DesignConfig
 from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.llm.doctor import diagnose
 from agentflow.llm.messages import JsonSchema, Message, Request, Sampling, Tool
 from agentflow.machine import check, library, read_machine
+from agentflow.models.choices import choose_models
 
 _FORM = JsonSchema(
     name="answer",
@@ -69,7 +69,7 @@ def check_endpoint(config: DesignConfig, role: str) -> dict[str, Any]:
     settings = http.model_copy(
         update={"idle_s": min(http.idle_s, _IDLE_S), "total_s": min(http.total_s, _TOTAL_S)}
     )
-    question = _TOOL_QUESTION if role == Agent.name else _QUESTION
+    question = _TOOL_QUESTION if ROLES[role].replies == "calls" else _QUESTION
     found = asyncio.run(diagnose(choices[role].endpoint(), settings, question)).model_dump()
     reply = found.pop("reply")
     return {**found, "machine": "" if found["problem"] else _judge(reply)}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from agentflow.env.pool.base import OpenPool
-from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import ConfigError
+from agentflow.extras import install, is_installed
+
+if TYPE_CHECKING:
+    from agentflow.env.pool.base import OpenPool
 
 Where = Literal["local", "ray"]
 
@@ -19,6 +20,8 @@ def pools_on(where: Where) -> OpenPool:
         ConfigError: Ray is not installed.
     """
     if where == "local":
+        from agentflow.env.pool.pool import RolloutPool  # slow to load, and only needed here
+
         return RolloutPool
     _require_ray()
     from agentflow.cluster.pool import RayPool
@@ -39,7 +42,7 @@ def connect(workers: int) -> None:
 
 
 def _require_ray() -> None:
-    if find_spec("ray") is None:
+    if not is_installed("ray"):
         raise ConfigError(
-            "--on ray needs Ray; install it on every node with: pip install 'agentflow[cluster]'"
+            f"--on ray needs Ray; install it on every node with: {install('cluster')}"
         )

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from difflib import unified_diff
-from functools import cache
 from typing import Any
 
-from agentflow.agents.context import EXAMPLE
+from agentflow.agents.base import chat_prompt
 from agentflow.agents.registry import ROLES
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, check
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.detect import read_for
-from agentflow.machine.tree import ROOT, Step
 from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.prompts.render import PromptSet
 from agentflow.prompts.text import token_estimate
@@ -36,9 +34,8 @@ def render_prompt(name: str, role: str, brief: Brief, source: str | None = None)
         brief: The task.
         source: A machine as text, for roles that receive one; by default a small one.
     """
-    asker, prompts = ROLES[role](), _open_set(name)
-    given = asker.sample(brief, _machine(brief, source))
-    system, user = prompts.render(asker.name, asker.variables(given))
+    prompts, machine = PromptSet(name), None if source is None else _machine(brief, source)
+    system, user = (item["content"] for item in chat_prompt(ROLES[role], brief, name, machine))
     return {
         "set": name,
         "digest": prompts.digest,
@@ -65,17 +62,7 @@ def compare_prompt_sets(first: str, second: str) -> str:
     return "\n".join(lines)
 
 
-@cache
-def _open_set(name: str) -> PromptSet:
-    """A prompt set, whose templates are compiled once."""
-    return PromptSet(name)
-
-
-def _machine(brief: Brief, source: str | None) -> Machine:
-    if source is None:
-        kind = EXAMPLE if EXAMPLE in brief.blocks else ROOT.type
-        blocks = (Step(1, kind, 0, 4),) if kind else ()
-        return Machine((ROOT, *blocks))
+def _machine(brief: Brief, source: str) -> Machine:
     report = check(read_for(brief, source), brief)
     if report.machine is None:
         raise UsageError(f"no machine to show: {report.problems[0].message}")

@@ -9,13 +9,12 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from agentflow.app.design.results import read_finished, trusted_score
 from agentflow.app.design.run import DesignRun, RunOptions
-from agentflow.app.inspect.verify import verify_finished
+from agentflow.app.subjects.verify import verify_finished
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.base import Simulator
 from agentflow.errors import AgentflowError, EndpointError
-from agentflow.runs import Notify
+from agentflow.runs import Notify, read_result
 from agentflow.runs.places import StageName
 from agentflow.runs.reading import EVENTS
 from agentflow.tools import Bench
@@ -109,8 +108,8 @@ class RunSession:
     def farewell(self) -> str:
         """How the run ended and where it is."""
         assert self._run is not None
-        result = read_finished(self._run.directory.path)
-        score, path = trusted_score(result), quote(result["run"])
+        result = read_result(self._run.directory.path)
+        score, path = result.trusted_score, quote(result.run)
         told = "without a valid machine" if score is None else f"with a score of {score:.2f}"
         return (
             f"The design is finished, {told}. It is in {path}; `agentflow show` and `agentflow "

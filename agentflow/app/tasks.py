@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from agentflow.config.run import split_setting
-from agentflow.env.physics.engines import AUTO
+from agentflow.env.physics.engine import AUTO
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_json
 from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names

@@ -15,10 +15,10 @@ from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
 MODULES = (
-    "analysis.behaviour",
-    "analysis.diagnose",
-    "analysis.diversity",
+    "analysis.models",
+    "machines",
     "analysis.perturb",
+    "sweeps",
     "analysis.study",
     "benchmark",
     "design",
@@ -26,17 +26,16 @@ MODULES = (
     "learning.data",
     "learning.evaluate",
     "learning.train",
-    "machines",
     "mcp",
     "prompts",
     "records",
     "reports",
     "studio",
-    "sweeps",
     "tasks",
     "verify",
 )
-"""Modules of `agentflow.cli.commands`; importing one registers its commands."""
+"""Modules of `agentflow.cli.commands`; importing one registers its commands, and `agentflow --help`
+lists commands in this order."""
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""The root command, options shared by several commands, and JSON output.
+"""The root command, and how commands print results.
 
 Heavy imports happen inside the commands that need them.
 """
@@ -7,17 +7,15 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
-from agentflow import __version__
 from agentflow.cli.display.text import escape_controls
-from agentflow.errors import ConfigError
+from agentflow.errors import UsageError
+from agentflow.version import __version__
 
 commands = typer.Typer(
     name="agentflow",
@@ -29,71 +27,16 @@ commands = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
+
+def subcommands(name: str, *, help: str, epilog: str) -> typer.Typer:
+    """Add a command that has commands of its own, such as `study`."""
+    group = typer.Typer(help=help, epilog=epilog, no_args_is_help=True, rich_markup_mode=None)
+    commands.add_typer(group, name=name)
+    return group
+
+
 PARTLY = 3
 """Exit status: some of several runs failed."""
-
-Knobs = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", help="Set a knob (an adjustable parameter of the task), knob=value; repeatable."
-    ),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print only JSON to stdout.")]
-Format = Annotated[
-    Literal["text", "md", "csv", "latex"], typer.Option("--format", help="Output format.")
-]
-FormatOrJson = Annotated[
-    Literal["text", "md", "csv", "latex", "json"], typer.Option("--format", help="Output format.")
-]
-Published = Annotated[
-    bool,
-    typer.Option("--published", help="Add the published values of other models as separate rows."),
-]
-Run = Annotated[Path, typer.Argument(help="Run directory.")]
-ModelName = Annotated[
-    str | None,
-    typer.Option(
-        "--model",
-        help="Model name (default: AGENTFLOW_MODEL, else procedural: rules and random choices).",
-    ),
-]
-BaseUrl = Annotated[
-    str | None,
-    typer.Option(help="URL of an OpenAI-compatible endpoint. Its key is read from OPENAI_API_KEY."),
-]
-Config = Annotated[Path | None, typer.Option(help="YAML configuration file.")]
-Engine = Annotated[
-    str | None,
-    typer.Option(
-        "--engine",
-        help="Physics engine: auto (the first that is installed), pybullet or mujoco.",
-    ),
-]
-Trust = Annotated[
-    bool,
-    typer.Option(
-        "--trust",
-        help="Send prompts and keys where the given file or directory says, and run the program "
-        "that it says, even if you have not named them.",
-    ),
-]
-On = Annotated[
-    Literal["local", "ray"],
-    typer.Option(
-        "--on",
-        help="Where to simulate: local (worker processes on this machine) or ray (a Ray cluster: "
-        "that at RAY_ADDRESS, else one on this machine).",
-    ),
-]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Suppress progress and notices.")]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        help="Set a configuration key or a knob (an adjustable parameter of the task), "
-        "key=value; repeatable.",
-    ),
-]
 
 
 def approve(sentence: str) -> bool:
@@ -108,17 +51,19 @@ def allow(_sentence: str) -> bool:
     return True
 
 
-@contextmanager
-def needs_extra(name: str, *apart: str) -> Iterator[None]:
-    """Tell how to install what is missing: an extra of agentflow, or a library `apart` from it."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        library = str(error.name).partition(".")[0]
-        what = library if library in apart else f"'agentflow[{name}]'"
-        raise ConfigError(
-            f"{library} is not installed; install it with: pip install {what}"
-        ) from None
+def level_of(task: str | None, knobs: list[str] | None, engine: str | None = None) -> Any:
+    """The task that options name; None if they name none.
+
+    Raises:
+        UsageError: There are knobs without a task, or one of the three does not exist.
+    """
+    if task is None:
+        if knobs:
+            raise UsageError("--set changes a knob of a task; name the task with --task")
+        return None
+    from agentflow.app.tasks import find_task
+
+    return find_task(task, knobs or (), engine)
 
 
 def _version(wanted: bool) -> None:
@@ -148,6 +93,16 @@ def print_result(value: Any, as_json: bool, show: Callable[[Any], object]) -> No
 def print_table(text: str, form: str) -> None:
     """Print a table in one of the formats of `Format` as it is, but text for people safely."""
     print(escape_controls(text, "\n") if form == "text" else text, end="")
+
+
+def print_sources(
+    results: Sequence[Any], form: str, as_json: bool, text: Callable[..., str], **further: Any
+) -> None:
+    """Print what was measured of each source: JSON with `further` beside it, or a table."""
+    if as_json:
+        print_json({"sources": [result.to_json() for result in results], **further})
+    else:
+        print_table(text(results, form), form)
 
 
 def print_json(value: Any) -> None:

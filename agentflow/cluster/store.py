@@ -16,6 +16,7 @@ from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.errors import ConfigError, RunError
+from agentflow.extras import install
 from agentflow.machine.tree import Machine
 
 _T = TypeVar("_T")
@@ -41,8 +42,8 @@ class RemoteStore:
             self._files, self._root = url_to_fs(url)
         except ImportError as error:
             raise ConfigError(
-                f"the store {url} needs a library that is not installed: pip install "
-                f"'agentflow[cluster]', and what its kind of URL asks for ({error})"
+                f"the store {url} needs a library that is not installed: "
+                f"{install('cluster')}, and what its kind of URL asks for ({error})"
             ) from None
         except ValueError as error:
             raise ConfigError(f"the store {url} is not the URL of a file system: {error}") from None

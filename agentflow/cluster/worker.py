@@ -8,11 +8,11 @@ from collections.abc import Sequence
 
 from ray.util import get_node_ip_address
 
-from agentflow import __version__
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import installed_engines
 from agentflow.env.pool.worker import Reply, play
 from agentflow.machine.blocks.library import library
+from agentflow.version import __version__
 
 Batch = Sequence[bytes]
 """Pickled arguments of `simulate`. Ray carries bytes only: arrays would stay in its object store,

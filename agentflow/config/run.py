@@ -6,22 +6,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin
+from typing import Any, Literal, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
-from agentflow.config.yaml import (
-    NOT_YAML,
-    describe_fault,
-    find_bool_as_number,
-    first_fault,
-    read_yaml,
-)
-from agentflow.errors import ConfigError, UnknownNameError, yaml_problem
+from agentflow.errors import ConfigError
+from agentflow.files.faults import explain, find_bool_as_number
+from agentflow.files.yaml import NOT_YAML, read_yaml, read_yaml_file, yaml_problem
 from agentflow.llm.messages import Sampling
 from agentflow.llm.settings import EndpointSettings
-from agentflow.llm.wrappers.budget import BudgetSettings
-from agentflow.llm.wrappers.prices import Price
+from agentflow.llm.wrappers.budget import BudgetSettings, Price
 from agentflow.workflows.settings import WorkflowSettings
 
 PROCEDURAL = "procedural"
@@ -30,10 +24,8 @@ KEY_VARIABLE = "OPENAI_API_KEY"
 _VARIABLE = r"^[A-Za-z_][A-Za-z0-9_]*$"
 
 
-class RoleModel(BaseModel):
+class RoleModel(BaseModel, frozen=True, extra="forbid"):
     """The model of one role, in place of the run's model."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str = Field(min_length=1, description="model name at the endpoint")
     base_url: str | None = Field(
@@ -47,10 +39,8 @@ class RoleModel(BaseModel):
     sampling: Sampling | None = Field(None, description="None is the run's")
 
 
-class ModelConfig(BaseModel):
+class ModelConfig(BaseModel, frozen=True, extra="forbid", protected_namespaces=()):
     """Models, sampling and limits. Keys come from the environment only."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
 
     name: str = Field(
         PROCEDURAL, min_length=1, description="model name at the endpoint, or a model's folder"
@@ -80,10 +70,8 @@ class ModelConfig(BaseModel):
         return self.name == PROCEDURAL or self.label is not None
 
 
-class DesignConfig(BaseModel):
+class DesignConfig(BaseModel, frozen=True, extra="forbid"):
     """Everything that, together with the replies, decides the result of a run."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     task: str = Field("throwing", description="level, for instance throwing or throwing/3")
     knobs: dict[str, Any] = Field({}, description="changed knobs of the level")
@@ -117,12 +105,7 @@ def load_document(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: The file cannot be read or is not a YAML mapping.
     """
-    try:
-        document = read_yaml(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"cannot read {path}: {error.strerror}") from None
-    except NOT_YAML as error:
-        raise ConfigError(f"{path} is not YAML: {yaml_problem(error)}") from None
+    document = read_yaml_file(path)
     if not isinstance(document, dict):
         raise ConfigError(f"{path} must hold a mapping of configuration keys")
     config = document.get("config")
@@ -164,7 +147,7 @@ def set_key(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any
     """
     result = group = dict(document)
     *groups, last = _keys_of(path)
-    plain = _plain_keys(DesignConfig)
+    plain = _plain_keys()
     for depth, key in enumerate(groups, start=1):
         below = group.get(key, {})
         if not isinstance(below, Mapping) or ".".join(groups[:depth]) in plain:
@@ -180,7 +163,7 @@ def suggest_key(knobs: Iterable[str]) -> str:
 
     `rounds` also matches `search.rounds`.
     """
-    keys = [key.removeprefix("settings.") for key in _keys_in(DesignConfig)]
+    keys = [key.removeprefix("settings.") for key, _ in _keys_in(DesignConfig)]
     for knob in knobs:
         parts = knob.count(".") + 1
         ends = {".".join(key.split(".")[-parts:]): key for key in reversed(keys)}
@@ -190,26 +173,23 @@ def suggest_key(knobs: Iterable[str]) -> str:
     return ""
 
 
-def _keys_in(kind: type[BaseModel], above: str = "") -> Iterator[str]:
-    """Every dotted key; a group of keys precedes its members."""
+def _keys_in(kind: type[BaseModel], above: str = "") -> Iterator[tuple[str, bool]]:
+    """Every dotted key, and whether it holds one value: neither a group of keys nor a mapping.
+
+    A group of keys precedes its members.
+    """
     for name, field in kind.model_fields.items():
-        yield above + name
         inner = field.annotation
-        if isinstance(inner, type) and issubclass(inner, BaseModel):
-            yield from _keys_in(inner, f"{above}{name}.")
+        group = inner if isinstance(inner, type) and issubclass(inner, BaseModel) else None
+        yield above + name, group is None and get_origin(inner) is not dict
+        if group is not None:
+            yield from _keys_in(group, f"{above}{name}.")
 
 
 @cache
-def _plain_keys(kind: type[BaseModel], above: str = "") -> frozenset[str]:
-    """Every dotted key that holds one value: neither a group of keys nor a mapping."""
-    found = set[str]()
-    for name, field in kind.model_fields.items():
-        inner = field.annotation
-        if isinstance(inner, type) and issubclass(inner, BaseModel):
-            found |= _plain_keys(inner, f"{above}{name}.")
-        elif get_origin(inner) is not dict:
-            found.add(above + name)
-    return frozenset(found)
+def _plain_keys() -> frozenset[str]:
+    """Every dotted key that holds one value."""
+    return frozenset(key for key, is_plain in _keys_in(DesignConfig) if is_plain)
 
 
 def build_config(document: object) -> DesignConfig:
@@ -238,37 +218,3 @@ def _keys_of(path: str) -> tuple[str, ...]:
     if first in WorkflowSettings.model_fields:
         return ("settings", first, *rest)
     return ("knobs", path)
-
-
-def explain(error: ValidationError, root: type[BaseModel], key_name: str) -> str:
-    """The first error of a document of type `root`; error messages call its keys `key_name`."""
-    first = first_fault(error)
-    place = [str(part) for part in first["loc"]]
-    name = ".".join(place)
-    if first["type"] == "extra_forbidden":
-        return str(UnknownNameError(key_name, name, _names_beside(place, root)))
-    if not place:  # a rule about several keys, which names them
-        return describe_fault(first)
-    if place[-1] == "key_variable":  # do not print it: it may be the key itself
-        return f"{name} takes the name of an environment variable, not a key"
-    if first["type"] == "missing":
-        return f"{name} {describe_fault(first)}"
-    if first["type"] == "value_error":  # the message names the value
-        return f"{name}: {describe_fault(first)}"
-    return f"{name}: {describe_fault(first)}, not {first['input']!r}"
-
-
-def _names_beside(place: list[str], kind: type[BaseModel]) -> list[str]:
-    """The valid keys in place of an unknown one."""
-    for part in place[:-1]:
-        if part in kind.model_fields:  # keys of mappings are not fields
-            kind = _model_in(kind.model_fields[part].annotation) or kind
-    return [".".join([*place[:-1], name]) for name in kind.model_fields]
-
-
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    """The model in an annotation: alone, optional, or in a list or mapping."""
-    for kind in (annotation, *get_args(annotation)):
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
-            return kind
-    return None

@@ -9,11 +9,11 @@ from itertools import product
 from shlex import quote
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
-from agentflow.config.run import DesignConfig, build_config, explain, set_key
-from agentflow.config.yaml import find_bool_as_number
+from agentflow.config.run import DesignConfig, build_config, set_key
 from agentflow.errors import ConfigError
+from agentflow.files.faults import explain, find_bool_as_number
 
 StageChoice = Literal["initial", "blind_refinement", "env_feedback"]
 Seed = Annotated[int, Field(ge=-(2**63), lt=2**63)]
@@ -22,10 +22,8 @@ Axis = dict[str, dict[str, Any]]
 """Label -> dotted configuration keys and their values."""
 
 
-class PublishedSource(BaseModel):
+class PublishedSource(BaseModel, frozen=True, extra="forbid"):
     """A published table to compare a sweep with."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     table: str = Field(description="name of the published table")
     conditions: dict[str, str] = Field(
@@ -33,10 +31,8 @@ class PublishedSource(BaseModel):
     )
 
 
-class TableLayout(BaseModel):
+class TableLayout(BaseModel, frozen=True, extra="forbid"):
     """How a sweep's runs are arranged in a table."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     conditions: Literal["axes", "stages", "rounds", "none"] = Field(
         "axes",
@@ -61,10 +57,8 @@ class TableLayout(BaseModel):
         return self
 
 
-class BenchmarkSettings(BaseModel):
+class BenchmarkSettings(BaseModel, frozen=True, extra="forbid"):
     """What makes a sweep a benchmark: its axes are `part` and `task`, the items."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     version: int = Field(ge=1, description="version of the items and parts")
     lowest: tuple[str, ...] = Field(
@@ -74,10 +68,8 @@ class BenchmarkSettings(BaseModel):
     plan: str = Field("", description="hash of items and parts; filled in when a run begins")
 
 
-class SweepConfig(BaseModel):
+class SweepConfig(BaseModel, frozen=True, extra="forbid"):
     """A sweep as written in YAML."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     title: str = Field(min_length=1, description="title of the table")
     about: str = Field("", description="what the sweep shows, in a sentence or two")

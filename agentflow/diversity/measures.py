@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import count
 from math import comb
 from typing import NamedTuple
 
 import numpy as np
 
 from agentflow.diversity.embedding import cosines, embed
-from agentflow.diversity.shape import Shape
-from agentflow.diversity.solid import Array
+from agentflow.diversity.solid import Array, Solid
 from agentflow.diversity.topology import tree_edit_distance
 from agentflow.machine import Machine
 from agentflow.metrics.intervals import Interval, bootstrap_pairs
+from agentflow.progress import Progress, counter, silent
 
 
 class Measure(NamedTuple):
@@ -33,7 +32,7 @@ class Measures:
 
     machines: int
     chamfer: Measure
-    """Diagonals of a machine; see `shape.ShapeDistances` for this and the next two."""
+    """Diagonals of a machine; see `solid.ShapeDistances` for this and the next two."""
     hausdorff: Measure
     iou: Measure
     """0 to 1."""
@@ -51,7 +50,7 @@ def diversity(machines: Sequence[Machine], seed: int) -> Measures:
 def compare(
     sets: Sequence[Sequence[Machine]],
     seed: int,
-    say: Callable[[int, int], None] = lambda _done, _of: None,
+    say: Progress = silent,
 ) -> list[Measures]:
     """The measures of several sets of machines. Their graphs are embedded together.
 
@@ -60,12 +59,13 @@ def compare(
         seed: Of the embedding and of the intervals.
         say: Told the number of pairs done, and of all pairs, after each pair.
     """
-    total, done = sum(comb(len(machines), 2) for machines in sets), count(1)
+    total = sum(comb(len(machines), 2) for machines in sets)
     every = [machine for machines in sets for machine in machines]
     vectors = embed(every, seed) if total else np.empty(0)
+    tick = counter(say, total)
     ends = np.cumsum([len(machines) for machines in sets])
     return [
-        _measure(machines, vectors[end - len(machines) : end], seed, lambda: say(next(done), total))
+        _measure(machines, vectors[end - len(machines) : end], seed, tick)
         for machines, end in zip(sets, ends, strict=True)
     ]
 
@@ -76,7 +76,7 @@ def _measure(
     number = len(machines)
     if number < 2:
         return Measures(number, *[Measure(None, None)] * 5)
-    shapes = [Shape.of(machine) for machine in machines]
+    shapes = [Solid.of(machine) for machine in machines]
     shape = np.zeros((3, number, number))
     edits = np.zeros((number, number))
     for i in range(number):

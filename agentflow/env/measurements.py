@@ -22,7 +22,7 @@ class Hit(NamedTuple):
     place: Vec3
     """Where they pressed hardest in the first step."""
     impulse: float
-    """Of the normal force until they came apart, at most over `contacts.LONGEST`, N s."""
+    """Of the normal force until they came apart, at most over `logs.LONGEST`, N s."""
 
 
 @dataclass(frozen=True)

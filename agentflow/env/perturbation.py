@@ -16,6 +16,7 @@ from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, Variatio
 from agentflow.env.verification import run_under
 from agentflow.machine.edits.neighbours import Neighbour
 from agentflow.machine.tree import Machine
+from agentflow.progress import Progress, counter
 
 LOW = 0.1
 """The quantile of scores that is the robust score."""
@@ -126,7 +127,7 @@ async def perturb(
     machine: Machine,
     neighbours: Sequence[Neighbour],
     run: Callable[..., Awaitable[Rollout]],
-    say: Callable[[int, int], None],
+    say: Progress,
 ) -> Perturbation:
     """Simulate a machine under all conditions, and its neighbours under the default ones.
 
@@ -136,13 +137,11 @@ async def perturb(
         run: Simulates the machine that it gets, under the `variation` that it gets if any.
         say: Told the number of simulations done, and of all.
     """
-    total, done = len(PERTURBATIONS) + len(neighbours), 0
+    tick = counter(say, len(PERTURBATIONS) + len(neighbours))
 
     async def counted(one: Machine, variation: Variation = DEFAULT) -> Rollout:
-        nonlocal done
         rollout = await run(one, variation=variation)
-        done += 1
-        say(done, total)
+        tick()
         return rollout
 
     async def of_machine(variation: Variation) -> Rollout:

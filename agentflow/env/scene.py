@@ -5,11 +5,25 @@ Game frame throughout: left-handed, x right, y up, z forward; metres, kilograms,
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from math import pi, radians, sin
 from typing import Literal
 
 from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3, about_axis, product
+
+Body = int | str
+"""A block id, the name of a scene object, or "ground"."""
+
+
+def blocks_among(bodies: Iterable[Body]) -> list[int]:
+    """The ids of blocks, ascending."""
+    return sorted(body for body in bodies if isinstance(body, int))
+
+
+def things_among(bodies: Iterable[Body]) -> list[str]:
+    """The names of scene objects and the ground, in order."""
+    return sorted(body for body in bodies if isinstance(body, str))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from agentflow.env.physics.engines import AUTO, EngineSpec, default_engine, installed_engines
+from agentflow.env.physics.engine import AUTO, EngineSpec
+from agentflow.env.physics.engines import default_engine, installed_engines
 from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import DEFAULT, VARIATIONS, Variation

@@ -9,7 +9,7 @@ from agentflow.agents.refiner import verdict_text
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, apply_script, check, describe_text, read_machine
-from agentflow.machine.edits.commands import read_command, script_lines
+from agentflow.machine.edits.commands import is_machine, script_lines
 from agentflow.prompts.render import PromptSet
 from agentflow.rewards import Reward
 from agentflow.rewards.scoring import Sample, Scorer, require_score
@@ -90,7 +90,7 @@ class Episode:
 
     def _read(self, action: str) -> Machine | str:
         """The machine that an action leads to, or what is wrong with the action."""
-        if "{" in action and not any(map(read_command, script_lines(action))):
+        if is_machine(script_lines(action)):
             report = check(read_machine(action, self._brief.blocks, self._brief.given), self._brief)
         else:
             outcome = apply_script(self.machine, action, self._brief)

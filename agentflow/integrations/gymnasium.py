@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from agentflow.env.drawing.look import look_at
-from agentflow.env.physics.engines import AUTO
+from agentflow.env.physics.engine import AUTO
 from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.errors import UnknownNameError
 from agentflow.integrations.episode import Episode

@@ -26,7 +26,9 @@ from inspect_ai.scorer import Score, Scorer, Target, mean, scorer, stderr
 from inspect_ai.solver import Generate, Solver, TaskState, generate, solver
 from inspect_ai.tool import Tool, ToolDef, ToolParams
 
-import agentflow
+from agentflow.agents.designer import Designer
+from agentflow.agents.tool_agent import Agent
+from agentflow.api import design_prompt
 from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.config.run import DesignConfig
 from agentflow.env.archive import rollout_json
@@ -35,9 +37,9 @@ from agentflow.rewards import Reward
 from agentflow.rewards.scoring import Sample, shared_scorer
 from agentflow.runs.places import FEEDBACK, StageName
 from agentflow.tools import Bench, ToolSpec
+from agentflow.version import __version__
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.conversation import MOST_CALLS
-from agentflow.workflows.tools.workflow import TOOLS, workflow_of
+from agentflow.workflows.tools.workflow import MOST_CALLS, TOOLS, workflow_of
 
 
 def _register_task(family: str) -> None:
@@ -67,10 +69,10 @@ def _register_task(family: str) -> None:
         """
         levels = [name for name in task_names() if name.partition("/")[0] == family]
         ask = partial(
-            agentflow.design_prompt,
+            design_prompt,
             engine=engine,
             prompts=prompts,
-            role="agent" if tools else "designer",
+            role=(Agent if tools else Designer).name,
         )
         settings = WorkflowSettings(candidates_per_stage=1, rollouts=rollouts, vision=vision)
         config = DesignConfig(
@@ -87,7 +89,7 @@ def _register_task(family: str) -> None:
             solver=work_at_bench(config, Path(out)) if tools else generate(),
             scorer=simulation(seed, engine),
             message_limit=2 * MOST_CALLS if tools else None,
-            version=agentflow.__version__,
+            version=__version__,
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from agentflow.env.physics.engines import AUTO
+from agentflow.env.physics.engine import AUTO
 from agentflow.rewards.scoring import Sample, read_knobs, shared_scorer
 
 Completion = str | Sequence[Mapping[str, Any]]

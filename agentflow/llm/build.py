@@ -9,9 +9,8 @@ from agentflow.llm.client import Client
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.endpoint.http import OpenAIClient
 from agentflow.llm.settings import EndpointSettings
-from agentflow.llm.wrappers.budget import Budget, BudgetClient
+from agentflow.llm.wrappers.budget import Budget, BudgetClient, Price
 from agentflow.llm.wrappers.limits import LimitedClient, Limiter, Limits
-from agentflow.llm.wrappers.prices import Price
 from agentflow.llm.wrappers.record import RecordingClient
 from agentflow.llm.wrappers.retry import RetryClient
 from agentflow.llm.wrappers.tape import Tape
@@ -19,23 +18,17 @@ from agentflow.llm.wrappers.tape import Tape
 
 def open_client(
     endpoint: Endpoint,
-    *,
     settings: EndpointSettings | None = None,
-    tape: Tape | None = None,
-    budget: Budget | None = None,
-    price: Price | None = None,
     limits: Limits | None = None,
+    *,
     warn: Callable[[str], None],
     on_wait: Callable[[str], None] = lambda _line: None,
 ) -> Client:
-    """Open a fully wrapped client for one model of an OpenAI-compatible endpoint.
+    """Open a client for one model of an OpenAI-compatible endpoint, with retries and rate limits.
 
     Args:
         endpoint: Model, base URL and API key.
         settings: Time-outs, retries, rate limits.
-        tape: Record of the run's calls; the caller closes it.
-        budget: Shared by all clients of the run.
-        price: Price of this model; None if unknown.
         limits: Shared by all clients of this endpoint; None makes them from the settings.
         warn: Called with one line for each parameter that the endpoint does not support.
         on_wait: Called with one line before each retry.
@@ -46,8 +39,7 @@ def open_client(
     settings = settings or EndpointSettings()
     http = OpenAIClient(endpoint, settings.http, warn)
     retry = RetryClient(http, settings.retry, random.Random(), on_wait)
-    limited = LimitedClient(retry, limits or Limiter(settings.limits))
-    return wrap(limited, tape=tape, budget=budget, price=price)
+    return LimitedClient(retry, limits or Limiter(settings.limits))
 
 
 def wrap(
@@ -57,7 +49,14 @@ def wrap(
     budget: Budget | None = None,
     price: Price | None = None,
 ) -> Client:
-    """Wrap any client (HTTP, procedural or scripted) in the tape and the budget."""
+    """Wrap any client (HTTP, procedural or scripted) in the tape and the budget.
+
+    Args:
+        inner: The client.
+        tape: Record of its calls; the caller closes it.
+        budget: Shared by all clients of the run.
+        price: Price of this model; None if unknown.
+    """
     if tape is None:
         return BudgetClient(inner, budget, price) if budget is not None else inner
     recorded = RecordingClient(inner, tape)

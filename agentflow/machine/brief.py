@@ -61,6 +61,11 @@ class Brief:
     """The greatest possible score; None if there is none. It ends a search."""
 
     @property
+    def demands(self) -> tuple[object, ...]:
+        """What decides whether a machine is valid for the task."""
+        return self.blocks, self.required, self.limits, self.given
+
+    @property
     def uncounted(self) -> int:
         """Number of given blocks that do not count: a lone root counts, a given structure not."""
         return 0 if self.given == LONE_ROOT else len(self.given)

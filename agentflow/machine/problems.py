@@ -6,6 +6,7 @@ import reprlib
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
+from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
 
 
@@ -23,6 +24,14 @@ class Problem:
     def to_json(self) -> dict[str, object]:
         """The problem as JSON data."""
         return {"code": self.code, "blocks": list(self.blocks), "message": self.message}
+
+
+class Refused(UsageError):
+    """A change that cannot be made: a code for counting, and one sentence that says why."""
+
+    def __init__(self, code: str, reason: str) -> None:
+        super().__init__(reason)
+        self.code, self.reason = code, reason
 
 
 REQUIRED_COUNT = "required_count"

@@ -100,6 +100,12 @@ class Machine:
     controls: tuple[Control, ...] = ()
     """Its own control program; without one, the task's schedule drives it."""
 
+    def __eq__(self, other: object) -> bool:
+        """Whether the trees and controls are the same, whatever is known about them."""
+        if not isinstance(other, Machine):
+            return NotImplemented
+        return (self.steps, self.controls) == (other.steps, other.controls)
+
     def __len__(self) -> int:
         return len(self.steps)
 
@@ -176,6 +182,21 @@ def renumber(
         for step in kept
     )
     return Machine(tuple(new), tuple(rename_blocks(controls, ids))), ids
+
+
+def carried_by(steps: Iterable[Step], block: int, *, alone: bool = False) -> list[int]:
+    """Ids of a block and of everything that is attached to it, in building order.
+
+    Args:
+        steps: Those of the machine; parents come first.
+        block: Its id.
+        alone: Leave out two-ended blocks that are attached to something else as well.
+    """
+    carried, attached = dict.fromkeys([block]), all if alone else any
+    for step in steps:
+        if step.parents and attached(parent in carried for parent in step.parents):
+            carried[step.id] = None
+    return list(carried)
 
 
 def rename_blocks(controls: Iterable[Control], ids: Mapping[int, int]) -> Iterator[Control]:

@@ -3,19 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief, Limits
 from agentflow.machine.controls import control_problems, window_problems
 from agentflow.machine.formats.parse import Reading, file_problems, read_machine
-from agentflow.machine.geometry.locks import locked_joints
+from agentflow.machine.geometry.pieces import locked_joints
 from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.geometry.pose import to_metres
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.problems import REQUIRED_COUNT, Problem
 from agentflow.machine.space import ANYWHERE, spatial_problems
 from agentflow.machine.tree import Machine
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ValidMachine(Machine):
+    """A machine that `check` has found valid for a task; equal to the same machine without proof.
+
+    It keeps its proof on the way to a worker process. A copy with other steps or controls has none.
+    """
+
+    _demands: tuple[object, ...] = field(default=(), init=False)
+
+    @classmethod
+    def proven(cls, machine: Machine, brief: Brief) -> ValidMachine:
+        """The machine with the proof that it is valid for a task; only `check` gives it."""
+        found = cls(machine.steps, machine.controls)
+        object.__setattr__(found, "_demands", brief.demands)
+        return found
+
+    def is_valid_for(self, brief: Brief) -> bool:
+        """Whether the proof holds for this task, by its demands alone: its sentences may differ."""
+        return self._demands == brief.demands
 
 
 @dataclass(frozen=True)
@@ -39,7 +60,8 @@ class Report:
     task_valid: bool = False
     """Machine-valid and meets the task's demands; equals `machine_valid` without a task."""
     machine: Machine | None = None
-    """The machine that was checked; None if not file-valid."""
+    """The machine that was checked, a `ValidMachine` if it is valid for a task; None if not
+    file-valid."""
     notes: tuple[str, ...] = ()
     """Harmless irregularities that the reader tolerated."""
 
@@ -99,6 +121,10 @@ def check(
     if brief is not None:
         unfit = window_problems(reading.machine, brief.limits.controls)
         demanded = (*task_problems(geometry, brief), *unfit)
+    task_valid = not spatial and not demanded
+    machine = None if reading.loose else reading.machine
+    if brief is not None and machine is not None and task_valid and limits == brief.limits:
+        machine = _proven(machine, reading, brief)
     return Report(
         file_valid=True,
         spatial_valid=not spatial,
@@ -107,10 +133,24 @@ def check(
         problems=spatial + demanded,
         overlaps=geometry.overlaps,
         size=geometry.size,
-        task_valid=not spatial and not demanded,
-        machine=None if reading.loose else reading.machine,
+        task_valid=task_valid,
+        machine=machine,
         notes=reading.notes,
     )
+
+
+def _proven(machine: Machine, reading: Reading, brief: Brief) -> Machine:
+    """A valid machine with its proof, unless it was read from positions and begins wrongly."""
+    # positions do not tell whether a machine begins with the given blocks
+    wrong = reading.blocks and file_problems(machine.steps, brief.blocks, brief.given)
+    return machine if wrong else ValidMachine.proven(machine, brief)
+
+
+def problems_of(machine: Machine, brief: Brief) -> tuple[Problem, ...]:
+    """Why a machine is not valid for a task; a proven one is not checked again."""
+    if isinstance(machine, ValidMachine) and machine.is_valid_for(brief):
+        return ()
+    return check(machine, brief).problems
 
 
 def task_problems(geometry: Geometry, brief: Brief) -> list[Problem]:

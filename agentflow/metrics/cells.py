@@ -5,20 +5,19 @@ A cell holds the runs that one number is computed from; seeds are pooled, not av
 
 from __future__ import annotations
 
-import statistics
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from typing import Literal
 
 from agentflow.metrics import search
-from agentflow.metrics.scores import Scores
-from agentflow.metrics.validity import Rate, after_retries, first_attempts
+from agentflow.metrics.formats import interval_text
+from agentflow.metrics.intervals import Rate
+from agentflow.metrics.scores import Scores, mean_known
+from agentflow.metrics.tables import Value
 from agentflow.registry import Registry, instance_of
 from agentflow.runs.events import CandidateEvent, ExpandEvent
 from agentflow.runs.record import RunRecord
-
-Value = float | int | str | Rate | None
-"""Content of a table cell; None for an empty one."""
 
 
 @dataclass(frozen=True)
@@ -83,46 +82,46 @@ class Metric:
     """Whether to show it as a percentage."""
 
 
+def _first_attempts(
+    level: Literal["parsed", "spatial", "valid"],
+) -> Callable[[Cell], Rate | None]:
+    """Trajectories whose first attempt, before any retry, got this far; see `FirstAttempt`."""
+    return lambda cell: _share_of([getattr(item.first, level) for item in cell.candidates])
+
+
+def _share_of(judged: Sequence[bool]) -> Rate | None:
+    """How many of the items are true; None without any."""
+    return Rate(sum(judged), len(judged)) if judged else None
+
+
 def _child_rate(cell: Cell) -> float | None:
     parts = (search.child_validity(run.record.expansions, run.width) for run in cell.runs)
     return sum(parts, Rate(0, 0)).value
 
 
 def _passes(cell: Cell) -> Rate | None:
-    scores = Scores.of(cell.candidates)
-    return _unless_empty(Rate(sum(score >= 1 for score in scores.valid), len(scores.all)))
+    return _share_of([score >= 1 for score in Scores.of(cell.candidates).all])
 
 
 def _verified(cell: Cell) -> float | None:
     found = [run.record.verification for run in cell.runs]
-    scores = [item.score for item in found if item is not None and item.score is not None]
-    return statistics.fmean(scores) if scores else None
-
-
-def _share(cell: Cell) -> float | None:
-    shares = [run.share for run in cell.runs if run.share is not None]
-    return statistics.fmean(shares) if shares else None
+    return mean_known(item.score for item in found if item is not None)
 
 
 def _successes(cell: Cell) -> Rate | None:
     """Invalid machines fail; those whose simulation crashed or timed out do not count."""
-    rate = Rate(0, 0)
+    judged = []
     for run in cell.runs:
-        made = run.record.of_stage(cell.stage)
-        judged = [item for item in made if not item.valid or item.score is not None]
-        found = [run.record.machines.get(item.machine or "") for item in judged if item.valid]
-        rate += Rate(sum(bool(one and one.success) for one in found), len(judged))
-    return _unless_empty(rate)
+        for item in run.record.of_stage(cell.stage):
+            if not item.valid or item.score is not None:
+                found = run.record.machines.get(item.machine or "") if item.valid else None
+                judged.append(bool(found and found.success))
+    return _share_of(judged)
 
 
 def _success_interval(cell: Cell) -> str | None:
     rate = _successes(cell)
-    ends = None if rate is None else rate.interval
-    return None if ends is None else f"{ends.low:.1%} - {ends.high:.1%}"
-
-
-def _unless_empty(rate: Rate) -> Rate | None:
-    return rate if rate.of else None
+    return None if rate is None else interval_text(rate.interval, 1, in_percent=True)
 
 
 METRICS: Registry[Metric] = Registry(
@@ -130,7 +129,7 @@ METRICS: Registry[Metric] = Registry(
     "agentflow.metrics",
     {
         "valid": Metric(
-            lambda cell: _unless_empty(after_retries(cell.candidates)),
+            lambda cell: _share_of([item.valid for item in cell.candidates]),
             "trajectories (independent attempts) with a valid machine, after retries",
         ),
         "mean": Metric(lambda cell: cell.scores.mean_valid, "mean score over valid machines"),
@@ -144,7 +143,7 @@ METRICS: Registry[Metric] = Registry(
             "is its median under small variations of physics",
         ),
         "share": Metric(
-            _share,
+            lambda cell: mean_known(run.share for run in cell.runs),
             "mean over runs of the verified score of the run's best machine, as a share of the "
             "greatest possible score or, if there is none, of the best known machine's",
             percent=True,
@@ -152,17 +151,13 @@ METRICS: Registry[Metric] = Registry(
         "std": Metric(
             lambda cell: cell.scores.std, "population standard deviation over valid machines"
         ),
-        "file_valid": Metric(
-            lambda cell: _unless_empty(first_attempts(cell.candidates, "parsed")),
-            "first attempts in the required format",
-        ),
+        "file_valid": Metric(_first_attempts("parsed"), "first attempts in the required format"),
         "spatial_valid": Metric(
-            lambda cell: _unless_empty(first_attempts(cell.candidates, "spatial")),
+            _first_attempts("spatial"),
             "first attempts that also have no overlaps and are within the size limit",
         ),
         "machine_valid": Metric(
-            lambda cell: _unless_empty(first_attempts(cell.candidates, "valid")),
-            "first attempts that are valid in every respect",
+            _first_attempts("valid"), "first attempts that are valid in every respect"
         ),
         "avg_expansions_per_round": Metric(
             lambda cell: search.expansions_per_round(cell.expansions),
@@ -204,9 +199,5 @@ def curve(runs: Iterable[RunNumbers], expansions: int) -> float | None:
     longest = max((node.place.node or 0 for run in items for node in run.record.nodes), default=0)
     if expansions > longest:
         return None
-    found = [
-        score
-        for run in items
-        for score in search.best_after_expansions(run.record, expansions).values()
-    ]
-    return statistics.fmean(found) if found else None
+    found = (search.best_after_expansions(run.record, expansions) for run in items)
+    return mean_known(chain.from_iterable(scores.values() for scores in found))

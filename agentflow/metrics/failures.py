@@ -21,8 +21,6 @@ from agentflow.metrics.failure_kinds import (
 from agentflow.runs import Event
 from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent, ToolEvent
 
-AGENT = "agent"
-"""Role that works with tools."""
 MAKING = frozenset({"check", "edit"})
 """Tools that make machines."""
 TOO_LATE = "stage_ended"
@@ -59,6 +57,7 @@ class Failures:
 def failures(
     events: Iterable[RunEvent | Event],
     faces_wrong_way: Callable[[str], bool],
+    replies_of: Callable[[str], str],
     unfollowed: Collection[str] = (),
     *,
     in_place: bool = False,
@@ -68,6 +67,7 @@ def failures(
     Args:
         events: Events of the run.
         faces_wrong_way: Whether a block of the machine with this content hash does.
+        replies_of: Role -> what it replies with: answers, edits, or calls of tools.
         unfollowed: Labels of the accepted replies that do not follow their own rationale.
         in_place: Whether machines should stay where they are in the run's task.
     """
@@ -76,8 +76,9 @@ def failures(
     for event in events:
         if isinstance(event, AttemptEvent):
             found.kinds[RATIONALE.name] += event.label in unfollowed
-            if event.role != AGENT or not event.valid:  # what an agent sends, its calls show
-                found.add(None if event.valid else kind_of(event), event.code)
+            what = replies_of(event.role)
+            if what != "calls" or not event.valid:  # calls have events of their own
+                found.add(None if event.valid else kind_of(event, what), event.code)
         elif isinstance(event, ToolEvent) and event.tool in MAKING and event.code != TOO_LATE:
             found.add(kind_of_call(event) if event.refused else None, event.code)
         elif isinstance(event, EvaluationEvent) and event.machine not in seen:
@@ -92,15 +93,15 @@ def failures(
 
 def kind_of_call(call: ToolEvent) -> FailureKind:
     """The kind of failure of a refused call of a tool that makes machines."""
-    known = (kind for kind in KINDS if call.code in kind.codes)
-    return next(known, EDIT if call.tool == "edit" else UNPARSABLE)
+    return _kind_with(call.code) or (EDIT if call.tool == "edit" else UNPARSABLE)
 
 
-def kind_of(attempt: AttemptEvent) -> FailureKind:
-    """The kind of failure of a refused reply."""
-    for kind in KINDS:
-        if attempt.code in kind.codes:
-            return kind
-    if not attempt.parsed:
-        return UNPARSABLE
-    return EDIT if attempt.role == "refiner" else OTHER
+def kind_of(attempt: AttemptEvent, what: str) -> FailureKind:
+    """The kind of failure of a refused reply, which was to be answers, edits or calls."""
+    unnamed = EDIT if what == "edits" else OTHER
+    return _kind_with(attempt.code) or (unnamed if attempt.parsed else UNPARSABLE)
+
+
+def _kind_with(code: str) -> FailureKind | None:
+    """The kind of failure that a code names."""
+    return next((kind for kind in KINDS if code in kind.codes), None)

@@ -1,4 +1,4 @@
-"""95 % intervals: Wilson's for shares, the bootstrap for means.
+"""Shares and 95 % intervals: Wilson's for shares, the bootstrap for means.
 
 The bootstrap needs scipy, an extra; without it there are no intervals of means (`missing_scipy`).
 """
@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from statistics import NormalDist
+from dataclasses import dataclass
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from agentflow.extras import install
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,6 +31,34 @@ class Interval(NamedTuple):
     high: float
 
 
+@dataclass(frozen=True)
+class Rate:
+    """A share, as `count` of `of`."""
+
+    count: int
+    of: int
+
+    @property
+    def value(self) -> float | None:
+        """From 0 to 1; None if `of` is 0."""
+        return self.count / self.of if self.of else None
+
+    @property
+    def interval(self) -> Interval | None:
+        """Wilson's 95 % interval."""
+        return wilson(self.count, self.of)
+
+    def to_json(self) -> dict[str, Any]:
+        """The share with its interval as JSON data."""
+        return {"count": self.count, "of": self.of, "share": self.value, "interval": self.interval}
+
+    def __add__(self, other: Rate) -> Rate:
+        return Rate(self.count + other.count, self.of + other.of)
+
+    def __str__(self) -> str:
+        return f"{self.count}/{self.of}"
+
+
 def wilson(successes: int, trials: int) -> Interval | None:
     """Wilson's 95 % score interval of a share, without continuity correction.
 
@@ -42,6 +72,8 @@ def wilson(successes: int, trials: int) -> Interval | None:
         raise ValueError(f"successes must be 0 to {trials}, not {successes}")
     if not trials:
         return None
+    from statistics import NormalDist  # slow to import, and every command needs the table formats
+
     share, z = successes / trials, NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
     middle = share + z * z / (2 * trials)
     reach = z * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
@@ -110,7 +142,7 @@ def missing_scipy(what: str = "Intervals of means") -> str:
     Args:
         what: What else needs scipy, if not intervals.
     """
-    why = "are left out because scipy is not installed: pip install 'agentflow[report]'"
+    why = f"are left out because scipy is not installed: {install('report')}"
     return "" if _stats() else f"{what} {why}"
 
 

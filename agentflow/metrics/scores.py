@@ -35,12 +35,12 @@ class Scores:
     @property
     def mean_valid(self) -> float | None:
         """Mean over the valid machines; None if there are none."""
-        return _mean(self.valid)
+        return mean_known(self.valid)
 
     @property
     def mean_all(self) -> float | None:
         """Mean over all candidates, invalid = 0; None if there are none."""
-        return _mean(self.all)
+        return mean_known(self.all)
 
     @property
     def max(self) -> float | None:
@@ -70,8 +70,10 @@ class Scores:
         return {1 << p: best_at(scores, 1 << p) for p in range(len(scores).bit_length())}
 
 
-def _mean(values: Sequence[float]) -> float | None:
-    return statistics.fmean(values) if values else None
+def mean_known(values: Iterable[float | None]) -> float | None:
+    """The mean of the values that are known; None if none is."""
+    known = [value for value in values if value is not None]
+    return statistics.fmean(known) if known else None
 
 
 def best_at(scores: Sequence[float], n: int) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from agentflow.metrics.validity import Rate
+from agentflow.metrics.intervals import Rate
 from agentflow.runs.events import CandidateEvent, ExpandEvent, NodeEvent
 from agentflow.runs.places import BLIND, INITIAL
 from agentflow.runs.record import RunRecord

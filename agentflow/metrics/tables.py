@@ -14,11 +14,12 @@ from itertools import groupby
 from types import MappingProxyType
 from typing import Any
 
-from agentflow.metrics.cells import Value
-from agentflow.metrics.validity import Rate
+from agentflow.metrics.formats import cell_text
+from agentflow.metrics.intervals import Rate
 
+Value = float | int | str | Rate | None
+"""Content of a table cell; None for an empty one."""
 PUBLISHED = "published (other models, in the game; not comparable in absolute terms)"
-NOTHING = "-"
 GAP = "  "
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """Characters that start a formula in spreadsheets."""
@@ -62,20 +63,6 @@ class Table:
     rows: tuple[Row, ...]
     published: tuple[Row, ...] = ()
     notes: tuple[str, ...] = ()
-
-
-def cell_text(value: Value, percent: bool = False, digits: int = 2) -> str:
-    """A cell as text: floats with a few decimals, counts as integers, a dash for no value."""
-    if value is None:
-        return NOTHING
-    if isinstance(value, float):
-        return f"{value:.{digits}%}" if percent else f"{value:.{digits}f}"
-    return str(value)
-
-
-def interval_text(ends: Sequence[float] | None, digits: int) -> str | None:
-    """An interval as the content of a cell."""
-    return " - ".join(cell_text(end, digits=digits) for end in ends) if ends else None
 
 
 def text(table: Table) -> str:
@@ -199,7 +186,7 @@ def _group_line(table: Table, widths: list[int]) -> list[str]:
 
 def _cells(table: Table, row: Row) -> list[str]:
     pairs = zip(row.values, table.columns, strict=True)
-    return [*row.labels, *(cell_text(value, c.percent, c.digits) for value, c in pairs)]
+    return [*row.labels, *(cell_text(value, c.digits, in_percent=c.percent) for value, c in pairs)]
 
 
 def _pipes(cells: Iterable[str]) -> str:

@@ -1,4 +1,4 @@
-"""Cost of runs by role and stage, from the lines of calls.jsonl; simulation speed."""
+"""Cost of runs by role and stage, from the lines of calls.jsonl."""
 
 from __future__ import annotations
 
@@ -107,28 +107,3 @@ def bill(
             stage = stage_of(role, Place.parse(call["request"]["label"]).purpose)
             stages[stage] = stages.get(stage, Spent()) + spent
     return Bill(total, roles, stages)
-
-
-@dataclass(frozen=True)
-class SimulationSpeed:
-    """How much was simulated, and how fast."""
-
-    rollouts: int
-    simulated_seconds: float
-    """Simulated time, including settling."""
-    worker_seconds: float
-    """Wall time that workers spent on it."""
-
-    @property
-    def rollouts_per_second(self) -> float | None:
-        """Per worker; None if nothing was simulated."""
-        return self.rollouts / self.worker_seconds if self.worker_seconds else None
-
-    @property
-    def speed(self) -> float | None:
-        """Simulated seconds per worker second; None if nothing was simulated."""
-        return self.simulated_seconds / self.worker_seconds if self.worker_seconds else None
-
-    def __add__(self, other: SimulationSpeed) -> SimulationSpeed:
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return SimulationSpeed(*map(sum, pairs))

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from agentflow.metrics.niches import Elites
-from agentflow.report.nodes import LineageNode
+from agentflow.report.lineage import LineageNode
 from agentflow.runs import Event
 from agentflow.runs.events import RecordedAxis, RunEvent
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.errors import UsageError
-from agentflow.files import write_output
+from agentflow.files.atomic import write_output
 
 BUNDLE = Path(__file__).parent / "bundle"
 """Built from web/ when the package is installed; not in the repository."""

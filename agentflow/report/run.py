@@ -12,8 +12,7 @@ from typing import Any
 from agentflow.metrics.usage import Cost, bill
 from agentflow.report.elites import archive_of, classes_of
 from agentflow.report.film import deflate_json
-from agentflow.report.lineage import Lineage
-from agentflow.report.nodes import LineageNode
+from agentflow.report.lineage import Lineage, LineageNode
 from agentflow.runs import Event, read_calls, read_document, state_of
 from agentflow.runs.events import (
     AttemptEvent,
@@ -24,6 +23,7 @@ from agentflow.runs.events import (
     read_typed_events,
 )
 from agentflow.runs.record import RunRecord
+from agentflow.runs.result import BUDGET, RunResult
 
 UNFINISHED = {"running": "in progress", "stopped": "unfinished", "done": "finishing"}
 """How the page describes a run without a result, by state; it may end while it is read."""
@@ -37,13 +37,13 @@ class RunStory:
 
     path: Path
     document: Mapping[str, Any]
-    result: Mapping[str, Any] | None
-    """The content of result.json; None for an unfinished run."""
+    result: RunResult | None
+    """None for an unfinished run."""
     events: Sequence[RunEvent | Event]
     nodes: tuple[LineageNode, ...]
 
     @classmethod
-    def read(cls, path: Path, result: Mapping[str, Any] | None, best: str | None) -> RunStory:
+    def read(cls, path: Path, result: RunResult | None, best: str | None) -> RunStory:
         """Read a run directory; `best` is the content hash of the resulting machine."""
         events = tuple(read_typed_events(path))
         return cls(path, read_document(path), result, events, Lineage.of(events).finish(best))
@@ -57,6 +57,11 @@ class RunStory:
         for node in shown:
             found.setdefault(str(node.machine), node)
         return found
+
+    @property
+    def _told(self) -> Mapping[str, Any]:
+        """The result as data; empty for an unfinished run."""
+        return {} if self.result is None else self.result.to_json()
 
     def classes(self, seen: Mapping[str, str | None]) -> list[dict[str, Any]]:
         """The best machine of each mechanism class; `seen` are classes by content hash.
@@ -77,7 +82,7 @@ class RunStory:
             "nodes": [asdict(node) for node in self.nodes],
             "progress": score_curve(self.events),
             "archive": archive_of(self.events),
-            "front": (self.result or {}).get("front"),
+            "front": self._told.get("front"),
             "stages": [stage.data for stage in record.stages],
             "validity": validity(attempts),
             "reasons": rejection_reasons(attempts),
@@ -90,14 +95,14 @@ class RunStory:
 
     def _head(self, record: RunRecord, priced: bool) -> dict[str, Any]:
         config = self.document.get("config", {})
-        answered_by = (self.result or {}).get("model") or (record.start and record.start.model)
+        answered_by = self.result.model if self.result else (record.start and record.start.model)
         model = answered_by or config.get("model", {}).get("name") or ""
         return {
             "task": config.get("task", ""),
             "workflow": config.get("workflow", ""),
             "seed": config.get("seed", 0),
-            "score": self.result["score"] if self.result else record.best,
-            "verified": (self.result or {}).get("verified"),
+            "score": self.result.score if self.result else record.best,
+            "verified": self._told.get("verified"),
             "sentence": self._sentence(record.best is not None),
             "about": f"{model}: {record.calls} calls, {len(record.machines)} machines simulated",
             "prices": priced,
@@ -106,12 +111,12 @@ class RunStory:
     def _sentence(self, scored: bool) -> str:
         if self.result is None:
             return f"{'is the best so far: ' * scored}the run is {UNFINISHED[state_of(self.path)]}"
-        end = "; its budget was used up" * (self.result.get("stopped") == "budget")
-        if not self.result["valid"]:
-            return str(self.result.get("reason") or "no valid machine was found") + end
-        stage = str(self.result.get("best_stage") or "").replace("_", " ")
+        end = "; its budget was used up" * (self.result.stopped == BUDGET)
+        if not self.result.valid:
+            return (self.result.reason or "no valid machine was found") + end
+        stage = (self.result.best_stage or "").replace("_", " ")
         place = f" found in the stage {stage}" if stage else ""
-        if not self.result["score"]:
+        if not self.result.score:
             return f"is the highest score of any machine; one{place} is shown{end}"
         return f"the best machine{',' * bool(place)}{place}{end}"
 
@@ -134,8 +139,8 @@ class RunStory:
             "agentflow": f"{document.get('agentflow', '')} {document.get('commit') or ''}",
             "Python": f"{document.get('python', '')}, {document.get('platform', '')}",
         }
-        if self.result is not None and "seconds" in self.result:
-            facts["Duration"] = f"{self.result['seconds']} s"
+        if self.result is not None:
+            facts["Duration"] = f"{self.result.seconds} s"
         return facts
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from agentflow.metrics.formats import cell_text
 from agentflow.metrics.scores import Scores
-from agentflow.metrics.tables import PUBLISHED, Column, Row, Table, cell_text
+from agentflow.metrics.tables import PUBLISHED, Column, Row, Table
 from agentflow.runs.places import STAGES
 
 MOST_DOTS = 400
@@ -72,7 +73,9 @@ def _has_values(table: Table, place: int) -> bool:
 
 def _cells(table: Table, row: Row, kept: Sequence[int]) -> list[str]:
     labels = [_label(head, label) for head, label in zip(table.heads, row.labels, strict=True)]
-    return labels + [cell_text(row.values[place], table.columns[place].percent) for place in kept]
+    return labels + [
+        cell_text(row.values[place], in_percent=table.columns[place].percent) for place in kept
+    ]
 
 
 def _label(head: str, label: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from agentflow.env.physics.engines import AUTO
+from agentflow.env.physics.engine import AUTO
 from agentflow.env.pool.base import Pool
 from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate

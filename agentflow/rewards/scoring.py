@@ -16,7 +16,7 @@ from functools import cache
 from threading import Lock, Thread
 from typing import Any, TypeVar
 
-from agentflow.env.physics.engines import AUTO
+from agentflow.env.physics.engine import AUTO
 from agentflow.env.pool.base import OpenPool
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import ConfigError, NoScoreError

@@ -1,15 +1,16 @@
 """Run directories: written by one process at a time, readable by others at any moment."""
 
 from agentflow.runs.calls import read_calls
-from agentflow.runs.document import SCHEMA, read_document
 from agentflow.runs.reading import (
+    SCHEMA,
     Event,
     State,
     find_runs,
+    read_document,
     read_events,
-    read_result,
     state_of,
 )
+from agentflow.runs.result import RunResult, read_result
 from agentflow.runs.writing import Listener, Notify, RunDirectory
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "Listener",
     "Notify",
     "RunDirectory",
+    "RunResult",
     "State",
     "find_runs",
     "read_calls",

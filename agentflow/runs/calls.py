@@ -8,9 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel, Field, NonNegativeInt, ValidationError
 
-from agentflow.errors import RunError
-from agentflow.files import parse_object
-from agentflow.runs.reading import CALLS, numbered_lines
+from agentflow.files.lines import parse_object, read_lines
+from agentflow.runs.reading import CALLS
 
 
 class _Message(BaseModel):
@@ -53,15 +52,16 @@ def read_calls(path: Path) -> Iterator[dict[str, Any]]:
     Raises:
         RunError: A line before the last is damaged.
     """
-    for number, line in numbered_lines(path / CALLS):
-        item = parse_object(line)
-        try:
-            _Call.model_validate(item, strict=True)
-        except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(map(str, first["loc"])) or "the line"
-            raise RunError(
-                f"{path / CALLS} is damaged in line {number}: {where}: {first['msg']}"
-            ) from None
-        assert item is not None
-        yield item
+    return read_lines(path / CALLS, _parse_call)
+
+
+def _parse_call(line: bytes) -> dict[str, Any]:
+    item = parse_object(line)
+    try:
+        _Call.model_validate(item, strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"])) or "the line"
+        raise ValueError(f"{where}: {first['msg']}") from None
+    assert item is not None
+    return item

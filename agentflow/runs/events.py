@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from agentflow.errors import RunError
+from agentflow.files.lines import damaged_line
 from agentflow.runs.places import Place
-from agentflow.runs.reading import EVENTS, Event, read_events
+from agentflow.runs.reading import EVENTS, Event, read_events, read_new_events
 
 
 @dataclass(frozen=True)
@@ -48,10 +49,6 @@ class RunEvent:
         found = {key: _plain(value) for key, value in vars(self).items()}
         omitted = {name for name in self.optional if found[name] is None}
         return {key: found[key] for key in found if key not in {"place", "at", *omitted}}
-
-    def to_event(self) -> Event:
-        """The event as it is recorded."""
-        return Event(self.kind, self.label, self.data, self.at)
 
 
 @dataclass(frozen=True)
@@ -497,10 +494,29 @@ def typed_event(event: Event) -> RunEvent | Event:
 def read_typed_events(path: Path) -> Iterator[RunEvent | Event]:
     """The recorded events in order, one at a time, typed if their kind is known."""
     for event in read_events(path):
-        try:
-            yield typed_event(event)
-        except ValueError as error:
-            raise RunError(f"{path / EVENTS} is damaged in line {event.line}: {error}") from None
+        yield _typed(event, path)
+
+
+def read_new_typed_events(path: Path, offset: int) -> tuple[list[RunEvent | Event], int]:
+    """The events whose lines are complete beyond a byte offset, typed likewise, and the offset
+    behind them.
+
+    Events that replace earlier ones are among them, as they come.
+
+    Raises:
+        RunError: The file cannot be read, or a line is damaged.
+    """
+    events, now = read_new_events(path, offset)
+    return [_typed(event, path) for event in events], now
+
+
+def _typed(event: Event, path: Path) -> RunEvent | Event:
+    try:
+        return typed_event(event)
+    except ValueError as error:
+        if not event.line:  # read from the middle of the file
+            raise RunError(f"{path / EVENTS} is damaged: {error}") from None
+        raise damaged_line(path / EVENTS, event.line, error) from None
 
 
 def read_stage(path: Path, stage: str) -> list[RunEvent]:

@@ -1,24 +1,54 @@
-"""Reading run directories: events and calls one at a time, result, state, lists of runs."""
+"""Reading run directories: run.yaml, events one at a time, machines, state, lists of runs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 from shlex import quote
 from typing import Any, Literal
 
-from agentflow.errors import RunError
-from agentflow.files import lock_file, parse_object, whole_lines
-from agentflow.runs.document import FILE_NAME
+import yaml
 
+from agentflow.errors import RunError
+from agentflow.files.atomic import os_errors
+from agentflow.files.documents import break_seal, read_yaml_document, sealed
+from agentflow.files.folders import lock_file
+from agentflow.files.lines import parse_object, read_lines, read_new_lines
+
+SCHEMA = 1
+"""Version of the layout of run directories; other versions are refused."""
+FILE_NAME = "run.yaml"
 EVENTS, CALLS, RESULT = "events.jsonl", "calls.jsonl", "result.json"
 MACHINES = "machines"
 AGAIN = b'{"again": true, '
 """Start of the line of an event that replaces an earlier one with the same kind and label."""
 State = Literal["done", "running", "stopped"]
 """State of a run: complete, running in some process, or stopped before its end."""
+
+
+def document_text(document: Mapping[str, Any]) -> str:
+    """The text of run.yaml for JSON-like data: schema first, the seal last."""
+    return yaml.safe_dump(sealed({"schema": SCHEMA, **document}), sort_keys=False)
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """The content of a run's run.yaml, without its seal.
+
+    Raises:
+        RunError: It is missing, damaged or edited, or has another schema; or the run holds links.
+    """
+    file = path / FILE_NAME
+    document = read_yaml_document(file, "a run directory", SCHEMA)
+    if not isinstance(document.get("config", {}), dict):
+        raise RunError(f"{file} is damaged: its config is not a mapping")
+    if not break_seal(document):
+        raise RunError(
+            f"{file} was edited after the run began and no longer matches the record; restore "
+            f"it, or start a new run with: agentflow design --config {quote(str(file))}"
+        )
+    return document
 
 
 @dataclass(frozen=True)
@@ -44,14 +74,12 @@ def read_events(path: Path) -> Iterator[Event]:
         RunError: A line before the last is damaged.
     """
     replaced: dict[tuple[str, str], int] = {}
-    for number, line in numbered_lines(path / EVENTS):
-        if line.startswith(AGAIN):
-            event = _parse_event(line, path, number)
-            replaced[event.kind, event.label] = number
-    for number, line in numbered_lines(path / EVENTS):
-        event = _parse_event(line, path, number)
+    for number, again in enumerate(read_lines(path / EVENTS, _parse_again), start=1):
+        if again is not None:
+            replaced[again.kind, again.label] = number
+    for number, event in enumerate(read_lines(path / EVENTS, _parse_event), start=1):
         if replaced.get((event.kind, event.label), 0) <= number:
-            yield event
+            yield replace(event, line=number)
 
 
 def read_new_events(path: Path, offset: int) -> tuple[list[Event], int]:
@@ -60,19 +88,9 @@ def read_new_events(path: Path, offset: int) -> tuple[list[Event], int]:
     Events that replace earlier ones are among them, as they come.
 
     Raises:
-        RunError: A line is damaged.
+        RunError: The file cannot be read, or a line is damaged.
     """
-    try:
-        with (path / EVENTS).open("rb") as lines:
-            lines.seek(offset)
-            content = lines.read()
-    except FileNotFoundError:
-        return [], offset
-    except OSError as error:
-        raise RunError(f"cannot read {path / EVENTS}: {error.strerror}") from None
-    end = content.rfind(b"\n") + 1
-    found = [_parse_event(line, path, 0) for line in content[:end].splitlines()]
-    return found, offset + end
+    return read_new_lines(path / EVENTS, _parse_event, offset)
 
 
 def read_machine_text(path: Path, digest: str) -> str:
@@ -85,29 +103,6 @@ def read_machine_text(path: Path, digest: str) -> str:
         return (path / MACHINES / f"{digest}.json").read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         raise RunError(f"{path} is damaged: it has no readable {MACHINES}/{digest}.json") from None
-
-
-def read_result(path: Path) -> dict[str, Any]:
-    """The content of result.json.
-
-    Raises:
-        RunError: The run is unfinished, or the file is damaged.
-    """
-    try:
-        text = (path / RESULT).read_bytes()
-    except FileNotFoundError:
-        if state_of(path) == "running":
-            raise RunError(f"{path} has no {RESULT} yet: a process is working on it") from None
-        raise RunError(
-            f"{path} has no {RESULT}: the run is unfinished; continue it with "
-            f"agentflow design --resume {quote(str(path))}"
-        ) from None
-    except OSError as error:
-        raise RunError(f"cannot read {path / RESULT}: {error.strerror}") from None
-    result = parse_object(text)
-    if result is None:
-        raise RunError(f"{path / RESULT} is damaged: expected a JSON object")
-    return result
 
 
 def state_of(path: Path) -> State:
@@ -137,36 +132,26 @@ def find_runs(folder: Path) -> Iterator[Path]:
 
     Runs inside runs are not found; links to folders are not followed.
     """
-    try:
+    with os_errors(f"cannot read {folder}"):
         if (folder / FILE_NAME).is_file():
             yield folder
             return
         entries = sorted(folder.iterdir()) if folder.is_dir() else []
         inside = [entry for entry in entries if entry.is_dir() and not entry.is_symlink()]
-    except OSError as error:
-        raise RunError(f"cannot read {folder}: {error.strerror}") from None
     for entry in inside:
         yield from find_runs(entry)
 
 
-def numbered_lines(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Number (from 1) and content of every complete line; none if there is no file."""
-    try:
-        if not path.exists():
-            return
-        if not path.is_file():
-            raise RunError(f"{path} is damaged: expected a file")
-        yield from whole_lines(path)
-    except OSError as error:
-        raise RunError(f"cannot read {path}: {error.strerror}") from None
+def _parse_again(line: bytes) -> Event | None:
+    return _parse_event(line) if line.startswith(AGAIN) else None
 
 
-def _parse_event(line: bytes, path: Path, number: int) -> Event:
+def _parse_event(line: bytes) -> Event:
     item = parse_object(line)
     if item is not None:
         kind, label, data = item.get("kind"), item.get("label"), item.get("data")
         at = item.get("at", 0.0)
         timed = type(at) in (int, float) and isfinite(at)
         if timed and isinstance(kind, str) and isinstance(label, str) and isinstance(data, dict):
-            return Event(kind, label, data, at, number)
-    raise RunError(f"{path / EVENTS} is damaged in line {number}")
+            return Event(kind, label, data, at)
+    raise ValueError

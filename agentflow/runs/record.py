@@ -25,9 +25,6 @@ from agentflow.runs.events import (
 )
 from agentflow.runs.reading import Event
 
-REFINER = "refiner"
-"""Role that edits machines."""
-
 
 @dataclass
 class RunRecord:
@@ -77,7 +74,7 @@ class RunRecord:
             self.calls += 1
             self.valid_calls += event.valid
             self.tokens += event.tokens
-            if event.role == REFINER and event.valid and event.machine is not None:
+            if event.script is not None and event.machine is not None:
                 self.refinements.append(event)
         elif isinstance(event, EvaluationEvent):
             self._add_evaluation(event)

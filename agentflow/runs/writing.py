@@ -8,34 +8,33 @@ import json
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
 from agentflow.errors import RunError
-from agentflow.files import (
-    LineFile,
-    lock_file,
-    remove_partial_files,
-    write_atomically,
-    write_output,
-)
-from agentflow.runs.document import FILE_NAME, document_text, read_document
+from agentflow.files.atomic import os_errors, remove_partial_files, write_output, write_text
+from agentflow.files.folders import lock_file, out_errors
+from agentflow.files.lines import LineFile
 from agentflow.runs.events import RunEvent, read_stage
 from agentflow.runs.reading import (
     AGAIN,
     CALLS,
     EVENTS,
+    FILE_NAME,
     MACHINES,
-    RESULT,
     Event,
+    document_text,
+    read_document,
     read_events,
     read_machine_text,
 )
+from agentflow.runs.result import RunResult
 
 ROLLOUTS, LOG = "rollouts", "log.txt"
 ATTEMPTS, PAUSE = 50, 0.01
 """Lock attempts, and seconds between them: `state_of` locks a run for a moment."""
-Listener = Callable[[Event], None]
+Listener = Callable[[RunEvent | Event], None]
 """Receives every event of a run."""
 Notify = Callable[[str], None]
 """Receives one line of text for the user, e.g. about a retry or an unsupported parameter."""
@@ -54,7 +53,7 @@ class RunDirectory:
         """Open the run at `path`; `lock` is its run.yaml, open and locked."""
         self.path = path
         self.listeners: list[Listener] = []
-        self.replaced: list[Event] = []
+        self.replaced: list[RunEvent | Event] = []
         """Events that differ from what an earlier process recorded."""
         self.resumed = True
         """Whether an earlier process started it."""
@@ -82,18 +81,15 @@ class RunDirectory:
         made = [folder for folder in (out, *out.parents) if not folder.exists()]
         path: Path | None = None
         try:
-            out.mkdir(parents=True, exist_ok=True)
-            path = _make_folder(out, name)
-            with write_atomically(path / FILE_NAME) as part:
-                part.write_text(document_text(document), encoding="utf-8")
-            run = cls(path, _lock(path))
-            run.resumed = False
-        except OSError as error:
+            with out_errors(out):
+                out.mkdir(parents=True, exist_ok=True)
+                path = _make_folder(out, name)
+                write_text(path / FILE_NAME, document_text(document))
+                run = cls(path, _lock(path))
+        except RunError:
             _remove(path, made)
-            raise RunError(
-                f"cannot write to {out}: {error.strerror}; choose another folder with --out"
-            ) from None
-        run._made = made
+            raise
+        run.resumed, run._made = False, made
         return run
 
     @classmethod
@@ -102,10 +98,8 @@ class RunDirectory:
         read_document(path)
         lock = _lock(path)
         try:
-            return cls(path, lock)
-        except OSError as error:
-            lock.close()
-            raise RunError(f"cannot write to {path}: {error.strerror}") from None
+            with os_errors(f"cannot write to {path}"):
+                return cls(path, lock)
         except BaseException:
             lock.close()
             raise
@@ -120,30 +114,27 @@ class RunDirectory:
         """Where the calls are recorded."""
         return self.path / CALLS
 
-    def event(self, kind: str, label: str, **data: Any) -> None:
-        """Append one event and notify the listeners.
+    def event(self, event: RunEvent | Event) -> None:
+        """Append one event, with the time of now, and notify the listeners.
 
         A resumed run does not append recorded events again, unless they differ (as after a rollout
         that had timed out); the last event with a kind and label counts.
         """
-        event = Event(kind, label, data, round(self.seconds, 3))
-        key = _hash(kind, label) if self._known else b""
+        event = replace(event, at=round(self.seconds, 3))
+        data = event.data
+        key = _hash(event.kind, event.label) if self._known else b""
         recorded = self._known.get(key)
         if recorded is not None:
             self._reproduced.add(key)
         if recorded is None or recorded != _hash(data):
-            item = {"kind": kind, "label": label, "at": event.at, "data": data}
+            item = {"kind": event.kind, "label": event.label, "at": event.at, "data": data}
             line = json.dumps(item).encode()
-            try:
-                self._events.append(line if recorded is None else AGAIN + line[1:])
-            except OSError as error:
-                file = self.path / EVENTS
-                raise RunError(f"cannot write {file}: {error.strerror}") from None
+            self._events.append(line if recorded is None else AGAIN + line[1:])
             if recorded is not None:
                 self.replaced.append(event)
         self.notify(event)
 
-    def notify(self, event: Event) -> None:
+    def notify(self, event: RunEvent | Event) -> None:
         """Pass an event to the listeners without recording it."""
         for listener in self.listeners:
             listener(event)
@@ -169,11 +160,8 @@ class RunDirectory:
     def log(self, text: bytes) -> None:
         """Append what a program has printed."""
         file = self.path / LOG
-        try:
-            with file.open("ab") as log:
-                log.write(text)
-        except OSError as error:
-            raise RunError(f"cannot write {file}: {error.strerror}") from None
+        with os_errors(f"cannot write {file}"), file.open("ab") as log:
+            log.write(text)
 
     def earlier(self, stage: str) -> Sequence[RunEvent]:
         """What an earlier process recorded in a stage."""
@@ -183,9 +171,9 @@ class RunDirectory:
         """The text of a stored machine."""
         return read_machine_text(self.path, digest)
 
-    def finish(self, result: Mapping[str, Any]) -> None:
+    def finish(self, result: RunResult) -> None:
         """Write result.json, which completes the run."""
-        _write(self.path / RESULT, json.dumps(result, indent=1) + "\n")
+        result.write(self.path)
 
     def close(self) -> None:
         """Close the run and release its lock."""

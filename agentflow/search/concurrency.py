@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections import Counter
-from collections.abc import Coroutine, Iterable, Mapping
+from collections import Counter, deque
+from collections.abc import Awaitable, Callable, Coroutine, Iterable, Mapping
 from typing import Any, Generic, TypeVar
 
 from agentflow.search.node import C, Evaluate, Evaluation
 
+S = TypeVar("S")
 T = TypeVar("T")
 
 
@@ -24,6 +25,31 @@ async def run_concurrently(jobs: Iterable[Coroutine[Any, Any, T]]) -> list[T]:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def work_in_order(
+    items: Iterable[S], work: Callable[[S], Awaitable[T]], keep: Callable[[T], object], most: int
+) -> None:
+    """Work on items, at most `most` at a time; `keep` gets the results in the order of the items.
+
+    After an error, no further item begins; it is raised when those in progress have ended, because
+    their results, such as replies of a model, may be on record as well.
+    """
+    waiting: deque[asyncio.Future[T]] = deque()
+    try:
+        for item in items:
+            waiting.append(asyncio.ensure_future(work(item)))
+            if len(waiting) == most:
+                keep(await waiting.popleft())
+        while waiting:
+            keep(await waiting.popleft())
+    except Exception:
+        await asyncio.gather(*waiting, return_exceptions=True)
+        raise
+    finally:
+        for future in waiting:
+            future.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
 
 
 class EvaluateOnce(Generic[C]):

@@ -127,7 +127,9 @@ class SearchTree(Generic[C]):
         In a search for a Pareto front, the reward is 1 / the number of the front that the node is
         in, among all nodes so far: a graded form of the dominance reward, which is 1 for the first
         front and 0 for others (Wang and Sebag 2013, "Hypervolume indicator and dominance reward
-        based multi-objective Monte-Carlo tree search", Machine Learning 92).
+        based multi-objective Monte-Carlo tree search", Machine Learning 92). Earlier nodes keep
+        theirs, although new ones may push them to a later front: it has been backed up along their
+        paths, and the totals there must stay sums of the rewards of nodes.
         """
         self.nodes += new
         compared = [node for node in self.nodes if node.evaluation.objectives is not None]

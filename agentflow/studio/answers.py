@@ -12,7 +12,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from agentflow.errors import AgentflowError
-from agentflow.studio.guard import Refusal
+from agentflow.studio.guard import Refusal, told
 
 DEEPEST = 12
 """Deepest nesting of JSON that is sent here; machines need 3."""
@@ -67,21 +67,12 @@ async def _respond(
     except Refusal as refusal:
         return told(refusal)
     try:
-        return _json(200, await answer(arguments))
+        content = json.dumps(await answer(arguments), allow_nan=False, separators=(",", ":"))
+        return Response(content, media_type="application/json")
     except Refusal as refusal:
         return told(refusal)
     except AgentflowError as error:
         return told(Refusal(400, str(error)))
-
-
-def told(refusal: Refusal) -> Response:
-    """A refusal as an answer."""
-    return _json(refusal.status, {"problem": refusal.text})
-
-
-def _json(status: int, data: object) -> Response:
-    content = json.dumps(data, allow_nan=False, separators=(",", ":"))
-    return Response(content, status, media_type="application/json")
 
 
 def _shallow(value: Any, depth: int = 0) -> Any:

@@ -1,10 +1,10 @@
-"""The studio as a web application: its page, and its API over what belongs to one folder."""
+"""The studio: its page, and its API over what belongs to one folder, on a port until Ctrl-C."""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-from dataclasses import dataclass
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 from starlette.applications import Starlette
@@ -12,12 +12,12 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
+from agentflow.listening import end_is_asked_for, listen, serving
 from agentflow.report.page import read_bundle
-from agentflow.studio.answers import told
 from agentflow.studio.building.routes import Building
 from agentflow.studio.building.workshop import Workshop
 from agentflow.studio.folder import RunFolder
-from agentflow.studio.guard import Refusal
+from agentflow.studio.guard import Access, Guard, Limits, Refusal, told
 from agentflow.studio.sessions.recorder import Recorder
 from agentflow.studio.sessions.routes import Sessions
 from agentflow.studio.simulations import Simulations
@@ -37,48 +37,54 @@ PAGE = """<!DOCTYPE html>
 <body><noscript>The studio needs JavaScript.</noscript></body>
 </html>
 """
+MOST = 64
+"""Most connections at a time."""
 FILES = {"/studio.js": "text/javascript", "/studio.css": "text/css"}
 
 
-@dataclass(frozen=True)
-class Studio:
-    """What one server works with."""
+def serve(runs: Path, port: int, say: Callable[[str], None]) -> None:
+    """Serve the runs of a folder and say at which address.
 
-    watching: Watching
-    building: Building
-    sessions: Sessions
+    Raises:
+        UsageError: The port cannot be listened on.
+    """
 
-    @classmethod
-    @asynccontextmanager
-    async def open(cls, runs: Path) -> AsyncIterator[Studio]:
-        """Prepare for a folder of runs; leaving the context ends everything that was begun."""
-        for name in FILES:
-            read_bundle(name[1:])  # says what to do if it is missing
-        folder = RunFolder(runs)
-        async with (
-            Simulations() as simulations,
-            Designs.open(folder) as designs,
-            Workshop(folder, simulations) as workshop,
-        ):
-            with Recorder(runs) as recorder:
-                yield cls(
-                    Watching(folder, designs, simulations),
-                    Building(folder, workshop, simulations),
-                    Sessions(recorder),
-                )
+    async def serve_until_asked() -> None:
+        async with running(runs, port) as address:
+            say(address)
+            await end_is_asked_for()
+
+    with suppress(KeyboardInterrupt):  # a second Ctrl-C
+        asyncio.run(serve_until_asked())
 
 
-def build_app(studio: Studio) -> Starlette:
-    """The application of a studio."""
-    return Starlette(
-        routes=[
-            *_page_routes(),
-            *studio.watching.routes,
-            *studio.building.routes,
-            *studio.sessions.routes,
-        ],
-        exception_handlers=PLAIN,
-    )
+@asynccontextmanager
+async def running(runs: Path, port: int = 0, limits: Limits | None = None) -> AsyncIterator[str]:
+    """Serve while the context is open; the address that opens the studio once."""
+    listening = listen("127.0.0.1", port, "; choose another --port")
+    access = Access(listening.getsockname()[1])
+    async with (
+        _open_app(runs) as app,
+        serving(Guard(app, access, limits or Limits()), listening, MOST),
+    ):
+        yield access.address
+
+
+@asynccontextmanager
+async def _open_app(runs: Path) -> AsyncIterator[Starlette]:
+    """The application for a folder of runs; leaving the context ends everything that was begun."""
+    routes = _page_routes()  # first: says what to do if the page is missing
+    folder = RunFolder(runs)
+    async with (
+        Simulations() as simulations,
+        Designs.open(folder) as designs,
+        Workshop(folder, simulations) as workshop,
+    ):
+        with Recorder(runs) as recorder:
+            routes += Watching(folder, designs, simulations).routes
+            routes += Building(folder, workshop, simulations).routes
+            routes += Sessions(recorder).routes
+            yield Starlette(routes=routes, exception_handlers=PLAIN)
 
 
 async def _not_found(_request: Request, error: Exception) -> Response:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path, PurePosixPath
 
 from agentflow.errors import RunError, UsageError
-from agentflow.files import require_plain_files
-from agentflow.runs.document import FILE_NAME
+from agentflow.files.folders import require_plain_files
+from agentflow.runs.reading import FILE_NAME
 
 LONGEST = 400
 """Characters of a name."""

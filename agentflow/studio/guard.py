@@ -1,17 +1,22 @@
-"""Checks every request before anything else sees it: who asks, from where, how much, how long."""
+"""Checks every request before anything else sees it: who asks, from where, how much, how long.
+
+A token opens the studio once; the browser that brought it has a cookie from then on.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
 import anyio
+from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from agentflow.studio.access import Access
+from agentflow.listening import is_secret, make_token
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
@@ -26,8 +31,12 @@ HEADERS = {
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-store",
 }
+LAST = {"connection": "close"}
+"""Of answers to a request whose body nobody reads any more."""
 FOLLOW = "/api/follow"
 """The path of event streams, which stay open."""
+Headers = Iterable[tuple[bytes, bytes]]
+"""Names, in lower case, and values, as ASGI has them."""
 CLOSED = (
     "this address needs the token that `agentflow studio` printed, and the token opens one "
     "browser only: start the studio again for another one"
@@ -56,6 +65,56 @@ class Refusal(Exception):
         self.status, self.text = status, text
 
 
+class Access:
+    """The secrets of one server on a port of 127.0.0.1."""
+
+    def __init__(self, port: int) -> None:
+        """Make new secrets."""
+        self.port = port
+        self._token = make_token()
+        self._session = make_token()
+
+    @property
+    def address(self) -> str:
+        """What opens the studio, once."""
+        return f"http://127.0.0.1:{self.port}/?token={self._token}"
+
+    @property
+    def hosts(self) -> tuple[str, ...]:
+        """Names of this server in Host headers; any other may be a page that rebinds its name."""
+        return (f"127.0.0.1:{self.port}", f"localhost:{self.port}")
+
+    def redeem(self, token: str) -> bool:
+        """Whether this is the token; it is used up if so."""
+        if not self._token or not is_secret(token, self._token):
+            return False
+        self._token = ""
+        return True
+
+    @property
+    def cookie(self) -> str:
+        """The Set-Cookie header of the browser that brought the token."""
+        return f"{self._name}={self._session}; Path=/; HttpOnly; SameSite=Strict"
+
+    def knows(self, headers: Headers) -> bool:
+        """Whether a request has the cookie."""
+        for name, value in headers:
+            if name == b"cookie":
+                jar = SimpleCookie()
+                try:
+                    jar.load(value.decode("latin-1"))
+                except CookieError:
+                    continue
+                if self._name in jar and is_secret(jar[self._name].value, self._session):
+                    return True
+        return False
+
+    @property
+    def _name(self) -> str:
+        """Ports share cookies, so the name tells studios apart."""
+        return f"agentflow-studio-{self.port}"
+
+
 class Guard:
     """Passes on the requests of the one browser that has brought the token."""
 
@@ -69,9 +128,11 @@ class Guard:
         if scope["type"] != "http":
             await send({"type": "websocket.close", "code": 1008})
             return
+        send = _with_headers(send)
         try:
             if self._redeems(scope):
-                await _answer(send, 303, b"", {"location": "/", "set-cookie": self._access.cookie})
+                home = {"location": "/", "set-cookie": self._access.cookie}
+                await Response(status_code=303, headers=home)(scope, receive, send)
                 return
             self._require_trusted(scope)
             if scope["path"] == FOLLOW:
@@ -79,11 +140,12 @@ class Guard:
                 return
             body = await self._body(scope, receive)
             with anyio.fail_after(self._limits.answer_s):
-                await self._app(scope, _replay(body, receive), _with_headers(send))
+                await self._app(scope, _replay(body, receive), send)
         except Refusal as refusal:
-            await refuse(send, refusal)
+            await told(refusal, LAST)(scope, receive, send)
         except TimeoutError:
-            await refuse(send, Refusal(504, "this took too long; try it again, or with less"))
+            late = Refusal(504, "this took too long; try it again, or with less")
+            await told(late, LAST)(scope, receive, send)
 
     def _redeems(self, scope: Scope) -> bool:
         """Whether the request opens the studio with the token."""
@@ -147,22 +209,15 @@ class Guard:
             raise Refusal(429, "too many event streams are open; close other tabs of the studio")
         self._streams += 1
         try:
-            await self._app(scope, receive, _with_headers(send))
+            await self._app(scope, receive, send)
         finally:
             self._streams -= 1
 
 
-async def refuse(send: Send, refusal: Refusal) -> None:
-    """Send a refusal as JSON and close the connection, whose body nobody reads any more."""
-    body = json.dumps({"problem": refusal.text}).encode()
-    await _answer(send, refusal.status, body, {"connection": "close"})
-
-
-async def _answer(send: Send, status: int, body: bytes, headers: Mapping[str, str]) -> None:
-    plain = {"content-type": "application/json", "content-length": str(len(body))}
-    listed = [(k.encode(), v.encode()) for k, v in {**HEADERS, **plain, **headers}.items()]
-    await send({"type": "http.response.start", "status": status, "headers": listed})
-    await send({"type": "http.response.body", "body": body})
+def told(refusal: Refusal, headers: Mapping[str, str] | None = None) -> Response:
+    """A refusal as an answer."""
+    content = json.dumps({"problem": refusal.text})
+    return Response(content, refusal.status, headers, media_type="application/json")
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:

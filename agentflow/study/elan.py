@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from agentflow.files import write_output
+from agentflow.files.atomic import write_output
 from agentflow.study.episodes import MEANING
 from agentflow.study.labelling import describe_event
 from agentflow.study.segments import Segments, read_segments

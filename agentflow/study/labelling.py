@@ -1,14 +1,18 @@
-"""Labels episodes with a language model, one at a time, in a sliding window of their neighbours."""
+"""Labels episodes: with a language model, one at a time among their neighbours, or by rules."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from agentflow.agents.base import AskContext, Parsed, Prompt, ask
+from agentflow.app.inspect.behaviour import moving_types
 from agentflow.machine import extract_json, library
+from agentflow.metrics.behaviour.measures import fails
+from agentflow.progress import Progress
 from agentflow.study.episodes import ALLOWED, MEANING, Episode, Label
+from agentflow.study.measures import count_restarts, edits_of, machine_at, result_of
 from agentflow.study.session import Action, Session, Trial
 from agentflow.study.transcript import Utterance, words_in
 
@@ -63,7 +67,7 @@ async def label_by_model(
     episodes: Sequence[Episode],
     objective: str,
     context: AskContext,
-    say: Callable[[int, int], None],
+    say: Progress,
 ) -> list[Episode]:
     """The episodes with their labels.
 
@@ -118,3 +122,65 @@ def describe_event(event: Action | Trial) -> str:
         return f"simulate: {score}"
     kind = library().get(event.type) if event.type is not None else None
     return f"{event.do} {kind.name}" if kind else event.do
+
+
+THINKING = ("pause", "talking")
+
+
+def label_by_rules(session: Session, episodes: Sequence[Episode]) -> list[Episode]:
+    """The episodes with their labels, by actions alone; breaks have none.
+
+    * Building before the first trial is Build. Later it is Restructure if the types of moving
+      blocks change or the machine is begun anew, else Revise.
+    * A pause or talk before anything is built is Plan. It is Reflect if only such follow.
+    * Right after a trial or a look at one, it is Diagnose if the last trial failed, else Observe.
+    * All others are Plan before the first trial, and Hypothesize later.
+    """
+    rules = _Rules(session, episodes)
+    return [
+        episode.model_copy(update={"label": rules.label(number)})
+        for number, episode in enumerate(episodes)
+    ]
+
+
+class _Rules:
+    def __init__(self, session: Session, episodes: Sequence[Episode]) -> None:
+        self._session, self._episodes = session, episodes
+        self._trials = session.of(Trial)
+        self._worse = {edit.after.machine for edit in edits_of(session) if edit.failed}
+
+    def label(self, number: int) -> Label | None:
+        episode = self._episodes[number]
+        if episode.coarse == "building":
+            return self._label_building(episode)
+        if episode.coarse in THINKING:
+            return self._label_thinking(number)
+        return next(iter(ALLOWED[episode.coarse]), None)
+
+    def _label_building(self, episode: Episode) -> Label:
+        if not self._last_trial(episode):
+            return "Build"
+        before = machine_at(self._session, episode.begin)
+        after = machine_at(self._session, episode.end)
+        given = len(self._session.machine(self._session.start))
+        anew = count_restarts([len(before) - given, len(after) - given])
+        return "Restructure" if anew or moving_types(before) != moving_types(after) else "Revise"
+
+    def _label_thinking(self, number: int) -> Label:
+        done = [one.coarse for one in self._episodes[:number]]
+        to_come = {one.coarse for one in self._episodes[number + 1 :]}
+        trial = self._last_trial(self._episodes[number])
+        if "building" not in done and not trial:
+            return "Plan"
+        if to_come <= {*THINKING, "break"}:
+            return "Reflect"
+        if trial and done[-1] in ("testing", "looking"):
+            return "Diagnose" if self._failed(trial) else "Observe"
+        return "Hypothesize" if trial else "Plan"
+
+    def _last_trial(self, episode: Episode) -> Trial | None:
+        return next((one for one in reversed(self._trials) if one.at < episode.begin), None)
+
+    def _failed(self, trial: Trial) -> bool:
+        result = result_of(self._session, trial)
+        return trial.score is None or fails(result) or result.machine in self._worse

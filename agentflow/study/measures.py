@@ -1,14 +1,27 @@
-"""What is measured in a session besides behaviour: order of building, restarts, use of time."""
+"""What is measured in a session: behaviour, order, restarts, time, kind of design."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from itertools import pairwise
 
-from agentflow.app.inspect.behaviour import moving_types
+import yaml
+
+from agentflow.agents.registry import ROLES
+from agentflow.agents.replies import expectations
+from agentflow.app.inspect.behaviour import Machines, moving_types
+from agentflow.app.tasks import find_task
 from agentflow.machine import Machine, place
 from agentflow.machine.geometry.balance import stands
-from agentflow.study.episodes import Episode, Label
-from agentflow.study.session import Action, Session
+from agentflow.metrics.behaviour.measures import Behaviour, Edit, behaviour
+from agentflow.runs.events import EvaluationEvent
+from agentflow.runs.places import Place
+from agentflow.study.episodes import Episode
+from agentflow.study.session import Action, Session, Trial
+from agentflow.study.transcript import Utterance
 
 FOUNDATION = 2
 """Blocks that do not move which make a foundation, without the given ones; chosen."""
@@ -16,18 +29,6 @@ SMALLEST = 4
 """Blocks of the smallest machine that can be begun anew, without the given ones; chosen."""
 KEPT = 0.25
 """Greatest share of these blocks that is left when a machine is begun anew; chosen."""
-ROLES: Mapping[Label, str] = {
-    "Plan": "meta_designer",
-    "Hypothesize": "meta_designer",
-    "Build": "designer",
-    "Observe": "inspector",
-    "Diagnose": "inspector",
-    "Reflect": "inspector",
-    "Revise": "refiner",
-    "Restructure": "refiner",
-    "Query": "querier",
-}
-"""Label -> role whose work this is. Simulation is nobody's, so Test has none."""
 
 
 def machine_at(session: Session, time: float) -> Machine:
@@ -88,10 +89,89 @@ def session_restarts(session: Session) -> int:
 
 
 def time_of_roles(episodes: Sequence[Episode]) -> dict[str, float]:
-    """Role -> seconds of work like that of the role; episodes without a label are left out."""
-    found = dict.fromkeys(ROLES.values(), 0.0)
+    """Role -> seconds of work like that of the role, by the first role whose label an episode has.
+
+    Episodes without a label are left out, and those of testing: simulation is no role's work.
+    """
+    found = dict.fromkeys(ROLES, 0.0)
     for episode in episodes:
-        role = None if episode.label is None else ROLES.get(episode.label)
+        role = next((name for name in ROLES if episode.label in ROLES[name].labels), None)
         if role is not None:
             found[role] += episode.seconds
     return {role: seconds for role, seconds in found.items() if seconds}
+
+
+def design_type(text: str) -> str | None:
+    """The type whose words are used most often; of several, the one that is named first.
+
+    None if no word of any type is used.
+    """
+    used: dict[str, int] = {}
+    for word in re.findall(r"[a-z]+", text.lower()):
+        if kind := _types().get(word):
+            used[kind] = used.get(kind, 0) + 1
+    return max(used, key=lambda kind: used[kind], default=None)
+
+
+@cache
+def _types() -> Mapping[str, str]:
+    """Word -> type, with the forms of each word."""
+    listed = yaml.safe_load((files("agentflow.study") / "designs.yaml").read_text("utf-8"))
+    return {
+        word + ending: kind
+        for kind, words in listed.items()
+        for word in words
+        for ending in ("", "s", "es", "ed", "er", "ers", "ing")
+    }
+
+
+def behaviour_of_session(
+    session: Session, said: Sequence[Utterance], effort: Mapping[str, float]
+) -> Behaviour:
+    """How the person of a session behaves, by the same rules as the designers of runs.
+
+    A prediction of an edit is what was said or noted between two trials, in sentences that say what
+    is expected.
+
+    Args:
+        session: The session.
+        said: Everything that was said or noted.
+        effort: Role -> seconds of work like that of the role.
+    """
+    trials = session.of(Trial)
+
+    def prediction(place: Place) -> str:
+        begin, end = trials[place.call - 1].end, trials[place.call].at
+        return expectations("\n".join(one.text for one in said if begin <= one.begin < end))
+
+    return behaviour(
+        list(edits_of(session)),
+        prediction,
+        Machines(session.machines.__getitem__),
+        effort,
+        metres=find_task(session.start.task).brief.greatest is None,
+    )
+
+
+def edits_of(session: Session) -> Iterator[Edit]:
+    """An edit leads from each trial to the next; its place is the number of the former.
+
+    Those are left out that changed nothing, or whose simulation crashed or timed out.
+    """
+    results = [result_of(session, trial) for trial in session.of(Trial)]
+    for number, (before, after) in enumerate(pairwise(results), start=1):
+        if before.machine != after.machine and None not in (before.score, after.score):
+            yield Edit((Place("trial", call=number),), before, after, informed=True)
+
+
+def result_of(session: Session, trial: Trial) -> EvaluationEvent:
+    """A trial as the result of a simulation."""
+    return EvaluationEvent(
+        Place("trial"),
+        machine=session.machine(trial).digest,
+        valid=trial.status != "invalid",
+        score=trial.score,
+        status=trial.status,
+        broken=(),
+        rollout=None,
+    )

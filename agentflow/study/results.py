@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import task_of_run
-from agentflow.app.design.results import read_finished
+from agentflow.app.design.results import best_machine
 from agentflow.app.inspect.behaviour import (
     Result,
     behaviour_columns,
@@ -16,9 +17,8 @@ from agentflow.app.inspect.behaviour import (
     working_roles,
 )
 from agentflow.errors import RunError
-from agentflow.machine import library, read_machine
 from agentflow.metrics.tables import FORMATS, Column, Row, Table
-from agentflow.runs import find_runs, read_document
+from agentflow.runs import find_runs, read_document, read_result
 from agentflow.runs.events import (
     AttemptEvent,
     BlueprintEvent,
@@ -26,17 +26,18 @@ from agentflow.runs.events import (
     ToolEvent,
     read_typed_events,
 )
-from agentflow.study.behaviour import behaviour_of_session
 from agentflow.study.clusters import condense, find_clusters
-from agentflow.study.designs import design_type
 from agentflow.study.measures import (
+    behaviour_of_session,
     builds_foundation_first,
+    design_type,
     is_foundation_first,
     session_restarts,
     time_of_roles,
 )
 from agentflow.study.segments import everything_said, read_segments
 from agentflow.study.session import FILE, Session, Trial, read_session
+from agentflow.tools.bench import TOOLS
 
 ABOUT = (
     "Best, final: scores. Foundation first: it stood, with 2 blocks or more, before the first "
@@ -44,16 +45,7 @@ ABOUT = (
     "of agents, of tokens. Cluster: similar sequences of labels. The other columns are those of "
     "agentflow behaviour. docs/study.md has the rules."
 )
-LABEL_OF_ROLE = {
-    "meta_designer": "Plan",
-    "designer": "Build",
-    "placer": "Build",
-    "inspector": "Diagnose",
-    "querier": "Query",
-    "refiner": "Revise",
-}
-"""Role of a call -> label in the sequence of its run."""
-LABEL_OF_TOOL = {"check": "Build", "edit": "Revise", "look": "Observe", "query": "Query"}
+LABEL_OF_TOOL = {tool.spec.name: tool.label for tool in TOOLS if tool.label}
 """Tool of a call -> label in the sequence of its run; others have none."""
 
 
@@ -159,20 +151,20 @@ def measure_session(session: Session) -> Measured:
 
 def measure_run(path: Path) -> Measured:
     """What is measured in a finished run."""
-    result, task = read_finished(path), task_of_run(path, read_document(path))
+    result, task = read_result(path), task_of_run(path, read_document(path))
     events = list(read_typed_events(path))
     tried = {e.machine: e.score for e in events if isinstance(e, EvaluationEvent)}
-    machine = read_machine(result["machine"], library()).machine if result["valid"] else None
+    machine = best_machine(result)
     first = None if machine is None else builds_foundation_first(machine, task.brief.given)
     plans = [event.definition for event in events if isinstance(event, BlueprintEvent)]
     return Measured(
         Result(str(path), 1, behaviour_of(path)),
-        by=result["model"],
+        by=result.model,
         effort_in="tokens",
         task=task.name,
         trials=len(tried),
         best=max((score for score in tried.values() if score is not None), default=None),
-        final=result["score"],
+        final=result.score,
         foundation_first=first,
         restarts=None,
         design=design_type(" ".join(plans)),
@@ -186,7 +178,8 @@ def _label(event: object) -> str | None:
     if isinstance(event, EvaluationEvent):
         return "Test"
     if isinstance(event, AttemptEvent):
-        return LABEL_OF_ROLE.get(event.role)
+        labels = ROLES[event.role].labels if event.role in ROLES else ()
+        return labels[0] if labels else None
     return LABEL_OF_TOOL.get(event.tool) if isinstance(event, ToolEvent) else None
 
 

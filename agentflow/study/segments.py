@@ -3,43 +3,37 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel
 
 from agentflow.agents.base import AskContext
-from agentflow.app.about import read_about, write_about
-from agentflow.app.design.config import find_unused_setting
-from agentflow.app.design.models import (
-    charge_budget,
-    choose_models,
-    open_models,
-    use_client,
-)
+from agentflow.agents.designer import Designer
 from agentflow.app.tasks import find_task
 from agentflow.config.run import DesignConfig
-from agentflow.errors import BudgetSpentError, ConfigError, InterruptedRunError, RunError
-from agentflow.files import cannot_write, hold_folder, remove_partial_files
+from agentflow.errors import ConfigError, RunError
+from agentflow.files.atomic import remove_partial_files
+from agentflow.files.documents import Document
+from agentflow.files.folders import hold_folder
 from agentflow.llm.client import Client
 from agentflow.llm.procedural import ProceduralClient
-from agentflow.llm.wrappers.tape import Tape
-from agentflow.metrics.tables import FORMATS, NOTHING, Column, Row, Table
+from agentflow.metrics.formats import NOTHING
+from agentflow.metrics.tables import FORMATS, Column, Row, Table
+from agentflow.models.asking import continuable, recorded_models
+from agentflow.models.choices import choose_models
+from agentflow.models.completion import find_unused_setting
+from agentflow.progress import Progress, silent
 from agentflow.prompts.render import PromptSet
 from agentflow.runs import Notify
 from agentflow.study.episodes import Episode, cut
-from agentflow.study.labelling import label_by_model
-from agentflow.study.rules import label_by_rules
+from agentflow.study.labelling import label_by_model, label_by_rules
 from agentflow.study.session import Audio, Note, Session, read_session
 from agentflow.study.transcript import Utterance, read_transcript
 
-FILE, CALLS = "episodes.json", "calls.jsonl"
-ROLE = "designer"
+FILE = "episodes.json"
+ROLE = Designer.name
 """The role whose model labels."""
-AGAIN = "run the same command again to continue"
-Progress = Callable[[int, int], None]
-"""(episodes labelled, of)."""
 
 
 class Segments(BaseModel, frozen=True, extra="forbid"):
@@ -62,6 +56,9 @@ class Segments(BaseModel, frozen=True, extra="forbid"):
         return sum(one.label is None and one.coarse != "break" for one in self.episodes)
 
 
+DOCUMENT = Document(FILE, Segments, "a segmented session")
+
+
 def segment(
     path: Path,
     transcript: Path | None,
@@ -69,7 +66,7 @@ def segment(
     *,
     client: Client | None = None,
     notify: Notify = lambda _line: None,
-    say: Progress = lambda _done, _of: None,
+    say: Progress = silent,
 ) -> Segments:
     """Cut a session into episodes, label them, and write episodes.json in its folder.
 
@@ -103,13 +100,15 @@ def segment(
         spoken=spoken,
         episodes=tuple(cut(session, spoken)),
     )
-    with hold_folder(session.path):
+    with continuable(), hold_folder(session.path):
         remove_partial_files(session.path)
-        labelled = _label(session, cut_only, config, client, notify, say)
-        try:
-            write_about(session.path / FILE, labelled)
-        except OSError as error:
-            raise cannot_write(session.path, error) from None
+        if client is None and choose_models(config.model)[ROLE].procedural:
+            episodes = label_by_rules(session, cut_only.episodes)
+            labelled = cut_only.model_copy(update={"episodes": tuple(episodes)})
+        else:
+            asked = _ask_model(session, cut_only, config, client, notify, say)
+            labelled = asyncio.run(asked)
+        DOCUMENT.write(session.path, labelled)
     return labelled
 
 
@@ -119,15 +118,14 @@ def read_segments(session: Session) -> Segments:
     Raises:
         RunError: They are damaged, or the session went on after they were cut.
     """
-    file = session.path / FILE
-    if not file.exists():
+    if not (session.path / FILE).exists():
         episodes = label_by_rules(session, cut(session, ()))
         name, seconds = ProceduralClient.name, session.seconds
         return Segments(model=name, seconds=seconds, episodes=tuple(episodes))
-    found = read_about(file, Segments, "a segmented session")
+    found = DOCUMENT.read(session.path)
     if found.seconds != session.seconds:
         raise RunError(
-            f"{file} is about the first {found.seconds:.0f} s, and the session has "
+            f"{session.path / FILE} is about the first {found.seconds:.0f} s, and the session has "
             f"{session.seconds:.0f} s; run agentflow study segments again"
         )
     return found
@@ -139,25 +137,6 @@ def everything_said(session: Session, segments: Segments) -> tuple[Utterance, ..
     return tuple(sorted((*segments.spoken, *noted), key=lambda one: one.begin))
 
 
-def _label(
-    session: Session,
-    segments: Segments,
-    config: DesignConfig,
-    client: Client | None,
-    notify: Notify,
-    say: Progress,
-) -> Segments:
-    if client is None and choose_models(config.model)[ROLE].procedural:
-        episodes = label_by_rules(session, segments.episodes)
-        return segments.model_copy(update={"episodes": tuple(episodes)})
-    try:
-        return asyncio.run(_ask_model(session, segments, config, client, notify, say))
-    except BudgetSpentError as error:
-        raise ConfigError(f"{error}: raise the limit in model.budget; {AGAIN}") from None
-    except KeyboardInterrupt:
-        raise InterruptedRunError(f"interrupted; {AGAIN}") from None
-
-
 async def _ask_model(
     session: Session,
     segments: Segments,
@@ -167,24 +146,13 @@ async def _ask_model(
     say: Progress,
 ) -> Segments:
     objective = find_task(session.start.task).brief.objective
-    with Tape(session.path / CALLS, notify) as tape:
-        budget = charge_budget(config.model, tape)
-        models = (
-            open_models(config, tape, budget, notify)
-            if client is None
-            else use_client(client, config, tape, budget)
-        )
-        try:
-            asked = models.clients[ROLE]
-            notify(f"{asked.name} gets the actions and words of this session to label them")
-            sampling = models.choices[ROLE].sampling
-            context = AskContext(asked, PromptSet(config.prompts), sampling)
-            said = everything_said(session, segments)
-            episodes = await label_by_model(
-                session, said, segments.episodes, objective, context, say
-            )
-        finally:
-            await models.aclose()
+    async with recorded_models(config, session.path, notify, client) as models:
+        asked = models.clients[ROLE]
+        notify(f"{asked.name} gets the actions and words of this session to label them")
+        sampling = models.choices[ROLE].sampling
+        context = AskContext(asked, PromptSet(config.prompts), sampling)
+        said = everything_said(session, segments)
+        episodes = await label_by_model(session, said, segments.episodes, objective, context, say)
     return segments.model_copy(update={"model": asked.name, "episodes": tuple(episodes)})
 
 

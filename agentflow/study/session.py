@@ -6,19 +6,19 @@ an event, in the order of writing. A last line that was only half written is dro
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from functools import cached_property
+from itertools import chain, repeat
 from pathlib import Path
 from time import monotonic
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AwareDatetime, BaseModel, Field, TypeAdapter, ValidationError
+from pydantic import AwareDatetime, BaseModel, Field, TypeAdapter
 
-from agentflow.config.yaml import describe_fault, first_fault
 from agentflow.errors import RunError, UsageError
-from agentflow.files import LineFile, whole_lines
+from agentflow.files.lines import LineFile, read_lines
 from agentflow.machine import Machine, library, read_machine
 from agentflow.machine.tree import MachineJson
 
@@ -263,25 +263,9 @@ def read_session(path: Path) -> Session:
     file = folder / FILE
     if not file.is_file() or file.is_symlink():
         raise RunError(f"{folder} is not a session: it has no {FILE}")
-    try:
-        lines = list(whole_lines(file))
-    except OSError as error:
-        raise RunError(f"cannot read {file}: {error.strerror}") from None
+    kinds: Iterator[TypeAdapter[Any]] = chain((_START,), repeat(_EVENTS))  # of the lines
+    lines = list(read_lines(file, lambda line: next(kinds).validate_json(line)))
     if not lines:
         raise RunError(f"{file} is empty; a session begins with a line of kind session")
-    start = _parse(_START, file, *lines[0])
-    events = [_parse(_EVENTS, file, *line) for line in lines[1:]]
+    start, *events = lines
     return Session(folder, start, tuple(sorted(events, key=lambda event: event.at)))
-
-
-_Parsed = TypeVar("_Parsed")
-
-
-def _parse(kind: TypeAdapter[_Parsed], file: Path, number: int, line: bytes) -> _Parsed:
-    try:
-        return kind.validate_json(line)
-    except ValidationError as error:
-        fault = first_fault(error)
-        place = ".".join(map(str, fault["loc"])) or "the line"
-        told = f"{place}: {describe_fault(fault)}"
-        raise RunError(f"{file} is damaged in line {number}: {told}") from None

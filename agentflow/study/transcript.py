@@ -9,6 +9,7 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from agentflow.errors import UsageError
+from agentflow.files.atomic import os_errors
 
 _TIME = r"(?:(\d+):)?(\d\d):(\d\d)[.,](\d{3})"
 _CUE = re.compile(rf"\s*{_TIME}\s+-->\s+{_TIME}")
@@ -35,9 +36,8 @@ def read_transcript(file: Path, shift: float = 0.0) -> tuple[Utterance, ...]:
         UsageError: It cannot be read, or has no times.
     """
     try:
-        text = file.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise UsageError(f"cannot read {file}: {error.strerror}") from None
+        with os_errors(f"cannot read {file}", UsageError):
+            text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise UsageError(f"{file} is not a transcript: expected text in UTF-8") from None
     found = [one for block in re.split(r"\n\s*\n", text) if (one := _read_cue(block, shift))]

@@ -13,37 +13,36 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import EvaluationEvent, QueryEvent, RunEvent, ToolEvent
 from agentflow.runs.places import Place, StageName
 from agentflow.tools import designing, measuring
-from agentflow.tools.budget import Budget
-from agentflow.tools.desk import Call, Desk
-from agentflow.tools.machines import KnownMachines
+from agentflow.tools.desk import Budget, Call, Desk, KnownMachines
 from agentflow.tools.results import Refused, StageEnded, ToolResult, ToolSpec
-from agentflow.tools.schema import Tool, ToolFunction
+from agentflow.tools.schema import Tool
 from agentflow.tools.world import World
 
-_FUNCTIONS: tuple[ToolFunction, ...] = (
-    designing.brief,
-    designing.check,
-    designing.describe,
-    designing.edit,
-    measuring.simulate,
-    measuring.query,
-    measuring.look,
-    designing.history,
-    measuring.submit,
+TOOLS = (
+    Tool.of(designing.brief),
+    Tool.of(
+        designing.check,
+        label="Build",
+        with_controls=' With controls, a machine is an object: {"blocks": [...], "controls": '
+        '[{"group": "motors", "at": 0, "for": 5, "level": 1}]}.',
+    ),
+    Tool.of(designing.describe),
+    Tool.of(
+        designing.edit,
+        label="Revise",
+        with_controls=" Two commands change the controls: `Control IDS-OR-GROUP at S for S level "
+        "LEVEL` and `Uncontrol NUMBER`.",
+    ),
+    Tool.of(measuring.simulate, needs="simulations"),
+    Tool.of(measuring.query, needs="simulations", label="Query"),
+    Tool.of(measuring.look, needs="pictures", label="Observe"),
+    Tool.of(designing.history),
+    Tool.of(measuring.submit),
 )
-TOOLS = tuple(Tool.of(function) for function in _FUNCTIONS)
 """All tools, in the order in which clients list them."""
 TOOL_NAMES = frozenset(tool.spec.name for tool in TOOLS)
-_WITH_CONTROLS = {
-    "check": ' With controls, a machine is an object: {"blocks": [...], "controls": [{"group": '
-    '"motors", "at": 0, "for": 5, "level": 1}]}.',
-    "edit": " Two commands change the controls: `Control IDS-OR-GROUP at S for S level LEVEL` and "
-    "`Uncontrol NUMBER`.",
-}
-"""What the descriptions of tools add where machines bring control programs."""
 UNKNOWN = "unknown"
 """Name in the record of tools that do not exist, of which agents may call any number."""
-_SIMULATING = frozenset({"simulate", "query"})
 MOST_CHARACTERS = 200_000
 """Most characters of a text from an agent; a machine of 800 blocks has 50,000."""
 DEEPEST = 8
@@ -69,20 +68,18 @@ class Bench:
 
     def _offers(self, tool: Tool) -> bool:
         budget = self._desk.budget
-        if tool.spec.name in _SIMULATING:
-            return budget.rollouts is not None
-        return tool.spec.name != measuring.look.__name__ or budget.looks is not None
+        charged = {"simulations": budget.rollouts, "pictures": budget.looks}
+        return not tool.needs or charged[tool.needs] is not None
 
     @property
     def tools(self) -> tuple[ToolSpec, ...]:
         """The tools on offer in this stage."""
-        return tuple(self._told(tool.spec) for tool in self._tools.values())
+        return tuple(self._told(tool) for tool in self._tools.values())
 
-    def _told(self, spec: ToolSpec) -> ToolSpec:
+    def _told(self, tool: Tool) -> ToolSpec:
         """A tool as clients are told about it: where machines bring controls, how to write them."""
-        if self._desk.world.brief.limits.controls is None:
-            return spec
-        return replace(spec, description=spec.description + _WITH_CONTROLS.get(spec.name, ""))
+        spec, controlled = tool.spec, self._desk.world.brief.limits.controls is not None
+        return replace(spec, description=spec.description + tool.with_controls * controlled)
 
     @property
     def machines(self) -> KnownMachines:

@@ -18,8 +18,7 @@ from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import Report
 from agentflow.machine.validity import check as check_machine
-from agentflow.tools.desk import Call, Desk
-from agentflow.tools.machines import KnownMachine
+from agentflow.tools.desk import Call, Desk, KnownMachine
 from agentflow.tools.results import Refused, ToolResult
 
 MAX_PROBLEMS = 12
@@ -93,7 +92,7 @@ async def edit(call: Call, machine: str, script: str) -> ToolResult:
     report = check_machine(outcome.machine, desk.world.brief)
     if report.lasting_problems:
         raise _invalid("The edited machine is not valid, so it was not made", report)
-    made = _named(desk, outcome.machine, report, known.name, script)
+    made = _named(desk, report.machine or outcome.machine, report, known.name, script)
     data = {
         **made.data,
         "parent": known.name,

@@ -4,14 +4,142 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
+from agentflow.machine.validity import problems_of
 from agentflow.runs.places import Place, StageName
-from agentflow.tools.budget import Budget
-from agentflow.tools.machines import KnownMachine, KnownMachines
 from agentflow.tools.results import Refused, StageEnded
 from agentflow.tools.world import Simulation, World
+
+DIGITS = 8
+"""Length of a name."""
+MOST_MACHINES = 2000
+"""Most machines of a run."""
+
+
+@dataclass
+class KnownMachine:
+    """A machine that an agent can name."""
+
+    name: str
+    machine: Machine
+    parent: str = ""
+    """Name of the machine that it was edited from; "" for one that was written as a whole."""
+    script: str = ""
+    """The commands of that edit."""
+    submitted: StageName | None = None
+    """The first stage in which it was submitted."""
+
+
+class KnownMachines:
+    """All machines of a run that an agent can name, oldest first; stages share them."""
+
+    def __init__(self, most: int = MOST_MACHINES) -> None:
+        """Keep at most so many machines."""
+        self._most = most
+        self._machines: dict[str, KnownMachine] = {}
+
+    def __iter__(self) -> Iterator[KnownMachine]:
+        return iter(self._machines.values())
+
+    def __len__(self) -> int:
+        return len(self._machines)
+
+    def add(self, machine: Machine, parent: str = "", script: str = "") -> KnownMachine:
+        """Give a machine a name; a known one keeps what is known about it."""
+        name = machine.digest[:DIGITS]
+        if name in self._machines and self._machines[name].machine != machine:
+            name = machine.digest
+        if name not in self._machines:
+            if len(self) >= self._most:
+                raise Refused(f"a run keeps at most {self._most} machines; go on with these")
+            self._machines[name] = KnownMachine(name, machine, parent, script)
+        return self._machines[name]
+
+    def find(self, name: str) -> KnownMachine:
+        """The machine of this name, or refuse with the names there are."""
+        wanted = name.strip().lower()
+        for known in self:
+            if wanted in (known.name, known.machine.digest):
+                return known
+        newest = [known.name for known in self][:-6:-1]
+        raise Refused(
+            f"there is no machine {name.strip()[:40]!r}; "
+            + (f"the newest are {', '.join(newest)}" if newest else "there is none yet")
+            + "; `check` and `edit` name machines, `history` lists them"
+        )
+
+
+def require_complete(machine: Machine, brief: Brief) -> None:
+    """Refuse a machine that cannot be simulated as it is."""
+    for problem in problems_of(machine, brief):
+        raise Refused(f"this machine is not complete: {problem.message}; `edit` it", problem.code)
+
+
+@dataclass
+class Allowance:
+    """A number of uses of one kind."""
+
+    noun: str
+    """What is used, such as "simulation"."""
+    instead: str
+    """What still works once all are used."""
+    left: int
+    total: int
+
+    @classmethod
+    def of_simulations(cls, total: int) -> Allowance:
+        """An allowance of simulations, of which nothing is used yet."""
+        return cls("simulation", "`submit` takes any machine that has been simulated", total, total)
+
+    @classmethod
+    def of_pictures(cls, total: int) -> Allowance:
+        """An allowance of pictures, of which nothing is used yet."""
+        return cls("picture", "`describe` and `query` tell positions", total, total)
+
+    def take(self) -> None:
+        """Use one, or refuse."""
+        if self.left <= 0:
+            raise Refused(
+                f"all {self.total} {self.noun}s are used; the other tools still work, and "
+                f"{self.instead}"
+            )
+        self.left -= 1
+
+    def give_back(self) -> None:
+        """Return one that was not used after all."""
+        self.left += 1
+
+    @contextmanager
+    def using(self) -> Iterator[None]:
+        """Use one, unless the work fails or is cancelled."""
+        self.take()
+        try:
+            yield
+        except BaseException:
+            self.give_back()
+            raise
+
+    def __str__(self) -> str:
+        return f"{self.left} of {self.total} {self.noun}s left"
+
+
+@dataclass
+class Budget:
+    """What an agent may spend in one stage."""
+
+    submissions: int
+    """Machines that it may submit; the last one ends the stage."""
+    rollouts: Allowance | None = None
+    """Simulations, shared by the stages of a run; None in a stage without simulation."""
+    looks: Allowance | None = None
+    """Pictures, shared by the stages of a run; None without vision."""
+    stages_left: int = 0
+    """Stages that follow, which start from the machines of this one."""
 
 
 @dataclass(frozen=True)

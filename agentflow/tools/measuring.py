@@ -9,8 +9,7 @@ from pydantic import BaseModel, Field
 
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
-from agentflow.tools.desk import Call, Desk
-from agentflow.tools.machines import KnownMachine, complete_report
+from agentflow.tools.desk import Call, Desk, KnownMachine, require_complete
 from agentflow.tools.results import Refused, ToolResult
 from agentflow.tools.world import Simulation, View
 
@@ -98,7 +97,7 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
     desk = call.desk
     known = desk.machines.find(machine)
     desk.require_submittable(known)
-    complete_report(known.machine, desk.world.brief)
+    require_complete(known.machine, desk.world.brief)
     told = "."
     if desk.budget.rollouts is not None:
         told = f": {_told(await _simulate(call, known.machine), short=True)}"
@@ -110,7 +109,7 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
 
 
 async def _simulate(call: Call, machine: Machine) -> Simulation:
-    complete_report(machine, call.desk.world.brief)
+    require_complete(machine, call.desk.world.brief)
     return await call.desk.simulate(machine, call.place)
 
 

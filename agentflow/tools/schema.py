@@ -6,7 +6,7 @@ import inspect
 import re
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, get_type_hints
+from typing import Any, Literal, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic.fields import FieldInfo
@@ -16,6 +16,7 @@ from agentflow.tools.results import Refused, ToolResult, ToolSpec
 
 ToolFunction = Callable[..., Awaitable[ToolResult]]
 """Takes a `Call` and typed arguments."""
+Need = Literal["", "simulations", "pictures"]
 _ARGUMENT = re.compile(r"^    (\w+): (.+(?:\n {5,}.+)*)", re.MULTILINE)
 
 
@@ -30,12 +31,28 @@ class Tool:
     spec: ToolSpec
     _function: ToolFunction
     _arguments: type[BaseModel]
+    needs: Need
+    with_controls: str
+    label: str
 
     @classmethod
-    def of(cls, function: ToolFunction) -> Tool:
+    def of(
+        cls,
+        function: ToolFunction,
+        *,
+        needs: Need = "",
+        with_controls: str = "",
+        label: str = "",
+    ) -> Tool:
         """The tool of a function whose first parameter is the `Call`.
 
         The docstring has a description in one paragraph and, under `Args:`, one for each argument.
+
+        Args:
+            function: Carries out a call.
+            needs: What it is charged for; it is on offer only in stages that have some.
+            with_controls: What the description adds where machines bring control programs.
+            label: The step of people's designing that a call is, as docs/study.md labels them.
         """
         summary, _, rest = (inspect.getdoc(function) or "").partition("\n\n")
         about = {name: " ".join(text.split()) for name, text in _ARGUMENT.findall(rest)}
@@ -55,7 +72,7 @@ class Tool:
         model = create_model(name, __base__=_Arguments, **fields)
         schema = _plain(model.model_json_schema(), {})
         spec = ToolSpec(name, " ".join(summary.split()), schema)
-        return cls(spec, function, model)
+        return cls(spec, function, model, needs, with_controls, label)
 
     async def __call__(self, call: Call, arguments: Mapping[str, Any]) -> ToolResult:
         """Call it with arguments from an agent; refuse those that do not fit the schema."""

@@ -12,7 +12,9 @@ that advantages keep their size when k changes, and k = 1 and k = n are the two 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
@@ -153,3 +155,30 @@ def _check_k(rewards: npt.ArrayLike, k: int, spare: int) -> int:
     if not 1 <= k <= most:
         raise ValueError(f"k must be 1 to {most} for a group of {np.size(rewards)}, not {k}")
     return k
+
+
+@dataclass(frozen=True)
+class Advantage:
+    """An advantage as configurations choose it."""
+
+    of: Callable[..., Floats]
+    """The function; called with the rewards of a group, and with what it takes besides."""
+    takes: frozenset[str] = frozenset()
+    """The keywords of `AdvantageConfig` that it takes: k, scale."""
+    spare: int = 0
+    """Replies of a group that k must leave over."""
+
+    def __call__(self, rewards: npt.ArrayLike, **given: float) -> Floats:
+        """The advantages of a group."""
+        return self.of(rewards, **{name: given[name] for name in self.takes})
+
+
+ADVANTAGES: Mapping[str, Advantage] = MappingProxyType(
+    {
+        "pass1": Advantage(pass1, frozenset({"scale"})),
+        "best": Advantage(best),
+        "pkpo": Advantage(pkpo, frozenset({"k"})),
+        "maxpo": Advantage(maxpo, frozenset({"k"}), spare=1),
+    }
+)
+"""By the names that configurations use."""

@@ -6,19 +6,19 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from agentflow.config.run import explain, load_document, split_setting
-from agentflow.config.yaml import find_bool_as_number
-from agentflow.env.tasks.knobs import deep_merge, nest_keys
+from agentflow.config.run import load_document, split_setting
 from agentflow.errors import ConfigError
+from agentflow.files.faults import explain, find_bool_as_number
+from agentflow.files.yaml import deep_merge, nest_keys
 
 
-class _Group(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+class ConfigGroup(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """Keys of a configuration; no others, no changes later."""
 
 
-class TinyModel(_Group):
+class TinyModel(ConfigGroup):
     """A decoder made from scratch, with a tokenizer trained on the data."""
 
     family: Literal["llama", "qwen"] = "llama"
@@ -38,7 +38,7 @@ class TinyModel(_Group):
         return self
 
 
-class ModelSource(_Group):
+class ModelSource(ConfigGroup):
     """Where training begins: a model from scratch, or one that exists."""
 
     tiny: TinyModel | None = None
@@ -53,7 +53,7 @@ class ModelSource(_Group):
         return self
 
 
-class Lora(_Group):
+class Lora(ConfigGroup):
     """Low-rank adapters on all linear layers."""
 
     rank: int = Field(64, ge=1)
@@ -61,13 +61,13 @@ class Lora(_Group):
     dropout: float = Field(0.0, ge=0, lt=1)
 
 
-class Oft(_Group):
+class Oft(ConfigGroup):
     """Orthogonal fine-tuning of all linear layers."""
 
     block_size: int = Field(64, ge=2)
 
 
-class Adapter(_Group):
+class Adapter(ConfigGroup):
     """Trains few parameters beside a frozen model."""
 
     lora: Lora | None = None
@@ -80,7 +80,7 @@ class Adapter(_Group):
         return self
 
 
-class Optimiser(_Group):
+class Optimiser(ConfigGroup):
     """How weights are updated."""
 
     name: Literal["adamw", "adamw_8bit"] = "adamw"
@@ -92,7 +92,7 @@ class Optimiser(_Group):
     gradient_norm: float = Field(1.0, gt=0, description="longer gradients are shortened to this")
 
 
-class TrainingConfig(_Group):
+class TrainingConfig(ConfigGroup):
     """What all kinds of training have in common."""
 
     model: ModelSource

@@ -6,9 +6,9 @@ import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 
+from agentflow.models.local.folder import find_model
 from agentflow.training.config import TrainingConfig
 from agentflow.training.data.pairs import DEV, TRAIN
-from agentflow.training.model.folder import find_model
 
 PART = 1 << 20
 """Bytes that are read at a time."""

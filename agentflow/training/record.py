@@ -1,4 +1,4 @@
-"""Reads the directory of a training run: configuration, curves, samples, result.
+"""The directory of a training run: written by one process at a time, continued after a kill.
 
 training.json       what kind of training, the label of its model, digests of what it reads
 config.yaml         the complete configuration
@@ -11,29 +11,36 @@ result.json         written last: only finished runs have it
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Mapping
+import shutil
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+import yaml
+from pydantic import BaseModel
 
-from agentflow.config.run import explain
-from agentflow.config.yaml import NOT_YAML, read_yaml
 from agentflow.errors import RunError
-from agentflow.files import parse_object, whole_lines
+from agentflow.files.atomic import remove_partial_files, write_text
+from agentflow.files.documents import Document, first_difference, read_object, read_part
+from agentflow.files.folders import hold_folder
+from agentflow.files.lines import LineFile, parse_object, read_lines
+from agentflow.files.yaml import NOT_YAML, read_yaml
+from agentflow.models.local.folder import MODEL
 
 ABOUT, CONFIG, CURVES, RESULT = "training.json", "config.yaml", "curves.jsonl", "result.json"
-SAMPLES, MODEL = "samples", "model"
+SAMPLES = "samples"
 
 Kind = Literal["sft", "grpo"]
 
 
-class About(BaseModel):
+class About(BaseModel, frozen=True, extra="forbid"):
     """The content of training.json."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Kind
     label: str
@@ -42,6 +49,9 @@ class About(BaseModel):
     """Key of the configuration that names files -> digest of them; none in older directories."""
     format: Literal[1] = 1
     """Version of the directory's layout."""
+
+
+DOCUMENT = Document(ABOUT, About, "a training run")
 
 
 @dataclass(frozen=True)
@@ -70,16 +80,9 @@ def read_training(path: Path) -> TrainingRecord:
     Raises:
         RunError: It is not a training directory, or a file of it is damaged.
     """
+    about = DOCUMENT.read(path)
     try:
-        about = About.model_validate(parse_object((path / ABOUT).read_bytes()) or {})
-        config = read_yaml((path / CONFIG).read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        missing = Path(str(error.filename)).name
-        raise RunError(f"{path} is not a training run: it has no {missing}") from None
-    except OSError as error:
-        raise RunError(f"cannot read {path}: {error.strerror}") from None
-    except ValidationError as error:
-        raise RunError(f"{path / ABOUT}: {explain(error, About, 'key')}") from None
+        config = read_yaml(read_part(path / CONFIG, DOCUMENT.what).decode())
     except NOT_YAML as error:
         raise RunError(f"{path / CONFIG} is damaged: {error}") from None
     if not isinstance(config, dict):
@@ -97,27 +100,165 @@ def samples_of(path: Path) -> dict[int, Path]:
 
 def read_curves(path: Path) -> tuple[dict[str, Any], ...]:
     """The numbers of each step; several lines of one step are joined."""
-    curves, rows = path / CURVES, dict[int, dict[str, Any]]()
-    if curves.exists():
-        for _, line in whole_lines(curves):
-            row = read_row(curves, line)
-            rows[row["step"]] = rows.get(row["step"], {}) | row
+    rows = dict[int, dict[str, Any]]()
+    for row in read_lines(path / CURVES, read_row):
+        rows[row["step"]] = rows.get(row["step"], {}) | row
     return tuple(rows[step] for step in sorted(rows))
 
 
-def read_row(curves: Path, line: bytes) -> dict[str, Any]:
-    """A line of the curves; RunError if it is none."""
+def read_row(line: bytes) -> dict[str, Any]:
+    """A line of the curves; ValueError if it is none."""
     row = parse_object(line)
     if row is None or not isinstance(row.get("step"), int):
-        raise RunError(f"{curves} is damaged: {line[:60]!r} is not an object with a step")
+        raise ValueError(f"{line[:60]!r} is not an object with a step")
     return row
 
 
 def read_result(path: Path) -> dict[str, Any] | None:
     """The result of a finished run; None if it is not finished."""
-    if not (path / RESULT).exists():
-        return None
-    result = parse_object((path / RESULT).read_bytes())
-    if result is None:
-        raise RunError(f"{path / RESULT} is damaged: it is not a JSON object")
-    return result
+    return read_object(path / RESULT) if (path / RESULT).exists() else None
+
+
+CHECKPOINT = re.compile(r"checkpoint-(\d+)")
+"""Name of a checkpoint's folder, with its step."""
+LIBRARY_STATE = "trainer_state.json"
+"""The file that the training library writes last into a checkpoint."""
+
+
+class TrainingRun:
+    """A training directory open for writing, by one process at a time."""
+
+    def __init__(self, path: Path) -> None:
+        """Use `open`."""
+        self.path = path
+        remove_partial_files(path)
+        self.checkpoint = _last_checkpoint(path)
+        """The last complete checkpoint, from which training continues; None at the start."""
+        if self.result is None:
+            self._cut(-1 if self.checkpoint is None else _step_of(self.checkpoint))
+        rows = read_curves(path)
+        self._begun = time.monotonic() - (rows[-1]["seconds"] if rows else 0.0)
+        self._curves = LineFile(path / CURVES)
+
+    @classmethod
+    @contextmanager
+    def open(
+        cls, path: Path, about: About, config: BaseModel, resume: bool
+    ) -> Iterator[TrainingRun]:
+        """Begin a run in a new or empty folder, or continue the one that is there.
+
+        What an interrupted process wrote after its last complete checkpoint is removed, so that
+        no step is noted twice.
+
+        Args:
+            path: The directory.
+            about: What is trained.
+            config: The complete configuration.
+            resume: Continue the run in `path`, if there is one.
+
+        Raises:
+            RunError: The folder holds something else; a run without `resume`; a run with another
+                configuration or other files; another process uses it, or it cannot be written.
+        """
+        with hold_folder(path):
+            if DOCUMENT.find(path, leftovers=[CONFIG]):
+                if not resume:
+                    raise RunError(
+                        f"{path} holds a training run; continue it with --resume, or name "
+                        "another folder with --out"
+                    )
+                _require_same(read_training(path), about, config)
+            else:
+                document = config.model_dump(mode="json")
+                write_text(path / CONFIG, yaml.safe_dump(document, sort_keys=False))
+                DOCUMENT.write(path, about)
+            run = cls(path)
+            try:
+                yield run
+            finally:
+                run._curves.close()
+
+    @property
+    def model(self) -> Path:
+        """Where the final model belongs."""
+        return self.path / MODEL
+
+    @property
+    def result(self) -> Mapping[str, Any] | None:
+        """The result of a finished run; None if it is not finished."""
+        return read_result(self.path)
+
+    def note(self, step: int, numbers: Mapping[str, Any]) -> None:
+        """Add a line to the curves; infinite and undefined numbers become null."""
+        seconds = round(time.monotonic() - self._begun, 3)
+        row = {"step": step, "seconds": seconds} | {k: _finite(v) for k, v in numbers.items()}
+        self._curves.append(json.dumps(row, allow_nan=False).encode())
+
+    def samples(self, step: int, replies: Iterable[BaseModel]) -> None:
+        """Save the judged replies of a step."""
+        path = self.path / SAMPLES / f"step-{step:06}.jsonl"
+        path.parent.mkdir(exist_ok=True)
+        write_text(path, "".join(f"{reply.model_dump_json()}\n" for reply in replies))
+
+    def finish(self, result: Mapping[str, Any]) -> dict[str, Any]:
+        """Write the result, with the seconds that training took, and return it."""
+        complete = {**result, "seconds": round(time.monotonic() - self._begun, 1)}
+        write_text(self.path / RESULT, json.dumps(complete, indent=1) + "\n")
+        return complete
+
+    def _cut(self, step: int) -> None:
+        """Remove what was written after a step: lines, samples, incomplete checkpoints."""
+        curves = self.path / CURVES
+        if curves.exists():
+            rows = read_lines(curves, lambda line: (read_row(line)["step"], line.decode()))
+            kept = [line.rstrip("\n") + "\n" for number, line in rows if number <= step]
+            write_text(curves, "".join(kept))
+        for number, path in samples_of(self.path).items():
+            if number > step:
+                path.unlink()
+        for path in _checkpoints(self.path):
+            if _step_of(path) > step:
+                shutil.rmtree(path)
+
+
+def _require_same(record: TrainingRecord, about: About, config: BaseModel) -> None:
+    """Refuse to continue a run with another kind or configuration, or with other files."""
+    if record.about.kind != about.kind:
+        raise RunError(f"{record.path} is a run of {record.about.kind}, not of {about.kind}")
+    if other := first_difference(record.config, config.model_dump(mode="json")):
+        raise RunError(
+            f"{record.path} was started with another {other.key}: {other.before!r}, not "
+            f"{other.now!r}; continue it with the configuration in its {CONFIG}, or name another "
+            "folder with --out"
+        )
+    for key, digest in about.inputs.items():
+        if record.about.inputs.get(key, digest) != digest:
+            raise RunError(
+                f"the files of {key} have changed since {record.path} was started: restore them, "
+                "or name another folder with --out"
+            )
+
+
+def _checkpoints(path: Path) -> list[Path]:
+    return [found for found in path.iterdir() if CHECKPOINT.fullmatch(found.name)]
+
+
+def _step_of(checkpoint: Path) -> int:
+    return int(checkpoint.name.rpartition("-")[2])
+
+
+def _last_checkpoint(path: Path) -> Path | None:
+    """The complete checkpoint with the greatest step; a kill may leave an incomplete one."""
+    return max(filter(_is_complete, _checkpoints(path)), key=_step_of, default=None)
+
+
+def _is_complete(checkpoint: Path) -> bool:
+    try:
+        state = parse_object((checkpoint / LIBRARY_STATE).read_bytes())
+    except OSError:
+        return False
+    return state is not None and state.get("global_step") == _step_of(checkpoint)
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not isfinite(value) else value

@@ -9,21 +9,19 @@ from typing import Any
 
 import torch
 from datasets import Dataset
-from transformers import PrinterCallback
 from transformers.trainer_pt_utils import get_length_grouped_indices
 from trl import SFTConfig as LibraryConfig
 from trl import SFTTrainer
 
 from agentflow.errors import UsageError
+from agentflow.models.local.folder import ModelFolder
 from agentflow.runs import Notify
 from agentflow.training.config import SftConfig
 from agentflow.training.data.pairs import DEV, TRAIN, Pair, read_pairs
 from agentflow.training.digests import digest_base, digest_set
-from agentflow.training.model.base import adapter_config, base_folder, load_base, save_model
-from agentflow.training.model.folder import ModelFolder
-from agentflow.training.record import About
-from agentflow.training.run import TrainingRun
-from agentflow.training.trainer import Notes, library_options, require_one_device
+from agentflow.training.model import adapter_config, base_folder, load_base
+from agentflow.training.record import About, TrainingRun
+from agentflow.training.trainer import Notes, library_options, require_one_device, seed_torch, train
 
 CURVES = {
     "loss": "loss",
@@ -75,14 +73,11 @@ def train_sft(config: SftConfig, out: Path, resume: bool, notify: Notify) -> Map
             if count:
                 long = f"longer than {config.max_tokens} tokens and left out"
                 notify(f"{count} pairs of {file} are {long}")
-        trainer.train(resume_from_checkpoint=run.checkpoint and str(run.checkpoint))
-        save_model(trainer.model, trainer.processing_class, folder, run.model)
+        trained = train(trainer, folder, run)
         model = trainer.model
         return run.finish(
             {
-                "model": str(run.model),
-                "label": folder.label,
-                "steps": config.steps,
+                **trained,
                 "pairs": len(pairs) - left_out,
                 "left_out": left_out,
                 "parameters": sum(p.numel() for p in model.parameters()),
@@ -102,12 +97,10 @@ def make_trainer(
 ) -> Any:
     """The library's trainer with its pairs tokenised, in the order of the data set."""
     rows = _rows(folder, pairs)
-    if config.threads is not None:
-        torch.set_num_threads(config.threads)
-    torch.manual_seed(config.seed)
+    seed_torch(config)
     texts = (f"{row['prompt']}{row['completion']}" for row in rows)
     model, tokenizer = load_base(config, texts)
-    trainer = SFTTrainer(
+    return SFTTrainer(
         model=model,
         args=_library_config(config, run, measured=bool(dev)),
         train_dataset=Dataset.from_list(rows),
@@ -116,8 +109,6 @@ def make_trainer(
         peft_config=adapter_config(config.peft),
         callbacks=[Notes(run, CURVES, notify)],
     )
-    trainer.remove_callback(PrinterCallback)
-    return trainer
 
 
 def _library_config(config: SftConfig, run: TrainingRun, measured: bool) -> LibraryConfig:

@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import torch
-from transformers import TrainerCallback
+from transformers import PrinterCallback, TrainerCallback
 
 from agentflow.errors import ConfigError
+from agentflow.models.local.folder import ModelFolder
 from agentflow.runs import Notify
 from agentflow.training.config import TrainingConfig
-from agentflow.training.run import TrainingRun
+from agentflow.training.model import save_model
+from agentflow.training.record import TrainingRun
 
 OPTIMISERS = {"adamw": "adamw_torch", "adamw_8bit": "adamw_bnb_8bit"}
 """Our name of an optimiser -> the library's."""
@@ -65,6 +67,25 @@ def library_options(config: TrainingConfig, run: TrainingRun) -> dict[str, Any]:
         "report_to": "none",
         "disable_tqdm": True,
     }
+
+
+def seed_torch(config: TrainingConfig) -> None:
+    """Set the processor threads and the random seed, before a model is made."""
+    if config.threads is not None:
+        torch.set_num_threads(config.threads)
+    torch.manual_seed(config.seed)
+
+
+def train(trainer: Any, folder: ModelFolder, run: TrainingRun) -> dict[str, Any]:
+    """Train from the last checkpoint on and save the model.
+
+    Returns:
+        What the result of every kind of training holds.
+    """
+    trainer.remove_callback(PrinterCallback)
+    trainer.train(resume_from_checkpoint=run.checkpoint and str(run.checkpoint))
+    save_model(trainer.model, trainer.processing_class, folder, run.model)
+    return {"model": str(run.model), "label": folder.label, "steps": trainer.args.max_steps}
 
 
 class Notes(TrainerCallback):

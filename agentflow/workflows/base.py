@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, Protocol
+from typing import Final, Literal, Protocol
 
 from agentflow.agents.base import AskContext
 from agentflow.agents.history import EditRecord, History
@@ -70,7 +70,7 @@ class Record(Protocol):
     order of events.
     """
 
-    def event(self, kind: str, label: str, **data: Any) -> None:
+    def event(self, event: RunEvent) -> None:
         """Record one event."""
 
     def save_machine(self, digest: str, text: str) -> None:

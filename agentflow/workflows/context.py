@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from agentflow.agents.base import AskContext, Role, RoleAttempt, RoleOutcome, ask
 from agentflow.agents.refiner import Refinement
-from agentflow.agents.tool_agent.turns import take_turn
+from agentflow.agents.tool_agent import Agent, take_turn
 from agentflow.errors import BudgetSpentError, RunError
 from agentflow.llm.messages import Message, Tool
 from agentflow.machine.blocks.library import library
@@ -145,8 +145,9 @@ class WorkflowContext:
         stage: StageName,
     ) -> RoleAttempt[str] | None:
         """Ask the agent for its next reply; None if the budget runs out before it."""
+        used = self._context(Agent.name, stage)
         try:
-            return await take_turn(conversation, tools, self._context("agent", stage), str(place))
+            return await take_turn(conversation, tools, used, str(place))
         except BudgetSpentError as spent:
             self.spent = spent
             return None
@@ -160,7 +161,7 @@ class WorkflowContext:
         """Record an event, and count calls of tools."""
         if isinstance(event, ToolEvent):
             self._counts[event.place.name].add_tool(event)
-        self._record.event(event.kind, event.label, **event.data)
+        self._record.event(event)
 
     async def evaluate(self, machine: Machine, place: Place) -> Evaluation:
         """Simulate a machine or reuse its result, and record that at a place of a stage."""

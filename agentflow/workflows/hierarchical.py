@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
 from agentflow.runs.events import BlueprintEvent
 from agentflow.runs.places import INITIAL, Place
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.iterative import ITERATIVE
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.construction import build
-from agentflow.workflows.stages.refinement import (
-    count_calls,
-    count_rollouts,
-    count_tried,
-    refine,
-)
+from agentflow.workflows.stages.refinement import count_calls, refine
 from agentflow.workflows.stages.shared import design_machines, failure_reason
-from agentflow.workflows.workflow import Workflow
 
 STRUCTURES = 4
 """Structures of a typical blueprint, for cost estimates."""
@@ -59,7 +56,7 @@ def _builds_whole_machines(settings: WorkflowSettings) -> bool:
 def _calls(settings: WorkflowSettings) -> dict[str, int]:
     if _builds_whole_machines(settings):
         return count_calls(settings)
-    return {"meta_designer": 1, **count_calls(settings, STRUCTURES * settings.candidates)}
+    return {MetaDesigner.name: 1, **count_calls(settings, STRUCTURES * settings.candidates)}
 
 
-HIERARCHICAL = Workflow("hierarchical", hierarchical, _calls, count_rollouts, tried=count_tried)
+HIERARCHICAL = replace(ITERATIVE, name="hierarchical", stages=hierarchical, calls=_calls)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from agentflow.runs.places import INITIAL
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.random_dsl import RANDOM_DSL
 from agentflow.workflows.stages.refinement import (
     count_calls,
     count_rollouts,
@@ -21,4 +22,6 @@ async def iterative(run: WorkflowContext) -> WorkflowResult:
     return await refine(run, await design_machines(run), None)
 
 
-ITERATIVE = Workflow("iterative", iterative, count_calls, count_rollouts, tried=count_tried)
+ITERATIVE = Workflow(
+    "iterative", iterative, count_calls, count_rollouts, tried=count_tried, baseline=RANDOM_DSL.name
+)

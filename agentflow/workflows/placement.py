@@ -8,16 +8,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from agentflow.agents.placer import Placer, PlacerInput
-from agentflow.errors import UsageError
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits.random import random_machine
-from agentflow.runs.events import FLAWLESS
 from agentflow.runs.places import INITIAL, Place
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import candidate_of, simulate
+from agentflow.workflows.stages.shared import candidate_of, draw_machine, simulate
 from agentflow.workflows.workflow import RANDOM_EDITS, Workflow, completes_machines
 
 MOST_PLACED = 10
@@ -44,14 +41,10 @@ async def random_placement(run: WorkflowContext) -> WorkflowResult:
     run.begin_stage(INITIAL)
     brief = _brief(run)
     size = len(brief.given) + 1, len(brief.given) + MOST_PLACED
-    placed = []
-    for attempt in run.trajectories:
-        try:
-            machine = random_machine(run.stream(f"traj-{attempt}"), brief, size)
-        except UsageError as error:
-            placed.append(Candidate(attempt, reason=str(error)))
-        else:
-            placed.append(Candidate(attempt, machine, first=FLAWLESS))
+    placed = [
+        draw_machine(attempt, run.stream(f"traj-{attempt}"), brief, size=size)
+        for attempt in run.trajectories
+    ]
     run.end_stage(INITIAL, await simulate(run, INITIAL, placed))
     return run.result()
 
@@ -66,19 +59,21 @@ def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
     return settings.model_copy(update={"trajectories": settings.placements})
 
 
-PLACEMENT = Workflow(
-    "placement",
-    placement,
-    calls=lambda settings: {"placer": settings.placements},
+RANDOM_PLACEMENT = Workflow(
+    "random-placement",
+    random_placement,
+    calls=lambda _: {},
     rollouts=lambda settings: settings.placements,
     fits=completes_machines,
     adapt=_adapt,
+    author=lambda _: RANDOM_EDITS,
     counts_passes=True,
 )
-RANDOM_PLACEMENT = replace(
-    PLACEMENT,
-    name="random-placement",
-    stages=random_placement,
-    calls=lambda _: {},
-    author=lambda _: RANDOM_EDITS,
+PLACEMENT = replace(
+    RANDOM_PLACEMENT,
+    name="placement",
+    stages=placement,
+    calls=lambda settings: {Placer.name: settings.placements},
+    author=lambda _: "",
+    baseline=RANDOM_PLACEMENT.name,
 )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from agentflow.errors import UsageError
-from agentflow.machine.edits.random import random_edit, random_machine
+from agentflow.machine.edits.random import random_edit
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, EditEvent, FirstAttempt
 from agentflow.runs.places import BLIND, FEEDBACK, INITIAL, Place
@@ -17,7 +17,7 @@ from agentflow.search.tree import is_better
 from agentflow.workflows.base import Candidate, Stage, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import simulate
+from agentflow.workflows.stages.shared import draw_machine, simulate
 from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
 
 MAX_REPEATS = 20
@@ -33,7 +33,8 @@ async def random_dsl(run: WorkflowContext) -> WorkflowResult:
     rngs = {t: run.stream(f"traj-{t}") for t in run.trajectories}
     total = _rollouts(run.settings)
     run.begin_stage(INITIAL)
-    drawn = [_draw(run, t, rngs[t]) for t in list(rngs)[:total]]
+    start = run.settings.start_machine
+    drawn = [draw_machine(t, rngs[t], run.brief, start=start) for t in list(rngs)[:total]]
     initial = run.end_stage(INITIAL, await simulate(run, INITIAL, drawn))
     left = total - initial.rollouts
     if run.is_over(initial) or left <= 0:
@@ -50,15 +51,6 @@ async def random_dsl(run: WorkflowContext) -> WorkflowResult:
 
 def _rollouts(settings: WorkflowSettings) -> int:
     return settings.rollouts or 3 * settings.trajectories
-
-
-def _draw(run: WorkflowContext, trajectory: int, rng: random.Random) -> Candidate:
-    """The start machine, or else a random one."""
-    try:
-        machine = run.settings.start_machine or random_machine(rng, run.brief)
-        return Candidate(trajectory, machine, first=FLAWLESS)
-    except UsageError as error:
-        return Candidate(trajectory, reason=str(error))
 
 
 async def _edit_each(

@@ -20,7 +20,7 @@ WORKFLOWS: Registry[Workflow] = Registry(
         "hierarchical": "agentflow.workflows.hierarchical:HIERARCHICAL",
         "tools": "agentflow.workflows.tools.workflow:TOOLS",
         "random-dsl": "agentflow.workflows.random_dsl:RANDOM_DSL",
-        "explore": "agentflow.workflows.explore.workflow:EXPLORE",
+        "explore": "agentflow.workflows.explore:EXPLORE",
         "external": "agentflow.integrations.external.workflow:EXTERNAL",
         "placement": "agentflow.workflows.placement:PLACEMENT",
         "random-placement": "agentflow.workflows.placement:RANDOM_PLACEMENT",

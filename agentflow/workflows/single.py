@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from agentflow.agents.designer import Designer
+from agentflow.agents.refiner import Refiner
 from agentflow.runs.places import FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.random_dsl import RANDOM_DSL
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.feedback import feedback_loop
 from agentflow.workflows.stages.shared import design_machines, try_machines
@@ -21,12 +24,12 @@ async def single(run: WorkflowContext) -> WorkflowResult:
     run.begin_stage(INITIAL)
     designed = await design_machines(run)
     initial = run.end_stage(
-        INITIAL, await try_machines(run, INITIAL, designed, model_role="designer")
+        INITIAL, await try_machines(run, INITIAL, designed, model_role=Designer.name)
     )
     if not run.is_over(initial) and run.settings.search.rounds:
         run.begin_stage(FEEDBACK)
         revised = (
-            feedback_loop(run, candidate, None, model_role="designer")
+            feedback_loop(run, candidate, None, model_role=Designer.name)
             for candidate in initial.survivors
         )
         run.end_stage(FEEDBACK, await run_concurrently(revised))
@@ -41,7 +44,10 @@ def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
 
 def _calls(settings: WorkflowSettings) -> dict[str, int]:
     many = settings.trajectories
-    return {"designer": many * (not settings.start), "refiner": many * settings.search.rounds}
+    return {
+        Designer.name: many * (not settings.start),
+        Refiner.name: many * settings.search.rounds,
+    }
 
 
 def _rollouts(settings: WorkflowSettings) -> int:
@@ -49,5 +55,11 @@ def _rollouts(settings: WorkflowSettings) -> int:
 
 
 SINGLE = Workflow(
-    "single", single, _calls, _rollouts, tried=lambda settings: settings.trajectories, adapt=_adapt
+    "single",
+    single,
+    _calls,
+    _rollouts,
+    tried=lambda settings: settings.trajectories,
+    adapt=_adapt,
+    baseline=RANDOM_DSL.name,
 )

@@ -59,8 +59,12 @@ class Workflow:
     resumed run takes the author's work from the record."""
     require: Callable[[WorkflowSettings], None] = refuse_program
     """Raises ConfigError unless a run with these settings can begin here and now."""
+    runs_program: bool = False
+    """Whether it runs the program that settings name, so that nobody else's page may start it."""
     has_rollout_limit: bool = False
     """Whether `settings.rollouts` limits its simulations."""
+    baseline: str = ""
+    """Workflow without a model that benchmarks compare it with; "" if there is none."""
     counts_passes: bool = False
     """Whether its attempts are independent and the result counts those that pass."""
 

@@ -16,6 +16,7 @@ from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
+from agentflow.agents.registry import scripts
 from agentflow.agents.replies import machine_text
 from agentflow.llm.messages import Message, Request
 from agentflow.llm.procedural import ProceduralClient
@@ -55,7 +56,7 @@ def replies(case: Case) -> list[str]:
 
     async def ask(seed: int) -> str:
         request = Request(role=role.name, label=f"fuzz/{seed}", messages=messages)
-        return (await ProceduralClient(seed).complete(request)).text
+        return (await ProceduralClient(seed, scripts()).complete(request)).text
 
     found = [asyncio.run(ask(seed)) for seed in range(5)]
     if isinstance(given, DesignerInput) and given.representation == "coordinates":

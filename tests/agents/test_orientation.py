@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.agents.orientation import extreme_blocks, orientation_score, read_orientation
+from agentflow.agents.inspector import extreme_blocks, orientation_score, read_orientation
 from agentflow.machine.geometry.placement import place
 from tests.agents.fakes import FRAME, THROWER
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import get_args
 
 import pytest
 
-from agentflow.agents.registry import ROLES, model_roles, stage_of
+import agentflow
+from agentflow.agents.base import Replies
+from agentflow.agents.registry import ROLES, model_roles, replies_of, scripts, stage_of
 from agentflow.errors import UnknownNameError
 from agentflow.prompts.render import PromptSet
 from agentflow.runs.places import Place, StageName
+from agentflow.study.episodes import MEANING
 from tests.agents.fakes import THROWER, THROWING
 
 
@@ -20,6 +25,9 @@ def test_every_role_is_complete(name: str) -> None:
     assert role.stage in get_args(StageName)
     assert all(count > 0 for count in role.tokens)
     assert (role.model_role or name) in model_roles()
+    assert role.replies in get_args(Replies)
+    assert set(role.labels) <= set(MEANING)
+    assert role.prediction("") == ""
     given = role.sample(THROWING, THROWER)
     system, user = PromptSet().render(name, role.variables(given))
     assert system.strip()
@@ -57,3 +65,38 @@ def test_by_name() -> None:
 def test_stage_of_a_call(label: str, stage: str) -> None:
     place = Place.parse(label)
     assert stage_of(place.role, place.purpose) == stage
+
+
+def test_what_is_not_installed_answers() -> None:
+    found = {name: replies_of(name) for name in (*ROLES, "somebody")}
+    others = {name: what for name, what in found.items() if what != "answers"}
+    assert others == {"refiner": "edits", "agent": "calls"}
+
+
+def test_scripts_are_of_the_roles_that_answer_without_tools() -> None:
+    assert scripts() == tuple(role.script for role in ROLES.values() if role.replies != "calls")
+
+
+HOMES = ("agents/", "prompts/")
+"""Parts that roles consist of."""
+EXCEPTIONS = {
+    "api.py": "a default that users read in the signature",
+    "cli/commands/design.py": "a default that users read in the help",
+    "cli/commands/prompts.py": "a default that users read in the help",
+    "integrations/verifiers/tasks.py": "an option of that library",
+    "workflows/settings.py": "the settings' own names of emitters and switches",
+    "workflows/single.py": "a setting, which is named as the role that it switches off",
+    "workflows/explore.py": "an emitter, which is named as the role that it asks",
+}
+"""Modules elsewhere that name a role in a string, and why."""
+
+
+def test_facts_of_roles_have_one_place() -> None:
+    package = Path(agentflow.__file__).parent
+    files = {
+        str(path.relative_to(package)): path.read_text(encoding="utf-8")
+        for path in (*package.rglob("*.py"), *package.glob("*/web/*.js"))
+    }
+    quoted = re.compile(rf"([\"'`])({'|'.join(ROLES.ours)})\1")
+    naming = {name for name, text in files.items() if quoted.search(text)}
+    assert {name for name in naming if not name.startswith(HOMES)} == set(EXCEPTIONS)

@@ -11,11 +11,11 @@ import pytest
 import yaml
 
 import agentflow
-from agentflow.app.inspect.rescore import rescore
+from agentflow.app.subjects.rescore import rescore
 from agentflow.cli import main
 from agentflow.env.physics.engines import choose_engine
 from agentflow.runs import read_document, read_result
-from agentflow.runs.document import document_text
+from agentflow.runs.reading import document_text
 from tests.app.pages.test_runs import RECORDED
 
 pytestmark = [pytest.mark.pybullet, pytest.mark.mujoco]
@@ -48,10 +48,10 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_records_its_engine_and_keeps_it(run: Path, capsys: Captured) -> None:
     document = read_document(run)
     assert (document["engine"], document["config"]["engine"]) == (identity(MUJOCO), MUJOCO)
-    assert read_result(run)["engine"] == identity(MUJOCO)
+    assert read_result(run).engine == identity(MUJOCO)
     assert shown(capsys, "replay", str(run)) == "identical\n"
     facts = shown(capsys, "show", str(run)).splitlines()[1]
-    assert facts == f"movement, random-dsl, {read_result(run)['model']}, seed 0, {identity(MUJOCO)}"
+    assert facts == f"movement, random-dsl, {read_result(run).model}, seed 0, {identity(MUJOCO)}"
 
 
 @pytest.mark.slow

@@ -10,8 +10,16 @@ import pytest
 from rich.console import Console
 
 from agentflow.cli.display.live import Progress, sparkline, watch
-from agentflow.runs import Event
-from agentflow.runs.events import DrawingEvent, StageEvent, ToolEvent
+from agentflow.runs.events import (
+    AttemptEvent,
+    BeamEvent,
+    CallsEvent,
+    DrawingEvent,
+    RunStartEvent,
+    StageBeginEvent,
+    StageEvent,
+    ToolEvent,
+)
 from agentflow.runs.places import Place
 from tests.metrics.events import attempt as answered
 from tests.metrics.events import candidate, evaluation
@@ -38,22 +46,21 @@ STAGE = StageEvent(
 )
 
 
-def attempt(valid: bool, tokens: int, problem: str = "") -> Event:
-    made = answered("designer/traj-1/attempt-1", tokens, valid=valid, problem=problem)
-    return made.to_event()
+def attempt(valid: bool, tokens: int, problem: str = "") -> AttemptEvent:
+    return answered("designer/traj-1/attempt-1", tokens, valid=valid, problem=problem)
 
 
 EVENTS = (
-    Event("run", "start", {"task": "throwing", "workflow": "iterative", "model": "a model"}),
-    Event("stage_begin", "initial", {"trajectories": 8}),
-    Event("calls", "designer/traj-1/attempt-1", {"under_way": 3, "cost": 0.01234}),
+    RunStartEvent(Place("start"), "throwing", "iterative", "a model"),
+    StageBeginEvent(Place("initial"), 8),
+    CallsEvent(Place.parse("designer/traj-1/attempt-1"), 3, 0.01234),
     attempt(False, 100, "The reply holds no [bold]machine[/bold]:\n- nothing [bold]at all[/bold]"),
     attempt(True, 250),
-    Event("beam", "structure-1", {"machines": ["00"]}),
-    evaluation("initial/traj-1", 12.5).to_event(),
-    evaluation("initial/traj-2", None, status="timeout").to_event(),
-    candidate("initial", 1, 12.5).to_event(),
-    STAGE.to_event(),
+    BeamEvent(Place(structure=1), ("00",)),
+    evaluation("initial/traj-1", 12.5),
+    evaluation("initial/traj-2", None, status="timeout"),
+    candidate("initial", 1, 12.5),
+    STAGE,
 )
 
 
@@ -82,7 +89,7 @@ def progress() -> Progress:
 def test_the_archive_of_a_search_is_counted(progress: Progress) -> None:
     assert not any(line.startswith("archive") for line in seen(progress, 100))
     for event in NICHES:
-        progress.note(event.to_event())
+        progress.note(event)
     told = "archive: 3 of 8 cells, QD score 10.00, mechanism classes: 2"
     assert told in seen(progress, 100)
 
@@ -117,9 +124,9 @@ def test_nothing_known_is_shown_as_such() -> None:
 
 
 def test_an_unknown_cost_is_unknown(progress: Progress) -> None:
-    progress.note(Event("calls", "x", {"under_way": 0, "cost": None}))
+    progress.note(CallsEvent(Place("x"), 0, None))
     assert "cost unknown" in plain(seen(progress, 100))[2]
-    progress.note(DrawingEvent().to_event())
+    progress.note(DrawingEvent())
     assert plain(seen(progress, 100))[1].startswith("drawing pictures · ")
 
 
@@ -135,7 +142,7 @@ def test_without_a_terminal_there_is_one_line_per_event(
 ) -> None:
     with watch(quiet=False) as (listener, say):
         assert listener is not None
-        for event in (*EVENTS, DrawingEvent().to_event()):
+        for event in (*EVENTS, DrawingEvent()):
             listener(event)
         say("a remark")
     captured = capsys.readouterr()
@@ -196,7 +203,7 @@ def test_progress_gives_the_reason_of_a_refused_reply_in_words_for_people(
     refused = replace(event, code=code, parsed=parsed)
     with watch(quiet=False) as (listener, _):
         assert listener is not None
-        listener(refused.to_event())
+        listener(refused)
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"designer/traj-1/attempt-1: {shown}")
     assert "Send" not in line
@@ -207,8 +214,8 @@ def test_progress_gives_the_reason_of_a_refused_reply_in_words_for_people(
 def test_calls_of_tools_in_a_pipe_and_on_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     with watch(quiet=False) as (listener, _):
         assert listener is not None
-        listener(REFUSED.to_event())
+        listener(REFUSED)
     assert capsys.readouterr().err == "initial/call-7: check, refused\n"
     progress = Progress()
-    progress.note(REFUSED.to_event())
+    progress.note(REFUSED)
     assert "initial/call-7: check: Not valid:" in "\n".join(seen(progress, 80))

@@ -191,6 +191,17 @@ def test_edit_a_file(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Mon
     ]
 
 
+def test_an_edited_machine_is_written(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("script").write_text("Remove 6")
+    outcome = json.loads(
+        out(capsys, "edit", "car.bsg", "--script", "script", "--out", "new.json", "--json")
+    )
+    assert json.loads(Path("new.json").read_text()) == outcome["machine"]
+    Path("script").write_text("Remove 0")
+    assert out(capsys, "edit", "new.json", "--script", "script", "--out", "other.json")
+    assert not Path("other.json").exists()
+
+
 def test_a_tasks_blocks_bind_edits(capsys: pytest.CaptureFixture[str]) -> None:
     Path("script").write_text("Add 13 to 0 in 4")
     arguments = ("edit", "car.json", "--script", "script", "--json")
@@ -389,6 +400,8 @@ WRONG = [
     (["edit", "-"], "machine and script cannot both come from standard input; use --script "),
     (["edit", "bad.json", "--script", "bad.json"], "bad.json cannot be edited: block 0 has no 't"),
     (["edit", "car.json", "--script", "none"], "cannot read none: No such file or directory"),
+    (["edit", "car.json", "--out", "car.bsg"], "car.bsg is not a .json file: write one, then "),
+    (["edit", "-", "--jsonl", "--out", "x.json"], "--out needs a single machine; remove --jsonl"),
 ]
 
 

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from agentflow.cli import main
 from agentflow.cli.display.output import columns, output
-from agentflow.cli.display.show import show_edit
+from agentflow.cli.display.show_machines import show_edit
 from agentflow.cli.display.text import show_count
 
 EVIL = "\x1b]0;title\x07\x1b[2J\u202e\r[bold]\nnext"

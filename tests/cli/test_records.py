@@ -67,7 +67,7 @@ def test_a_finished_run_that_is_resumed_keeps_every_byte(tmp_path: Path, capsys:
     shutil.copytree(RECORDED, run)
     before = contents(run)
     out = shown(capsys, "design", "--resume", str(run), "--json", "--quiet")
-    assert json.loads(out) == {**read_result(RECORDED), "run": str(run)}
+    assert json.loads(out) == {**read_result(RECORDED).to_json(), "run": str(run)}
     assert contents(run) == before
 
 
@@ -77,13 +77,13 @@ def test_show_tells_stages_costs_and_failures(capsys: Captured) -> None:
     engine = read_document(RECORDED)["engine"]
     assert lines[1] == f"throwing, hierarchical, procedural (no language model), seed 0, {engine}"
     result = read_result(RECORDED)
-    best, last = f"{result['score']:.2f}", result["stages"][-1]
-    blocks = f"{len(result['machine'])} of 40 blocks"
-    assert lines[2] == f"best score {best}, {blocks}, found in stage {result['best_stage']}"
+    best, last = f"{result.score:.2f}", result.stages[-1]
+    blocks = f"{len(result.machine)} of 40 blocks"
+    assert lines[2] == f"best score {best}, {blocks}, found in stage {result.best_stage}"
     (row,) = (line.split() for line in lines if line.startswith("env_feedback"))
-    assert row[1:4] == ["2/2", "2/2", f"{last['mean']:.2f}"]
-    assert row[4:] == [f"{last['max']:.2f}", str(last["calls"]), str(last["rollouts"])]
-    told = f"0 of {result['calls']} replies rejected; {result['rollouts']} machines simulated"
+    assert row[1:4] == ["2/2", "2/2", f"{last.mean:.2f}"]
+    assert row[4:] == [f"{last.max:.2f}", str(last.calls), str(last.rollouts)]
+    told = f"0 of {result.calls} replies rejected; {result.rollouts} machines simulated"
     assert told in lines
     assert json.loads(shown(capsys, "show", str(RECORDED), "--json"))["state"] == "done"
 
@@ -93,7 +93,7 @@ def test_show_names_marginal_connections_of_the_best_machine(
 ) -> None:
     run = tmp_path / "run"
     shutil.copytree(RECORDED, run)
-    machine = read_machine(read_result(run)["machine"]).machine
+    machine = read_machine(read_result(run).machine).machine
     assert machine is not None
     file = run / "rollouts" / f"{machine.digest}.npz"
     save_npz(replace(load_npz(file), marginal=(Marginal(2, 15, 1, 0.5, 0.97),)), file)
@@ -108,7 +108,7 @@ def test_show_names_marginal_connections_of_the_best_machine(
 
 def test_failures_are_a_table(capsys: Captured) -> None:
     lines = shown(capsys, "failures", str(RECORDED)).splitlines()
-    machines = str(read_result(RECORDED)["rollouts"])
+    machines = str(read_result(RECORDED).rollouts)
     (row,) = (line.split() for line in lines if line.startswith("planning      no motion"))
     assert (row[:3], row[-2:]) == (["planning", "no", "motion"], [machines, "machines"])
     assert len(lines) == 2 + len(KINDS)

@@ -6,13 +6,8 @@ from typing import Any
 
 import pytest
 
-from agentflow.cli.display.show import (
-    ending_of,
-    marginal_line,
-    show_result,
-    show_rollout,
-    show_tools,
-)
+from agentflow.cli.display.show_machines import marginal_line, show_rollout
+from agentflow.cli.display.show_runs import ending_of, show_result, show_tools
 
 
 def _stage(name: str, valid: int, attempts: int = 0, children: int = 0) -> dict[str, Any]:

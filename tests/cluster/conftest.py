@@ -18,7 +18,7 @@ def cluster() -> Iterator[Any]:
 
     Starting it takes far longer than a test, so all tests share it.
     """
-    ray = pytest.importorskip("ray")
+    import ray
     from ray.cluster_utils import Cluster
 
     with pytest.MonkeyPatch.context() as environment:

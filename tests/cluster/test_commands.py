@@ -21,6 +21,7 @@ from tests.training.data.test_generate import generate
 
 Captured = pytest.CaptureFixture[str]
 pytestmark = [
+    pytest.mark.cluster,
     pytest.mark.slow,
     pytest.mark.timeout(600),
     pytest.mark.usefixtures("cluster"),

@@ -31,7 +31,8 @@ def test_without_ray_the_extra_is_named() -> None:
 @pytest.fixture
 def connect() -> Callable[[int], None]:
     """Connects, as a process does that is not connected yet."""
-    ray = pytest.importorskip("ray")
+    import ray
+
     from agentflow.cluster.connection import connect
 
     ray.shutdown()
@@ -44,6 +45,7 @@ def free_port() -> int:
         return int(closed.getsockname()[1])
 
 
+@pytest.mark.cluster
 def test_an_address_where_nothing_answers(
     connect: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -57,6 +59,7 @@ def test_an_address_where_nothing_answers(
     )
 
 
+@pytest.mark.cluster
 @pytest.mark.parametrize("address", ["head", "ray://head:10001", "head:port"])
 def test_what_is_no_address(
     address: str, connect: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
@@ -69,8 +72,8 @@ def test_what_is_no_address(
     )
 
 
+@pytest.mark.cluster
 def test_a_node_with_other_versions() -> None:
-    pytest.importorskip("ray")
     from agentflow.cluster.connection import require_same
 
     ours = {"agentflow": "0.2", "constants": "a", "mujoco": "4.0.1"}
@@ -83,8 +86,9 @@ def test_a_node_with_other_versions() -> None:
     )
 
 
+@pytest.mark.cluster
 def test_a_cluster_with_another_ray() -> None:
-    ray = pytest.importorskip("ray")
+    import ray
     from ray._private.utils import check_version_info
 
     from agentflow.cluster.connection import refusal

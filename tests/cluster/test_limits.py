@@ -11,6 +11,7 @@ pytest.importorskip("ray")
 from agentflow.cluster.limits import Keeper
 from agentflow.llm.settings import LimitSettings
 
+pytestmark = pytest.mark.cluster
 ONE = LimitSettings(concurrent=1)
 URL = "http://endpoint/v1"
 

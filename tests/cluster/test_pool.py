@@ -21,6 +21,7 @@ from tests.cluster.conftest import NODE
 from tests.env.pool.test_pool import CAR, LONE_ROOT, trouble
 
 pytestmark = [
+    pytest.mark.cluster,
     pytest.mark.slow,
     pytest.mark.timeout(600),
     pytest.mark.usefixtures("cluster"),

@@ -17,6 +17,7 @@ from tests.env.pool.test_pool import CAR
 from tests.env.pool.test_store import BLOCK, ROLLOUT, Counter
 
 pytest.importorskip("fsspec")
+pytestmark = pytest.mark.cluster
 
 
 @pytest.fixture(params=["memory", "file"])

@@ -24,6 +24,7 @@ from tests.cluster.conftest import NODE
 from tests.llm.hostile import reply
 
 pytestmark = [
+    pytest.mark.cluster,
     pytest.mark.slow,
     pytest.mark.timeout(600),
     pytest.mark.usefixtures("cluster"),

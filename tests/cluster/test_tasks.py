@@ -14,6 +14,7 @@ from agentflow.cluster.tasks import Tasks, Tell
 from agentflow.llm.wrappers.limits import Limiters
 
 pytestmark = [
+    pytest.mark.cluster,
     pytest.mark.slow,
     pytest.mark.usefixtures("cluster"),
     pytest.mark.filterwarnings("ignore::ResourceWarning"),  # Ray leaves processes to its reaper

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Engine
-from agentflow.env.physics.engines import ENGINES, EngineSpec
-from tests.engines import engine_params
+from agentflow.env.physics.engine import Engine, EngineSpec
+from agentflow.env.physics.registry import ENGINES
 from tests.env.physics.rig import weightless
+from tests.installed import engine_params
 
 MakeEngine = Callable[[Constants | None], Engine]
 

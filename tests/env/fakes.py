@@ -12,8 +12,7 @@ from agentflow.env.physics.engine import EngineIdentity, World
 from agentflow.env.physics.engines import default_engine
 from agentflow.env.physics.model import Assembly
 from agentflow.env.rollout import Broken, Feedback, Rollout, Trace
-from agentflow.env.scene import Scene
-from agentflow.env.tasks.base import Body
+from agentflow.env.scene import Body, Scene
 from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3
 from agentflow.machine.tree import ROOT, Machine, Step
 

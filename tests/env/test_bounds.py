@@ -8,7 +8,8 @@ from functools import cache
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.physics.engines import EngineSpec, default_engine
+from agentflow.env.physics.engine import EngineSpec
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate

@@ -10,9 +10,10 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
-from agentflow.env.physics.engines import ENGINES, default_engine
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
+from agentflow.env.physics.registry import ENGINES
 from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Broken, Rollout

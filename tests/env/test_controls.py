@@ -14,11 +14,11 @@ from agentflow.errors import ConfigError
 from agentflow.machine.controls import NOT_DESIGNED
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Control, Machine
-from tests.engines import engine_params
 from tests.env.levels import designed_level, designed_task
 from tests.env.machines import CAR, machine
 from tests.env.physics.rig import face_towards
 from tests.env.test_schedule import Anything
+from tests.installed import engine_params
 
 LEFT, RIGHT = (3, 6), (4, 5)
 """Wheels of the car at x- and at x+."""

@@ -7,18 +7,19 @@ from pathlib import Path
 
 import pytest
 
+from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import (
-    AUTO,
-    ENGINES,
     choose_engine,
     default_engine,
     engine_limits,
     installed_engines,
 )
+from agentflow.env.physics.registry import ENGINES
 from agentflow.env.pool.store import rollout_key
 from agentflow.env.tasks.registry import get_level, get_task, make_task, task_names
 from agentflow.errors import UnknownNameError
 from agentflow.machine import ROOT, Machine
+from tests.loops import for_each
 from tests.test_plugins import python
 
 CAR = Path(__file__).parent.parent.parent / "examples" / "car.json"
@@ -36,7 +37,7 @@ def test_an_unknown_engine_is_refused_with_the_known_ones() -> None:
     assert "auto" in str(caught.value)
 
 
-@pytest.mark.parametrize("name", task_names())
+@for_each(task_names())
 def test_limits_follow_the_engine_of_the_task(name: str) -> None:
     for engine in ENGINES:
         task = make_task(get_level(name), {}, engine)

@@ -12,8 +12,8 @@ import pytest
 from agentflow.app.machines.files import check as check_data
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Engine, TooLargeError
-from agentflow.env.physics.engines import EngineSpec, engine_limits
+from agentflow.env.physics.engine import Engine, EngineSpec, TooLargeError
+from agentflow.env.physics.engines import engine_limits
 from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import FAMILIES, get_task

@@ -16,7 +16,7 @@ from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.constants import constants
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.gltf import rollout_glb
-from agentflow.env.feedback.contacts import contact_line, telling
+from agentflow.env.feedback.compose import contact_line, telling
 from agentflow.env.feedback.text import rounded
 from agentflow.env.measurements import Contact, Energy, Hit
 from agentflow.env.physics.engines import default_engine
@@ -25,9 +25,9 @@ from agentflow.env.physics.model import Assembly, Devices, Drive, Joint, Part
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Moment, Rollout, Trace
 from agentflow.env.scene import Scene
+from agentflow.env.simulation.logs import WorkLog
 from agentflow.env.simulation.recorder import MOST_FINE
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.simulation.work import WorkLog
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.vectors import IDENTITY

@@ -310,13 +310,24 @@ def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
             load_npz(path)
 
 
-def test_a_file_that_lacks_a_field_is_refused(thrown: Rollout, tmp_path: Path) -> None:
+@pytest.mark.parametrize("field", ["digest", "broken", "events"])
+def test_a_file_that_lacks_a_field_is_refused(thrown: Rollout, field: str, tmp_path: Path) -> None:
     path = tmp_path / "throw.npz"
     save_npz(replace(thrown, trace=None), path)
     result = json.loads(np.load(path)["result"].item())
-    del result["digest"]
+    del result[field]
     np.savez(path, result=np.array(json.dumps(result).encode()))
-    with pytest.raises(UsageError, match="is not a saved rollout: 'digest'"):
+    with pytest.raises(UsageError, match=f"is not a saved rollout: '{field}'"):
+        load_npz(path)
+
+
+def test_an_item_with_an_unknown_field_is_refused(thrown: Rollout, tmp_path: Path) -> None:
+    path = tmp_path / "throw.npz"
+    save_npz(replace(thrown, trace=None), path)
+    result = json.loads(np.load(path)["result"].item())
+    result["events"] = [{"time": 0.1, "kind": "locked", "blocks": [1], "colour": "red"}]
+    np.savez(path, result=np.array(json.dumps(result).encode()))
+    with pytest.raises(UsageError, match="is not a saved rollout"):
         load_npz(path)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.assembly.shapes import HINGE_PLATE as SIMULATED_PLATE
+from agentflow.env.physics.assembly.parts import HINGE_PLATE as SIMULATED_PLATE
 from agentflow.env.physics.engine import Engine
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry import statics, sweeps

@@ -187,7 +187,7 @@ def test_a_model_works_with_tools_in_a_run(tmp_path: Path) -> None:
     assert "24 of 24 simulations left" in budget
     assert f"Machine {NAME} is submission 1 of 1" in sample["messages"][-1]
     run = read_result(tmp_path / sample["run"])
-    assert (run["model"], run["score"]) == ("Inspect AI mockllm/model", same.value)
+    assert (run.model, run.score) == ("Inspect AI mockllm/model", same.value)
     assert (tmp_path / sample["run"]).parent.name == "runs"
 
 

@@ -188,4 +188,4 @@ async def test_a_model_works_with_tools_in_a_run(tmp_path: Path, uv: dict[str, s
     assert "2 of 3 simulations left" in server.asked[2].body["messages"][-1]["content"]
 
     [run] = (tmp_path / "runs").iterdir()
-    assert read_result(run)["score"] == same.value
+    assert read_result(run).score == same.value

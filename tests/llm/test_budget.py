@@ -11,8 +11,7 @@ from agentflow.errors import BudgetSpentError
 from agentflow.llm.build import wrap
 from agentflow.llm.messages import Reply, Usage
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.llm.wrappers.budget import Budget, BudgetClient, BudgetSettings
-from agentflow.llm.wrappers.prices import FREE, Price
+from agentflow.llm.wrappers.budget import FREE, Budget, BudgetClient, BudgetSettings, Price
 from agentflow.llm.wrappers.tape import Tape
 from tests.llm.helpers import ask
 

@@ -44,14 +44,9 @@ async def opened(
     budget: Budget | None = None,
     on_wait: Callable[[str], None] = lambda _line: None,
 ) -> AsyncIterator[Client]:
-    client = open_client(
-        Endpoint(model, base_url, KEY),
-        settings=settings,
-        tape=tape,
-        budget=budget,
-        warn=pytest.fail,
-        on_wait=on_wait,
-    )
+    endpoint = Endpoint(model, base_url, KEY)
+    reached = open_client(endpoint, settings, warn=pytest.fail, on_wait=on_wait)
+    client = wrap(reached, tape=tape, budget=budget)
     try:
         yield client
     finally:

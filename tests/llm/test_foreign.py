@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.errors import EndpointError, ModelNotFoundError, RefusedError, UnauthorisedError
-from agentflow.llm.build import open_client
+from agentflow.llm.build import open_client, wrap
 from agentflow.llm.client import Client
 from agentflow.llm.doctor import diagnose
 from agentflow.llm.endpoint.address import Endpoint
@@ -29,16 +29,11 @@ async def opened(
     model: str,
     on_wait: Callable[[str], None] = pytest.fail,
     key: str = KEY,
-    **parts: object,
+    tape: Tape | None = None,
 ) -> AsyncIterator[Client]:
     settings = EndpointSettings.model_validate({"retry": {"attempts": 3, "base_s": 0.01}})
-    client = open_client(
-        Endpoint(model, base_url, key),
-        settings=settings,
-        warn=pytest.fail,
-        on_wait=on_wait,
-        **parts,  # type: ignore[arg-type]
-    )
+    endpoint = Endpoint(model, base_url, key)
+    client = wrap(open_client(endpoint, settings, warn=pytest.fail, on_wait=on_wait), tape=tape)
     try:
         yield client
     finally:

@@ -212,7 +212,7 @@ def test_any_calls_are_a_reply_that_can_be_recorded_and_sent_back(
 ) -> None:
     builder = ReplyBuilder()
     for name, value in parts:
-        builder.add(decode(json.dumps(chunk(**{name: value})).encode()))
+        builder.add(decode(json.dumps(chunk(**{name: value}))))
     builder.add(chunk("stop"))
     reply = builder.reply()
     assert Reply.model_validate_json(reply.model_dump_json()) == reply

@@ -147,21 +147,21 @@ def test_an_endpoint_that_reports_its_own_failure() -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "kind"),
+    ("text", "kind"),
     [
-        (b'{"choices": [{"mess', TruncatedAnswerError),
-        (b"", TruncatedAnswerError),
-        (b"<html>", NotACompletionError),
-        (b"hello", NotACompletionError),
-        (b"[1]", NotACompletionError),
-        (b'{"error": {"message": "x"}}', ErrorObjectError),
-        (b'{"object": "error", "message": "x"}', ErrorObjectError),
-        (b"[" * 100_000, TruncatedAnswerError),
+        ('{"choices": [{"mess', TruncatedAnswerError),
+        ("", TruncatedAnswerError),
+        ("<html>", NotACompletionError),
+        ("hello", NotACompletionError),
+        ("[1]", NotACompletionError),
+        ('{"error": {"message": "x"}}', ErrorObjectError),
+        ('{"object": "error", "message": "x"}', ErrorObjectError),
+        ("[" * 100_000, TruncatedAnswerError),
     ],
 )
-def test_answers_that_are_not_completions(data: bytes, kind: type[Exception]) -> None:
+def test_answers_that_are_not_completions(text: str, kind: type[Exception]) -> None:
     with pytest.raises(kind):
-        decode(data)
+        decode(text)
 
 
 JSON = st.recursive(
@@ -194,7 +194,7 @@ def test_any_json_is_a_reply_or_a_typed_failure(values: list[object]) -> None:
     reply = ReplyBuilder()
     try:
         for value in values:
-            reply.add(decode(json.dumps(value).encode()))
+            reply.add(decode(json.dumps(value)))
         assert isinstance(reply.reply(), Reply)
     except (NotACompletionError, TruncatedAnswerError, ErrorObjectError):
         pass

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import pytest
 
 from agentflow.machine import library, place
+from tests.loops import for_each
 from tests.machine.builders import build
 
 CUBE = ((1, 1, 1), (1, 1, 1), (1, 1, 1))
@@ -42,8 +45,7 @@ def test_every_standard_type_is_listed() -> None:
     assert set(library()) - standard == {0, 7, 9, 45}
 
 
-@pytest.mark.parametrize("face", ROOT_FACES)
-@pytest.mark.parametrize("kind", EXTENT)
+@for_each(product(EXTENT, ROOT_FACES))
 def test_the_box_of_a_block_on_the_root(kind: int, face: int) -> None:
     axis, sign = ROOT_FACES[face]
     placed = place(build((kind, 0, face)))[1]

@@ -9,9 +9,8 @@ import pytest
 
 from agentflow.machine import Machine, check
 from agentflow.machine.controls import MAX_CONTROLS, end_of
-from agentflow.machine.edits.control_moves import random_control
 from agentflow.machine.edits.crossover import cross
-from agentflow.machine.edits.moves import MOVES
+from agentflow.machine.edits.moves import MOVES, random_control
 from agentflow.machine.edits.neighbours import all_neighbours
 from agentflow.machine.edits.random import kinds_of_moves, random_edit, random_machine
 from agentflow.machine.tree import Control

@@ -3,6 +3,7 @@ import pytest
 from agentflow.machine import AutoConnection, library, place
 from agentflow.machine.blocks.types import DIRECTIONS
 from agentflow.machine.geometry.placement import overlap_of
+from tests.loops import for_each
 from tests.machine.builders import CAR, CATAPULT, Spec, build
 
 S = 0.5**0.5
@@ -56,10 +57,7 @@ def test_the_six_orientations(facing: str) -> None:
         assert rotated(quaternion, own) == pytest.approx(axis(turned))
 
 
-@pytest.mark.parametrize(
-    ("kind", "facing"),
-    [(kind, facing) for kind in library() if kind and library()[kind].size for facing in AXES],
-)
+@for_each((kind, facing) for kind in library() if kind and library()[kind].size for facing in AXES)
 def test_every_type_on_every_facing(kind: int, facing: str) -> None:
     right, up = axis(AXES[facing][0]), axis(AXES[facing][1])
     front = axis(facing)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from agentflow.machine.geometry.mobility import lock
-from agentflow.machine.geometry.sets import Sets
+from agentflow.machine.geometry.mobility import Sets, lock
 from agentflow.machine.geometry.vectors import Vec3
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)

@@ -1,9 +1,12 @@
+import pickle
 from dataclasses import replace
 
 import pytest
 
 from agentflow.machine import Brief, Machine, Step, check, read_machine
 from agentflow.machine.brief import Limits
+from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
+from agentflow.machine.validity import ValidMachine, problems_of
 from tests.machine.builders import CAR, CATAPULT, Spec, build
 
 BRIEF = Brief("throwing", "Throw.", (), (), (), (0, 1, 15, 22, 30, 36, 63), {36: 1})
@@ -167,3 +170,41 @@ def test_two_hundred_overlaps_are_all_told(more: int, left: int) -> None:
     sizes = [len(problem.blocks) for problem in heap.problems if problem.code == "overlap"]
     assert len(heap.overlaps) == 200 + left
     assert sizes == [2] * 200 + [0] * left
+
+
+def test_a_valid_machine_carries_the_proof_for_its_task() -> None:
+    proven = check(CATAPULT, BRIEF).machine
+    assert isinstance(proven, ValidMachine)
+    assert proven.is_valid_for(replace(BRIEF, objective="Throw far."))
+    assert not proven.is_valid_for(replace(BRIEF, required={36: 2}))
+    assert [item.code for item in problems_of(proven, replace(BRIEF, required={36: 2}))] == [
+        "required_count"
+    ]
+    sent = pickle.loads(pickle.dumps((proven, BRIEF)))  # as to a worker
+    assert sent[0].is_valid_for(sent[1])
+
+
+def test_a_proven_machine_equals_the_same_machine() -> None:
+    proven = check(CATAPULT, BRIEF).machine
+    assert proven == CATAPULT
+    assert {proven: 1}[CATAPULT] == 1
+    assert (repr(proven), proven and proven.digest) == (repr(CATAPULT), CATAPULT.digest)
+
+
+def test_what_is_not_valid_for_the_task_or_changed_later_has_no_proof() -> None:
+    assert not isinstance(check(CATAPULT).machine, ValidMachine)
+    smaller = check(CATAPULT, replace(BRIEF, limits=Limits(blocks=1)), Limits(blocks=40))
+    assert not isinstance(smaller.machine, ValidMachine)
+    assert not isinstance(check(CATAPULT, replace(BRIEF, required={36: 2})).machine, ValidMachine)
+    proven = check(CATAPULT, BRIEF).machine
+    assert isinstance(proven, ValidMachine)
+    longer = replace(proven, steps=(*proven.steps, Step(14, 36, 3, 0)))
+    assert problems_of(longer, BRIEF) == check(Machine(longer.steps), BRIEF).problems != ()
+
+
+def test_positions_alone_do_not_prove_that_a_machine_begins_with_the_given_blocks() -> None:
+    brief = replace(BRIEF, given=build((15, 0, 0)))
+    report = check(read_coordinates(to_coordinates(CATAPULT), brief.blocks), brief)
+    assert report.task_valid
+    assert report.machine is not None
+    assert [item.code for item in problems_of(report.machine, brief)] == ["given_altered"]

@@ -41,6 +41,7 @@ def attempt(label: str, tokens: int = 0, **data: Any) -> AttemptEvent:
     place = Place.parse(label)
     known = {"role": place.name.partition("/")[0], "valid": True, "parsed": True, "spatial": True}
     known |= {"repaired": False, "code": "", "problem": ""}
+    known |= {"script": ""} if known["role"] == "refiner" and "machine" in data else {}
     return AttemptEvent(place, **{**known, "tokens": tokens, **data})
 
 

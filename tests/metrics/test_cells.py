@@ -6,7 +6,7 @@ import pytest
 
 from agentflow.errors import UnknownNameError
 from agentflow.metrics.cells import METRICS, Cell, RunNumbers, check_metrics, curve
-from agentflow.metrics.validity import Rate
+from agentflow.metrics.intervals import Rate
 from agentflow.runs.events import RunEvent
 from agentflow.runs.record import RunRecord
 from tests.metrics.events import candidate, evaluation, expansion, node

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from agentflow.agents.registry import replies_of
 from agentflow.cli import main
 from agentflow.metrics.failure_kinds import KINDS, STILL
 from agentflow.metrics.failures import Failures, failures, kind_of
@@ -54,8 +55,8 @@ def evaluation(machine: str, broken: int = 0, **more: Any) -> EvaluationEvent:
     ids=lambda value: value.label if isinstance(value, AttemptEvent) else "",
 )
 def test_a_refused_reply_is_of_one_kind(event: AttemptEvent, name: str) -> None:
-    assert kind_of(event).name == name
-    found = failures([event], lambda _digest: False)
+    assert kind_of(event, replies_of(event.role)).name == name
+    found = failures([event], lambda _: False, replies_of)
     assert {kind: count for kind, count in found.kinds.items() if count} == {name: 1}
     assert (found.replies, found.refused, found.machines) == (1, 1, 0)
 
@@ -77,6 +78,7 @@ def test_what_an_agent_sends_counts_by_its_calls_of_tools() -> None:
             attempt("no_tool_call", "agent", parsed=False),
         ],
         lambda _: False,
+        replies_of,
     )
     assert (found.replies, found.refused) == (5, 4)
     counts = {name: count for name, count in found.kinds.items() if count}
@@ -91,7 +93,7 @@ def test_machines_count_once_and_may_be_of_several_kinds() -> None:
         evaluation("c", moved=None),
         evaluation("d", moved=None),
     ]
-    found = failures(events, lambda digest: digest in "ab")
+    found = failures(events, lambda digest: digest in "ab", replies_of)
     assert found.machines == 4
     assert {kind: count for kind, count in found.kinds.items() if count} == {
         "breakage": 1,
@@ -101,18 +103,18 @@ def test_machines_count_once_and_may_be_of_several_kinds() -> None:
 
 
 def test_what_is_to_stay_in_place_is_not_motionless() -> None:
-    found = failures([evaluation("a", moved=0.0)], lambda _digest: False, in_place=True)
+    found = failures([evaluation("a", moved=0.0)], lambda _: False, replies_of, in_place=True)
     assert (found.machines, found.kinds["no motion"]) == (1, 0)
 
 
 def test_accepted_replies_and_other_events_are_no_failures() -> None:
     others = [answered("a"), StageBeginEvent(Place("initial"), 8), Event("unknown", "a", {})]
-    assert failures(others, lambda _: True) == Failures(replies=1)
+    assert failures(others, lambda _: True, replies_of) == Failures(replies=1)
 
 
 def test_runs_add_up() -> None:
-    one = failures([attempt("overlap"), evaluation("a", broken=1)], lambda _: False)
-    both = one + failures([attempt("overlap"), attempt("")], lambda _: False)
+    one = failures([attempt("overlap"), evaluation("a", broken=1)], lambda _: False, replies_of)
+    both = one + failures([attempt("overlap"), attempt("")], lambda _: False, replies_of)
     assert (both.replies, both.refused, both.machines) == (3, 3, 1)
     assert (both.kinds["overlap"], both.kinds["breakage"], both.kinds["other"]) == (2, 1, 1)
     assert both.codes == {"overlap": 2, "unparsable": 1}

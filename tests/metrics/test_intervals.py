@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from math import pi, sqrt
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from agentflow.metrics.intervals import (
     Interval,
+    Rate,
     bootstrap_mean,
     bootstrap_pairs,
     missing_scipy,
@@ -88,23 +90,21 @@ def test_bootstrap_of_fewer_than_two_values_is_none(values: list[float]) -> None
     assert bootstrap_mean(values) is None
 
 
-def test_without_scipy_there_is_none_and_the_extra_to_install_is_named() -> None:
-    code = (
-        "import sys; sys.modules['scipy'] = None\n"
-        "from agentflow.metrics.intervals import bootstrap_mean, missing_scipy\n"
-        "print(bootstrap_mean([1.0, 2.0]), missing_scipy())\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == (
-        "None Intervals of means are left out because scipy is not installed: "
-        "pip install 'agentflow[report]'\n"
-    )
+def test_without_scipy_there_is_none_and_the_extra_to_install_is_named(
+    without: Callable[[str], None],
+) -> None:
     assert missing_scipy() == ""
+    without("scipy")
+    assert bootstrap_mean([1.0, 2.0]) is None
+    assert missing_scipy() == (
+        "Intervals of means are left out because scipy is not installed: "
+        "pip install 'agentflow[report]'"
+    )
 
 
 def test_no_metric_imports_scipy_before_it_is_needed() -> None:
     code = (
-        "import sys, agentflow.metrics.scores, agentflow.metrics.validity\n"
+        "import sys, agentflow.metrics.cells, agentflow.metrics.scores\n"
         "print('scipy' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -135,3 +135,10 @@ def test_intervals_of_pairs_are_seeded_and_cover_the_true_mean() -> None:
     assert 34 <= covered < 40
     assert found == bootstrap_pairs(np.abs(points[:, None] - points))
     assert found != bootstrap_pairs(np.abs(points[:, None] - points), seed=1)
+
+
+def test_rates_add_up_and_know_their_interval() -> None:
+    rate = Rate(3, 8) + Rate(2, 2)
+    assert (rate, rate.value) == (Rate(5, 10), 0.5)
+    assert rate.interval == pytest.approx((0.2366, 0.7634), abs=1e-4)
+    assert (Rate(0, 0).value, Rate(0, 0).interval) == (None, None)

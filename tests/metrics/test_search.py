@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from agentflow.metrics.intervals import Rate
 from agentflow.metrics.search import (
     attempts_per_child,
     best_after_expansions,
@@ -12,7 +13,6 @@ from agentflow.metrics.search import (
     expansions_per_round,
     most_rounds,
 )
-from agentflow.metrics.validity import Rate
 from agentflow.runs.record import RunRecord
 from tests.metrics.events import candidate, expansion, node
 

@@ -6,19 +6,19 @@ import csv
 import io
 import json
 
+from agentflow.metrics.formats import cell_text
+from agentflow.metrics.intervals import Rate
 from agentflow.metrics.tables import (
     PUBLISHED,
     Column,
     Row,
     Table,
     as_json,
-    cell_text,
     comma_separated,
     latex,
     markdown,
     text,
 )
-from agentflow.metrics.validity import Rate
 
 TABLE = Table(
     "Inspector",
@@ -43,8 +43,8 @@ def test_cells() -> None:
         "5",
         "1/2",
     ]
-    assert cell_text(0.97872, percent=True) == "97.87%"
-    assert cell_text("97.87%", percent=True) == "97.87%"
+    assert cell_text(0.97872, in_percent=True) == "97.87%"
+    assert cell_text("97.87%", in_percent=True) == "97.87%"
 
 
 def test_text() -> None:

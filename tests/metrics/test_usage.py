@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from agentflow.agents.registry import stage_of
-from agentflow.metrics.usage import SimulationSpeed, Spent, bill
+from agentflow.metrics.usage import Spent, bill
 from agentflow.runs import read_calls, read_result
 
 RECORDED = Path(__file__).parent.parent.parent / "runs/recorded-throwing"
@@ -64,16 +64,9 @@ def test_no_calls_cost_nothing() -> None:
 
 def test_the_recorded_run_has_as_many_calls_as_its_result_says() -> None:
     found = bill(read_calls(RECORDED), stage_of=stage_of)
-    assert found.total.calls == read_result(RECORDED)["calls"]
+    assert found.total.calls == read_result(RECORDED).calls
     assert "other" not in found.stages
 
 
 def test_an_endpoint_that_reports_no_tokens_leaves_no_shares() -> None:
     assert bill([call("designer/traj-1/attempt-1", 0, 0)]).token_shares == {}
-
-
-def test_rates_of_simulation() -> None:
-    found = SimulationSpeed(8, 40.0, 2.0) + SimulationSpeed(2, 10.0, 3.0)
-    assert (found.rollouts_per_second, found.speed) == (2.0, 10.0)
-    assert SimulationSpeed(0, 0.0, 0.0).rollouts_per_second is None
-    assert SimulationSpeed(0, 0.0, 0.0).speed is None

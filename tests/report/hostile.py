@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.machine import Machine, read_machine
-from agentflow.runs import RunDirectory
+from agentflow.runs import Event, RunDirectory
 
 MACHINES = Path(__file__).parent.parent / "machines"
 BREAKS, HOLDS = "published_throw", "thrower_short_arm"
@@ -51,27 +51,35 @@ def hostile_run(folder: Path) -> Path:
     _evaluated(run, "initial/traj-1", good, 12.5, [])
     first = {"parsed": True, "spatial": True, "valid": True}
     outline = {"trajectory": 1, "machine": good.digest, "valid": True, "score": 12.5}
-    run.event("candidate", "initial/traj-1", **outline, first=first, reason="")
+    run.event(Event("candidate", "initial/traj-1", {**outline, "first": first, "reason": ""}))
     search = "env_feedback/traj-1"
     attempts = [
         {"label": "round-1/node-0/try-1", "valid": True, "note": NASTY},
         {"label": "round-1/node-0/try-2", "valid": False, "note": REASON},
     ]
     run.event(
-        "expand", f"{search}/round-1", node=0, attempts=attempts, children=[1], fallback=False
+        Event(
+            "expand",
+            f"{search}/round-1",
+            {"node": 0, "attempts": attempts, "children": [1], "fallback": False},
+        )
     )
     _evaluated(run, f"{search}/round-1/node-1", bad, 0.0, [[8, 7, 0.4]])
     node = {"round": 1, "parent": 0, "made_by": "round-1/node-0/try-1"}
-    run.event("node", f"{search}/node-1", **node, machine=bad.digest, valid=True, score=0.0)
+    run.event(
+        Event(
+            "node", f"{search}/node-1", {**node, "machine": bad.digest, "valid": True, "score": 0.0}
+        )
+    )
     axes = [
         {"name": NASTY, "unit": NASTY, "low": 0.0, "high": 2.0, "cells": 2, "labels": labels}
         for labels in ([NASTY, "motors"], [])
     ]
-    run.event("archive", search, axes=axes)
+    run.event(Event("archive", search, {"axes": axes}))
     for number, (item, score) in enumerate([(good, 12.5), (bad, 0.0)]):
         data = {"score": score, "values": [number, number], "cell": [number, number]}
         found = {"round": number, "machine": item.digest, "outcome": "new", "mechanism": NASTY}
-        run.event("niche", f"{search}/node-{number}", **found, **data)
+        run.event(Event("niche", f"{search}/node-{number}", {**found, **data}))
     run.tape.write_text("".join(json.dumps(call) + "\n" for call in calls))
     run.close()
     return run.path
@@ -81,7 +89,7 @@ def _attempt(run: RunDirectory, label: str, **data: Any) -> dict[str, Any]:
     """Note an attempt; the line of its call."""
     role = label.partition("/")[0]
     known = {"role": role, "valid": True, "parsed": True, "spatial": True, "repaired": False}
-    run.event("attempt", label, **{**known, "code": "", "problem": "", "tokens": 7, **data})
+    run.event(Event("attempt", label, {**known, "code": "", "problem": "", "tokens": 7, **data}))
     messages = [
         {"role": "system", "text": NASTY, "images": []},
         {"role": "user", "text": LONG, "images": []},
@@ -101,13 +109,17 @@ def _evaluated(
     run: RunDirectory, label: str, item: Machine, score: float, broken: list[list[float]]
 ) -> None:
     run.event(
-        "evaluation",
-        label,
-        machine=item.digest,
-        valid=True,
-        score=score,
-        status="ok",
-        broken=broken,
-        rollout="00",
-        moved=1.0,
+        Event(
+            "evaluation",
+            label,
+            {
+                "machine": item.digest,
+                "valid": True,
+                "score": score,
+                "status": "ok",
+                "broken": broken,
+                "rollout": "00",
+                "moved": 1.0,
+            },
+        )
     )

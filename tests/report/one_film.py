@@ -17,4 +17,4 @@ def one_film(machine: Machine, task: Task, rollout: Rollout) -> str:
     card = {"machine": "0", "task": task.name, "asked": asked, "about": "", "run": "", "why": ""}
     card |= {"score": rollout.score, "verified": None, "picture": None}
     data = {"kind": "gallery", "title": task.name, "machines": {"0": shown}, "cards": [card]}
-    return page(task.name, {**data, "shapes": shapes.rows, "files": shapes.files})
+    return page(task.name, {**data, **shapes.data})

@@ -29,8 +29,7 @@ from agentflow.metrics.tables import Column, Row, Table
 from agentflow.report.page import page as whole_page
 from agentflow.report.sweep import sweep_data
 from agentflow.runs import read_result
-from agentflow.training.record import About
-from agentflow.training.run import TrainingRun
+from agentflow.training.record import About, TrainingRun
 from tests.app.pages.test_robustness import FOUND
 from tests.machine.builders import CAR
 from tests.report.browser import chromium, complaints
@@ -273,7 +272,7 @@ def test_nothing_is_wider_than_a_phone(page: Path, tmp_path: Path, dark: bool) -
 def test_the_gallery_plays_one_machine_at_a_time(browser: webdriver.Chrome, tmp_path: Path) -> None:
     out = gallery([RECORDED, RECORDED], tmp_path / "gallery.html", workers=1, say=quiet)
     result = read_result(RECORDED)
-    scores = f"{result['score']:.2f} (verified: {result['verified']['score']:.2f})"
+    scores = f"{result.score:.2f} (verified: {result.verified_score:.2f})"
     complaints(browser)
     browser.get(out.as_uri())
     until(browser, lambda: title(browser) == f"throwing · {scores}")

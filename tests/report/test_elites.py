@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agentflow.report.elites import archive_of, classes_of
-from agentflow.report.nodes import LineageNode
+from agentflow.report.lineage import LineageNode
 from tests.metrics.test_niches import EVENTS
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from agentflow.report.lineage import Lineage
-from agentflow.report.nodes import LineageNode
+from agentflow.report.lineage import Lineage, LineageNode
 from agentflow.runs.events import (
     CandidateEvent,
     EditEvent,

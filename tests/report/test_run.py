@@ -18,6 +18,7 @@ from agentflow.runs.events import AttemptEvent
 from tests.metrics.events import attempt as answered
 from tests.metrics.events import edit, evaluation, expansion
 from tests.report.hostile import NASTY, hostile_run
+from tests.runs.results import a_result
 
 RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
 
@@ -29,25 +30,24 @@ def attempt(code: str, problem: str = "", **data: object) -> AttemptEvent:
 
 def test_a_finished_run() -> None:
     result = read_result(RECORDED)
-    calls = result["calls"]
+    calls = result.calls
     story = RunStory.read(RECORDED, result, None)
     data = story.to_json(no_price, priced=False)
     assert data["run"] == {
         "task": "throwing",
         "workflow": "hierarchical",
         "seed": 0,
-        "score": result["score"],
-        "verified": result.get("verified"),
-        "sentence": "the best machine, found in the stage "
-        + result["best_stage"].replace("_", " "),
+        "score": result.score,
+        "verified": result.to_json()["verified"],
+        "sentence": "the best machine, found in the stage " + result.best_stage.replace("_", " "),
         "about": f"procedural (no language model): {calls} calls, 8 machines simulated",
         "prices": False,
     }
     first = next(iter(story.machines.values()))
-    assert (first.score, first.best) == (result["score"], True)
+    assert (first.score, first.best) == (result.score, True)
     assert len(story.machines) == 8
     assert len(data["progress"]) == 8
-    assert max(point["score"] for point in data["progress"]) == result["score"]
+    assert max(point["score"] for point in data["progress"]) == result.score
     last = data["progress"][-1]
     assert (last["expansions"], last["calls"], last["tokens"]) == (2, calls, 0)
     assert [row["name"] for row in data["stages"]] == [
@@ -74,7 +74,7 @@ def test_calls_are_kept_whole_and_what_comes_again_once() -> None:
     story = RunStory.read(RECORDED, None, None)
     packed = story.to_json(no_price, priced=False)["calls"]
     said = json.loads(zlib.decompress(base64.b64decode(packed)))
-    assert len(said["calls"]) == read_result(RECORDED)["calls"]
+    assert len(said["calls"]) == read_result(RECORDED).calls
     designers = [call for call in said["calls"] if call["label"].startswith("designer")]
     systems = {tuple(call["messages"][0]) for call in designers}
     assert len(systems) == 1
@@ -113,16 +113,17 @@ def test_an_unfinished_run_names_its_model_as_a_finished_one(tmp_path: Path) -> 
 
 
 def test_a_run_without_a_machine_says_why(tmp_path: Path) -> None:
-    result = {"valid": False, "score": None, "reason": "no valid machine: overlap", "model": "m"}
+    reason = "no valid machine: overlap"
     run = hostile_run(tmp_path)
     for stopped, end in ((None, ""), ("budget", "; its budget was used up")):
-        story = RunStory.read(run, {**result, "stopped": stopped}, None)
+        story = RunStory.read(run, a_result(reason=reason, stopped=stopped), None)
         head = story.to_json(no_price, priced=False)["run"]
-        assert (head["score"], head["sentence"]) == (None, f"no valid machine: overlap{end}")
+        assert (head["score"], head["sentence"]) == (None, f"{reason}{end}")
 
 
 def test_a_run_in_which_nothing_scored_praises_no_machine(tmp_path: Path) -> None:
-    result = {"valid": True, "score": 0.0, "best_stage": "env_feedback", "model": "m"}
+    stages = read_result(RECORDED).to_json()["stages"]
+    result = a_result(valid=True, machine=[{}], score=0.0, stages=stages, best_stage="env_feedback")
     story = RunStory.read(hostile_run(tmp_path), result, None)
     assert story.to_json(no_price, priced=False)["run"]["sentence"] == (
         "is the highest score of any machine; one found in the stage env feedback is shown"

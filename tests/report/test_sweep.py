@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from agentflow.metrics.intervals import Rate
 from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import PUBLISHED, Column, Row, Table
-from agentflow.metrics.validity import Rate
 from agentflow.report.sweep import sweep_data
 
 TABLE = Table(

@@ -17,18 +17,17 @@ import yaml
 
 from agentflow.app.design.replay import replay
 from agentflow.app.design.run import RunOptions, resume
-from agentflow.app.inspect.rescore import rescore
+from agentflow.app.subjects.rescore import rescore
 from agentflow.cli import main
 from agentflow.cli.display.live import watch
-from agentflow.cli.display.show import show_result
-from agentflow.cli.display.show_records import show_rescored
+from agentflow.cli.display.show_runs import show_rescored, show_result
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.errors import AgentflowError
 from agentflow.machine import Machine
-from agentflow.runs.document import document_text, read_document
+from agentflow.runs.reading import document_text, read_document
 
 VALUES: tuple[Any, ...] = (
     *(None, True, False, -1, 0, 1, 2, 0.5, -7.25, float("nan"), float("inf"), 10**30),
@@ -182,7 +181,8 @@ def readers(sweep: Path, run: Path, pool: InProcess) -> dict[str, Callable[[], o
 
     def resume_run() -> None:
         with watch(quiet=False) as (listener, notify):
-            show_result(resume(run, RunOptions(notify, listener, pool=pool)), {})
+            found = resume(run, RunOptions(notify, listener, pool=pool))
+            show_result(found.to_json(), {})
 
     page = str(sweep.parent / "page.html")
     return {

@@ -16,11 +16,12 @@ from agentflow.llm.messages import Reply, Request
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.tape import Tape
-from agentflow.runs import RunDirectory
+from agentflow.runs import RunDirectory, RunResult
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.hierarchical import HIERARCHICAL
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.statistics import stage_row
+from tests.runs.results import a_result
 from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
 
 SETTINGS = WorkflowSettings.model_validate(
@@ -83,13 +84,11 @@ def _carry_out(run: RunDirectory, log: Path, seed: int, most: float = math.inf) 
     return run.path
 
 
-def _told(result: WorkflowResult) -> dict[str, object]:
+def _told(result: WorkflowResult) -> RunResult:
     assert result.best is not None
     assert result.best.machine is not None
-    return {
-        "machine": result.best.machine.digest,
-        "stages": [stage_row(stage) for stage in result.stages],
-    }
+    stages = [stage_row(stage) for stage in result.stages]
+    return a_result(machine=result.best.machine.to_json(), stages=stages)
 
 
 def contents(path: Path) -> dict[str, list[str]]:

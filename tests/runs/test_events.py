@@ -17,7 +17,7 @@ import pytest
 from agentflow.app.design.rationales import rationales_of
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.overview import run_details
-from agentflow.app.inspect.rescore import rescore
+from agentflow.app.subjects.rescore import rescore
 from agentflow.errors import RunError
 from agentflow.report.run import RunStory
 from agentflow.runs import Event, RunDirectory, read_events
@@ -92,7 +92,7 @@ def test_what_is_written_is_read(kind: str, tmp_path: Path) -> None:
     made = {(e.kind, e.label): e for e in (_made(RunEvent.kinds[kind], chance) for _ in range(100))}
     run = RunDirectory.create(tmp_path, "run", {})
     for event in made.values():
-        run.event(event.kind, event.label, **event.data)
+        run.event(event)
     run.close()
     assert list(read_typed_events(run.path)) == list(made.values())
     recorded = [(event.kind, event.label, event.data) for event in read_events(run.path)]
@@ -143,7 +143,7 @@ def test_any_label_is_read_and_written_alike() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_damaged_data_are_named(kind: str) -> None:
     cls = RunEvent.kinds[kind]
-    made = _made(cls, random.Random(2)).to_event()
+    made = _made(cls, random.Random(2))
     for field in fields(cls):
         if field.name == "place" or {field.default, field.default_factory} != {MISSING}:
             continue

@@ -18,6 +18,7 @@ from agentflow.runs import (
     read_result,
     state_of,
 )
+from tests.runs.results import a_result
 
 
 def made(folder: Path, name: str = "demo") -> Path:
@@ -140,7 +141,7 @@ def test_states(tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"continue it with agentflow design --resume '.*my demo'$"):
         read_result(run.path)
     again = RunDirectory.resume(run.path)
-    again.finish({"score": 1.0})
+    again.finish(a_result(score=1.0))
     assert state_of(run.path) == "done"
     again.close()
 

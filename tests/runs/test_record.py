@@ -48,10 +48,10 @@ def test_the_best_is_that_of_valid_machines() -> None:
 
 def test_the_recorded_run_counts_as_its_result_says() -> None:
     record = RunRecord.of(read_typed_events(RECORDED))
-    for row in read_result(RECORDED)["stages"]:
-        stage = record.of_stage(row["name"])
-        assert sum(c.valid for c in stage) == row["valid"]
-        assert sum(c.first.parsed for c in stage) == row["parsed_first"]
-        assert max(c.score for c in stage if c.score is not None) == row["max"]
+    for row in read_result(RECORDED).stages:
+        stage = record.of_stage(row.name)
+        assert sum(c.valid for c in stage) == row.valid
+        assert sum(c.first.parsed for c in stage) == row.parsed_first
+        assert max(c.score for c in stage if c.score is not None) == row.max
     assert sum(len(item.attempts) for item in record.expansions) == 4
-    assert [stage.data for stage in record.stages] == read_result(RECORDED)["stages"]
+    assert [stage.data for stage in record.stages] == read_result(RECORDED).to_json()["stages"]

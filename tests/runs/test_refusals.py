@@ -18,7 +18,8 @@ import pytest
 
 from agentflow.cli import main
 from agentflow.errors import RunError
-from agentflow.runs import RunDirectory, read_events, read_result, state_of
+from agentflow.runs import Event, RunDirectory, read_events, read_result, state_of
+from tests.runs.results import a_result
 
 NOBODY = 65534
 SMALL = Path(__file__).parents[2] / "configs" / "small.yaml"
@@ -59,15 +60,15 @@ def open_folder() -> Iterator[Path]:
 def test_a_full_disk_removes_the_partial_line_and_is_reported(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
     with no_file_larger_than(10_000):
-        run.event("attempt", "a/1", problem="x" * 5_000)
+        run.event(Event("attempt", "a/1", {"problem": "x" * 5_000}))
         with pytest.raises(RunError) as caught:
-            run.event("attempt", "a/2", problem="x" * 20_000)
+            run.event(Event("attempt", "a/2", {"problem": "x" * 20_000}))
         assert str(caught.value) == (f"cannot write {run.path / 'events.jsonl'}: File too large")
         with pytest.raises(RunError, match=r"cannot write .*machines/ab\.json: File too large"):
             run.save_machine("ab", "x" * 20_000)
         with pytest.raises(RunError, match=r"cannot write .*result\.json: File too large"):
-            run.finish({"text": "x" * 20_000})
-    run.event("attempt", "a/3", problem="")
+            run.finish(a_result(reason="x" * 20_000))
+    run.event(Event("attempt", "a/3", {"problem": ""}))
     run.close()
     assert [event.label for event in read_events(run.path)] == ["a/1", "a/3"]
     assert not (run.path / "machines" / "ab.json").exists()
@@ -86,7 +87,7 @@ def test_a_disk_that_is_full_from_the_start_leaves_nothing(tmp_path: Path) -> No
 
 def test_a_read_only_folder_is_reported(open_folder: Path) -> None:
     run = RunDirectory.create(open_folder, "demo", {})
-    run.event("stage", "initial", valid=1)
+    run.event(Event("stage", "initial", {"valid": 1}))
     run.close()
     for path in (run.path / "events.jsonl", run.path, open_folder):
         path.chmod(0o444 if path.is_file() else 0o555)
@@ -105,8 +106,8 @@ def test_a_read_only_folder_is_reported(open_folder: Path) -> None:
 
 def test_unreadable_files_are_reported(open_folder: Path) -> None:
     run = RunDirectory.create(open_folder, "demo", {})
-    run.event("stage", "initial", valid=1)
-    run.finish({})
+    run.event(Event("stage", "initial", {"valid": 1}))
+    run.finish(a_result())
     run.close()
     files = [run.path / name for name in ("events.jsonl", "result.json")]
     for file in files:

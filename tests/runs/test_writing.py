@@ -16,21 +16,22 @@ from agentflow.runs import (
     read_events,
     read_result,
 )
+from tests.runs.results import a_result
 
 
 def test_a_run_reads_back_what_was_written(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path / "deep" / "runs", "demo", {"config": {"seed": 3}})
     heard: list[Event] = []
     run.listeners.append(heard.append)
-    run.event("stage", "initial", valid=2)
-    run.event("stage", "blind_refinement", valid=1)
+    run.event(Event("stage", "initial", {"valid": 2}))
+    run.event(Event("stage", "blind_refinement", {"valid": 1}))
     run.save_machine("ab12", "[]")
-    run.finish({"score": 1.5})
+    run.finish(a_result(score=1.5))
     run.close()
     assert read_document(run.path) == {"schema": 1, "config": {"seed": 3}}
     assert list(read_events(run.path)) == heard
     assert heard[0] == Event("stage", "initial", {"valid": 2})
-    assert read_result(run.path) == {"score": 1.5}
+    assert read_result(run.path) == a_result(score=1.5)
     assert (run.path / "machines" / "ab12.json").read_text() == "[]\n"
 
 
@@ -53,14 +54,14 @@ def test_a_second_writer_is_refused_until_the_first_ends(tmp_path: Path) -> None
 
 def test_resume_drops_a_half_written_line_and_repeats_nothing(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
-    run.event("attempt", "designer/1", code="")
+    run.event(Event("attempt", "designer/1", {"code": ""}))
     run.close()
     with (run.path / "events.jsonl").open("a") as file:
         file.write('{"kind": "att')
     again = RunDirectory.resume(run.path)
     assert again.dropped == len('{"kind": "att')
-    again.event("attempt", "designer/1", code="")
-    again.event("attempt", "designer/2", code="overlap")
+    again.event(Event("attempt", "designer/1", {"code": ""}))
+    again.event(Event("attempt", "designer/2", {"code": "overlap"}))
     again.close()
     lines = (run.path / "events.jsonl").read_text().splitlines()
     labels = [json.loads(line)["label"] for line in lines]
@@ -69,14 +70,14 @@ def test_resume_drops_a_half_written_line_and_repeats_nothing(tmp_path: Path) ->
 
 def test_resume_keeps_a_complete_line_without_its_line_break(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
-    run.event("attempt", "designer/1", code="")
+    run.event(Event("attempt", "designer/1", {"code": ""}))
     run.close()
     recorded = (run.path / "events.jsonl").read_bytes()
     (run.path / "events.jsonl").write_bytes(recorded[:-1])
     assert [event.label for event in read_events(run.path)] == ["designer/1"]
     again = RunDirectory.resume(run.path)
     assert again.dropped == 0
-    again.event("attempt", "designer/1", code="")
+    again.event(Event("attempt", "designer/1", {"code": ""}))
     again.close()
     assert (run.path / "events.jsonl").read_bytes() == recorded
 
@@ -85,12 +86,12 @@ def test_resume_keeps_events_that_are_not_reproduced(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
     assert (run.resumed, list(run.unreproduced())) == (False, [])
     for label in "abc":
-        run.event("attempt", label, code="")
+        run.event(Event("attempt", label, {"code": ""}))
     assert list(run.unreproduced()) == []
     run.close()
     again = RunDirectory.resume(run.path)
-    again.event("attempt", "b", code="overlap")
-    again.event("attempt", "d", code="")
+    again.event(Event("attempt", "b", {"code": "overlap"}))
+    again.event(Event("attempt", "d", {"code": ""}))
     assert [event.label for event in again.unreproduced()] == ["a", "c"]
     assert again.resumed
     again.close()
@@ -115,12 +116,12 @@ def test_a_discarded_run_leaves_nothing_behind(tmp_path: Path) -> None:
 
 def test_the_last_version_of_an_event_counts(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
-    run.event("evaluation", "a", status="timeout", score=None)
-    run.event("evaluation", "b", status="ok", score=1.0)
+    run.event(Event("evaluation", "a", {"status": "timeout", "score": None}))
+    run.event(Event("evaluation", "b", {"status": "ok", "score": 1.0}))
     run.close()
     again = RunDirectory.resume(run.path)
-    again.event("evaluation", "a", status="ok", score=12.0)
-    again.event("evaluation", "b", status="ok", score=1.0)
+    again.event(Event("evaluation", "a", {"status": "ok", "score": 12.0}))
+    again.event(Event("evaluation", "b", {"status": "ok", "score": 1.0}))
     assert [event.label for event in again.replaced] == ["a"]
     again.close()
     assert list(read_events(run.path)) == [
@@ -132,10 +133,10 @@ def test_the_last_version_of_an_event_counts(tmp_path: Path) -> None:
 
 def test_equal_data_is_not_written_again_in_any_key_order(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
-    run.event("stage", "a", counts={2: "two", 10: "ten"}, valid=(1, 2))
+    run.event(Event("stage", "a", {"counts": {2: "two", 10: "ten"}, "valid": (1, 2)}))
     run.close()
     again = RunDirectory.resume(run.path)
-    again.event("stage", "a", valid=[1, 2], counts={"10": "ten", "2": "two"})
+    again.event(Event("stage", "a", {"valid": [1, 2], "counts": {"10": "ten", "2": "two"}}))
     assert again.replaced == []
     again.close()
     assert len((run.path / "events.jsonl").read_text().splitlines()) == 1

@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from agentflow.search.concurrency import EvaluateOnce, run_concurrently
+from agentflow.search.concurrency import EvaluateOnce, run_concurrently, work_in_order
 from agentflow.search.node import Evaluation
 
 
@@ -78,3 +78,54 @@ async def test_an_evaluation_lasts_until_its_last_request_is_cancelled() -> None
     go.set()
     found = await once("a", "")
     assert (once.find("a"), once.count) == (found, 1)
+
+
+async def test_work_in_order_keeps_results_in_order_and_begins_no_more_than_it_may() -> None:
+    running, most, kept = 0, 0, list[int]()
+
+    async def work(item: int) -> int:
+        nonlocal running, most
+        running += 1
+        most = max(most, running)
+        await asyncio.sleep(0.001 * (5 - item % 5))
+        running -= 1
+        return item
+
+    await work_in_order(range(12), work, kept.append, 4)
+    assert kept == list(range(12))
+    assert most == 4
+
+
+async def test_work_in_order_ends_what_is_in_progress_before_it_raises() -> None:
+    kept, ended = list[int](), list[int]()
+
+    async def work(item: int) -> int:
+        if item == 1:
+            raise ValueError("one")
+        await asyncio.sleep(0.01)
+        ended.append(item)
+        return item
+
+    with pytest.raises(ValueError, match="one"):
+        await work_in_order(range(12), work, kept.append, 3)
+    assert kept == [0]
+    assert ended == [0, 2, 3]
+
+
+async def test_work_in_order_leaves_nothing_behind_when_it_is_cancelled() -> None:
+    cancelled = list[int]()
+
+    async def work(item: int) -> int:
+        try:
+            await asyncio.sleep(60)
+        except asyncio.CancelledError:
+            cancelled.append(item)
+            raise
+        return item
+
+    whole = asyncio.ensure_future(work_in_order(range(12), work, print, 3))
+    await asyncio.sleep(0.01)
+    whole.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await whole
+    assert sorted(cancelled) == [0, 1, 2]

@@ -2,9 +2,9 @@ import math
 
 import pytest
 
+from agentflow.search.mcts import reward_range, select, ucb
 from agentflow.search.node import Evaluation, Node
 from agentflow.search.settings import UcbSettings
-from agentflow.search.ucb import reward_range, select, ucb
 
 
 def node(id_: int, score: float | None, parent: int | None = 0, **books: object) -> Node[str]:

@@ -14,8 +14,8 @@ from urllib.parse import urlsplit
 
 import httpx
 
+from agentflow.studio.app import running
 from agentflow.studio.guard import Limits
-from agentflow.studio.server import StudioServer, running
 
 PATIENCE = 120.0
 
@@ -93,10 +93,11 @@ def studio(runs: Path, limits: Limits | None = None) -> Iterator[Served]:
     opened = threading.Event()
 
     async def serve() -> None:
-        async with running(runs, 0, limits) as (server, address):
-            ready.update(server=server, address=address)
+        loop, ended = asyncio.get_running_loop(), asyncio.Event()
+        async with running(runs, 0, limits) as address:
+            ready.update(address=address, end=lambda: loop.call_soon_threadsafe(ended.set))
             opened.set()
-            await server.serve_until_end()
+            await ended.wait()
 
     thread = threading.Thread(target=lambda: asyncio.run(serve()), daemon=True)
     thread.start()
@@ -107,7 +108,6 @@ def studio(runs: Path, limits: Limits | None = None) -> Iterator[Served]:
     finally:
         for client in served.clients:
             client.close()
-        server: StudioServer = ready["server"]
-        server.should_exit = True
+        ready["end"]()
         thread.join(PATIENCE)
         assert not thread.is_alive()

@@ -16,6 +16,7 @@ import httpx
 import pytest
 
 from agentflow.app.inspect.overview import run_list
+from agentflow.cli import main
 from agentflow.runs import state_of
 from agentflow.studio.folder import RunFolder
 from agentflow.studio.watching.listing import Listing
@@ -170,17 +171,14 @@ FORM = {"task": "movement", "workflow": "single", "trajectories": 2, "rounds": 0
 
 @pytest.mark.slow
 def test_a_design_runs_to_its_end_and_the_command_line_reads_it(
-    browser: Browser, runs: Path
+    browser: Browser, runs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     name = browser.post("/api/designs", {**FORM, "seed": 3})["run"]
     assert name in {row["run"] for row in browser.get("/api/runs")}
     until(lambda: not browser.get("/api/designs")[0]["running"])
     assert browser.get("/api/designs") == [{"run": name, "running": False, "problem": ""}]
-    command = [sys.executable, "-c", "from agentflow.cli import main; main()"]
-    shown = subprocess.run(
-        [*command, "show", str(runs / name), "--json"], capture_output=True, text=True, check=True
-    )
-    details = json.loads(shown.stdout)
+    assert main(["show", str(runs / name), "--json"]) == 0
+    details = json.loads(capsys.readouterr().out)
     assert (details["task"], details["workflow"], details["seed"]) == ("movement", "single", 3)
     assert details["score"] > 0
 

@@ -9,9 +9,9 @@ import pympi
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from agentflow.app.design.config import complete_config
 from agentflow.cli import main
 from agentflow.llm.scripted import ScriptedClient
+from agentflow.models.completion import complete_config
 from agentflow.study.elan import write_elan
 from agentflow.study.segments import segment
 from agentflow.study.session import Session, read_session

@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 import pympi
 import pytest
 
-from agentflow.app.design.config import complete_config
 from agentflow.cli import main
+from agentflow.models.completion import complete_config
 from agentflow.study.elan import write_elan
 from agentflow.study.segments import segment
 from agentflow.study.session import Session

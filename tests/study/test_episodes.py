@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from agentflow.errors import UsageError
 from agentflow.study.episodes import ALLOWED, MEANING, cut
-from agentflow.study.rules import label_by_rules
+from agentflow.study.labelling import label_by_rules
 from agentflow.study.session import Action, Pause, Session, Start, Trial
 from agentflow.study.transcript import Utterance, read_transcript
 from tests.machine.builders import build

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design.config import complete_config
 from agentflow.cli import main
 from agentflow.errors import RunError
 from agentflow.machine import Machine
+from agentflow.models.completion import complete_config
 from agentflow.study.clusters import condense, find_clusters
-from agentflow.study.designs import design_type
-from agentflow.study.measures import builds_foundation_first, count_restarts
+from agentflow.study.episodes import MEANING
+from agentflow.study.measures import builds_foundation_first, count_restarts, design_type
 from agentflow.study.results import LABEL_OF_TOOL, find_sessions, measure
 from agentflow.study.segments import segment
 from agentflow.study.session import SessionLog, Start
@@ -161,3 +161,4 @@ def test_sessions_are_found_below_a_folder(tmp_path: Path) -> None:
 
 def test_every_tool_that_is_labelled_exists() -> None:
     assert set(LABEL_OF_TOOL) <= TOOL_NAMES
+    assert set(LABEL_OF_TOOL.values()) <= set(MEANING)

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design.config import complete_config
 from agentflow.cli import main
-from agentflow.errors import ConfigError, RunError
+from agentflow.errors import ConfigError, RunError, UnauthorisedError
 from agentflow.llm.messages import Request
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.study.segments import CALLS, FILE, Segments, read_segments, segment
+from agentflow.models.asking import CALLS
+from agentflow.models.completion import complete_config
+from agentflow.study.segments import FILE, Segments, read_segments, segment
 from agentflow.study.session import Session
 from tests.llm.hostile import body, completion, serving
 from tests.study.example import TRANSCRIPT, record
@@ -114,6 +115,26 @@ def test_recorded_calls_are_not_made_again(session: Session) -> None:
     assert segment(session.path, None, CONFIG, client=again) == first
     assert again.requests == []
     assert (session.path / CALLS).read_text().count("\n") == 8
+
+
+def test_a_model_that_cannot_be_used_leaves_labels_to_continue_with(session: Session) -> None:
+    def fails_at_second(request: Request) -> str:
+        if request.label == "episode-2/attempt-1":
+            raise UnauthorisedError("the key was refused")
+        return takes_the_last(request)
+
+    again = "^the key was refused; run the same command again to continue$"
+    with pytest.raises(UnauthorisedError, match=again):
+        segment(session.path, None, CONFIG, client=ScriptedClient(fails_at_second))
+    client = ScriptedClient(takes_the_last)
+    segment(session.path, None, CONFIG, client=client)
+    assert "episode-1/attempt-1" not in [request.label for request in client.requests]
+
+
+def test_a_spent_budget_says_how_to_continue(session: Session) -> None:
+    config = complete_config({"model": {"budget": {"calls": 1}}})
+    with pytest.raises(ConfigError, match=r"^call limit reached \(1\): raise .* to continue$"):
+        segment(session.path, None, config, client=ScriptedClient(takes_the_last))
 
 
 def test_words_are_data_and_stay_on_their_line(tmp_path: Path) -> None:

@@ -16,11 +16,10 @@ from agentflow.llm.scripted import ScriptedClient
 from agentflow.prompts.render import PromptSet
 from agentflow.runs.places import FEEDBACK, StageName
 from agentflow.tools.bench import Bench
-from agentflow.tools.budget import Allowance, Budget
-from agentflow.tools.machines import KnownMachines
+from agentflow.tools.desk import Allowance, Budget, KnownMachines
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.world import RunWorld
+from agentflow.workflows.tools.stages import RunWorld
 
 CAR = Path("examples/car.json").read_text(encoding="utf-8")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agentflow.machine.tree import ROOT, Machine, Step
-from agentflow.tools.machines import KnownMachines
+from agentflow.tools.desk import KnownMachines
 from agentflow.tools.results import Refused
 
 

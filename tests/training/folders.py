@@ -10,10 +10,9 @@ from pydantic import BaseModel
 
 from agentflow.llm.messages import Sampling
 from agentflow.rewards.scoring import Sample, Scorer
-from agentflow.training.evaluation import JudgedReply, judge
 from agentflow.training.evaluation.record import Evaluation, open_evaluation
-from agentflow.training.record import About
-from agentflow.training.run import TrainingRun
+from agentflow.training.evaluation.replies import JudgedReply, judge
+from agentflow.training.record import About, TrainingRun
 from tests.integrations.foreign import CAR
 from tests.llm.foreign import ROOT
 

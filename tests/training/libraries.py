@@ -1,23 +1,24 @@
-"""Which tests need the libraries of `agentflow[train]`, such as PyTorch and TRL.
+"""Whether the libraries of `agentflow[train]`, such as PyTorch and TRL, are there.
 
 `.venv` does not hold them. `scripts/servers training` makes `.venv-training`, which does, and
-`scripts/test` then runs the tests in this folder there as well.
+`scripts/test --all` then runs the tests marked `training` there. Such a test imports what it needs
+inside itself.
 """
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-
 import pytest
 
-INSTALLED = find_spec("trl") is not None
-REASON = "TRL is missing: run scripts/servers training; then scripts/test runs these tests as well"
+from tests.installed import missing
 
-needs_training = pytest.mark.skipif(not INSTALLED, reason=REASON)
-"""For single tests; what they need is then imported inside them."""
+INSTALLED = "training" not in missing()
 
 
-def require_training() -> None:
-    """Skip a test module that imports PyTorch or TRL. Called before it imports them."""
+def require_training() -> pytest.MarkDecorator:
+    """The marker of all tests of a module that imports PyTorch or TRL; skips it without these.
+
+    Called before the module imports them.
+    """
     if not INSTALLED:
-        pytest.skip(REASON, allow_module_level=True)
+        pytest.skip("TRL is missing", allow_module_level=True)
+    return pytest.mark.training

@@ -18,15 +18,15 @@ import pytest
 from agentflow.app.design.config import load_config
 from agentflow.cli import main
 from agentflow.errors import RunError, UnauthorisedError
-from agentflow.training.evaluation import JudgedReply
 from agentflow.training.evaluation.evaluate import evaluate
 from agentflow.training.evaluation.models import random_seed
 from agentflow.training.evaluation.record import Evaluation, read_evaluation
+from agentflow.training.evaluation.replies import JudgedReply
 from tests.integrations.foreign import CAR
 from tests.llm.foreign import ROOT
 from tests.llm.hostile import body, completion, serving
 from tests.training.folders import LABEL, throws, write_training
-from tests.training.libraries import INSTALLED, needs_training
+from tests.training.libraries import INSTALLED
 
 Captured = pytest.CaptureFixture[str]
 PROCEDURAL = ["evaluate", "procedural", "--task", "movement"]
@@ -220,6 +220,14 @@ async def test_an_endpoint_that_fails_after_half_is_asked_only_for_the_rest(
     assert (row["replies"], row["valid"]["count"], row["sd"]) == (5, 5, 0.0)
 
 
+def test_the_designer_s_own_model_and_sampling_are_evaluated(tmp_path: Path) -> None:
+    own = {"name": "procedural", "sampling": {"temperature": 0.5}}
+    config = load_config(None, (), {"model.name": "m", "model.roles.designer": own})
+    found = evaluate(config, ["movement"], 1, tmp_path)
+    assert (found.model, found.label) == ("procedural", "procedural (no language model)")
+    assert found.sampling.temperature == 0.5
+
+
 @pytest.mark.slow
 async def test_without_any_reply_another_model_may_take_the_folder(tmp_path: Path) -> None:
     async with serving(body({"error": "no"}, 401)) as server:
@@ -254,16 +262,15 @@ def test_an_evaluation_killed_at_any_moment_gives_the_same_result(tmp_path: Path
         assert contents(out) == expected
 
 
-@needs_training
+@pytest.mark.training
 def test_a_model_in_a_folder_repeats_itself_where_it_was_interrupted(
     tmp_path: Path, capsys: Captured
 ) -> None:
     import torch
 
+    from agentflow.models.local.folder import ModelFolder
     from agentflow.training.config import TinyModel
-    from agentflow.training.model.base import save_model
-    from agentflow.training.model.folder import ModelFolder
-    from agentflow.training.model.tiny import make_decoder, train_tokenizer
+    from agentflow.training.model import make_decoder, save_model, train_tokenizer
 
     run = write_training(tmp_path / "run")
     tokenizer = train_tokenizer([reply.text for reply in throws()], 300)

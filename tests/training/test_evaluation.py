@@ -9,7 +9,7 @@ import pytest
 
 from agentflow.metrics.intervals import bootstrap_mean, wilson
 from agentflow.rewards.scoring import Sample, Scorer
-from agentflow.training.evaluation import JudgedReply, judge, summarise
+from agentflow.training.evaluation.replies import JudgedReply, judge, summarise
 from tests.integrations.foreign import CAR
 
 OVERLAP = """A rationale. ```json

@@ -8,13 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.training.libraries import needs_training
-
 SERVERS = Path(__file__).parents[2] / "scripts" / "servers"
 PINS = dict(re.findall(r'"(torch|trl|transformers|peft|datasets)==([0-9.]+)"', SERVERS.read_text()))
 
 
-@needs_training
+@pytest.mark.training
 @pytest.mark.parametrize("library", PINS)
 def test_the_environment_holds_the_versions_that_the_script_names(library: str) -> None:
     assert version(library).partition("+")[0] == PINS[library]

@@ -8,8 +8,8 @@ import pytest
 
 from agentflow.cli import main
 from agentflow.errors import ConfigError
-from agentflow.training.libraries import require_libraries
-from agentflow.training.model.folder import ModelFolder, read_folder
+from agentflow.models.local.folder import ModelFolder, read_folder
+from agentflow.models.local.libraries import require_libraries
 from tests.llm.foreign import ROOT
 from tests.training.libraries import INSTALLED
 

@@ -15,7 +15,6 @@ import pytest
 
 from agentflow.cli import main
 from benchmarks.learning import chart
-from tests.training.libraries import needs_training
 
 ROOT = Path(__file__).parents[2]
 USED = ("agentflow", "benchmarks", "configs", "runs", "scripts")
@@ -34,7 +33,7 @@ def test_curves_have_round_numbers_on_their_axes() -> None:
     assert told == ["valid", "0", "0.2", "0.4", "0.6", "0.8", *steps, "pass1"]
 
 
-@needs_training
+@pytest.mark.training
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_a_tiny_model_learns_from_scratch_and_designs(tmp_path: Path) -> None:

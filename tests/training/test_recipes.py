@@ -13,7 +13,6 @@ import yaml
 
 from agentflow.training.config import SftConfig, read_config
 from agentflow.training.grpo.config import GrpoConfig
-from tests.training.libraries import needs_training
 
 ROOT = Path(__file__).parents[2]
 RECIPES = ROOT / "recipes"
@@ -41,7 +40,7 @@ def test_all_recipes_and_the_preset_train_the_same_adapter() -> None:
     assert found == (policy["lora_rank"], policy["lora_alpha"])
 
 
-@needs_training
+@pytest.mark.training
 @pytest.mark.slow
 def test_trl_reads_its_recipe_and_finds_the_reward(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -80,7 +79,7 @@ def test_trl_reads_its_recipe_and_finds_the_reward(
     assert cluster.deepspeed_config["zero_stage"] == 2
 
 
-@needs_training
+@pytest.mark.training
 @pytest.mark.slow
 def test_verl_accepts_its_recipe_and_finds_the_reward() -> None:
     from hydra import compose, initialize_config_dir
@@ -104,7 +103,7 @@ def test_verl_accepts_its_recipe_and_finds_the_reward() -> None:
         validate_config(config, use_reference_policy=True, use_critic=False)
 
 
-@needs_training
+@pytest.mark.training
 @pytest.mark.slow
 def test_ray_accepts_its_recipe() -> None:
     from jsonschema import ValidationError

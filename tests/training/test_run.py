@@ -9,8 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from agentflow.errors import RunError
-from agentflow.training.record import About, read_training
-from agentflow.training.run import TrainingRun
+from agentflow.training.record import About, TrainingRun, read_training
 
 ABOUT = About(kind="sft", label="a model")
 

@@ -17,7 +17,7 @@ import pytest
 
 from tests.training.libraries import require_training
 
-require_training()
+pytestmark = require_training()
 
 import torch
 from transformers import AutoModelForCausalLM, AutoTokenizer
@@ -25,13 +25,11 @@ from transformers import AutoModelForCausalLM, AutoTokenizer
 from agentflow.api import design_prompt
 from agentflow.cli import main
 from agentflow.llm.messages import Message, Request, Sampling
+from agentflow.models.local.folder import ModelFolder, read_folder
+from agentflow.models.local.loading import LocalClient, load_model
 from agentflow.training.config import SftConfig, read_config
-from agentflow.training.model.client import LocalClient
-from agentflow.training.model.folder import ModelFolder, read_folder
-from agentflow.training.model.loading import load_model
-from agentflow.training.model.tiny import make_decoder, train_tokenizer
-from agentflow.training.record import About, read_training
-from agentflow.training.run import TrainingRun
+from agentflow.training.model import make_decoder, train_tokenizer
+from agentflow.training.record import About, TrainingRun, read_training
 from agentflow.training.sft import make_trainer, train_sft
 from tests.llm.foreign import ROOT
 from tests.training.sets import make_pairs, write_set
@@ -39,6 +37,7 @@ from tests.training.sets import make_pairs, write_set
 Captured = pytest.CaptureFixture[str]
 
 CONFIG = ROOT / "configs" / "train" / "sft_tiny.yaml"
+SHORT = Sampling(temperature=1, top_p=1, max_tokens=8)
 LABEL = "tiny model from scratch, procedural data"
 TINY = {"hidden": 32, "layers": 1, "heads": 2, "feed_forward": 32, "vocabulary": 400}
 SMALL = {
@@ -154,13 +153,14 @@ def test_samples_depend_on_the_seed_alone(trained: Path) -> None:
     sampler = load_model(trained, "cpu")
     prompt = design_prompt("throwing")
     torch.manual_seed(1)
-    first = sampler.sample(prompt, 3, seed=5, max_tokens=8)
+    first = sampler.draw(prompt, 3, 5, SHORT)
     assert torch.initial_seed() == 1  # the caller's generator is left alone
     torch.manual_seed(2)
-    assert sampler.sample(prompt, 3, seed=5, max_tokens=8) == first
-    assert sampler.sample(prompt, 3, seed=6, max_tokens=8) != first
+    assert sampler.draw(prompt, 3, 5, SHORT) == first
+    assert sampler.draw(prompt, 3, 6, SHORT) != first
     assert len(set(first)) == 3
-    greedy = [sampler.sample(prompt, 1, seed=seed, temperature=0, max_tokens=8) for seed in (0, 1)]
+    likeliest = Sampling(temperature=0, max_tokens=8)
+    greedy = [sampler.draw(prompt, 1, seed, likeliest) for seed in (0, 1)]
     assert greedy[0] == greedy[1]
 
 
@@ -170,7 +170,7 @@ def test_a_model_cannot_forbid_itself_to_repeat_blocks(trained: Path, tmp_path: 
     file.write_text(json.dumps({**json.loads(file.read_text()), "repetition_penalty": 9.0}))
     models = [load_model(path, "cpu") for path in (trained / "model", tmp_path / "model")]
     prompt = design_prompt("throwing")
-    one, other = (m.sample(prompt, 1, 0, temperature=0.0, max_tokens=40) for m in models)
+    one, other = (m.draw(prompt, 1, 0, Sampling(temperature=0, max_tokens=40)) for m in models)
     assert one == other
 
 
@@ -245,9 +245,7 @@ def test_adapters_are_saved_alone_and_load_with_their_model(
         assert result is not None
         assert result["trained_parameters"] < result["parameters"] / 2
         assert read_folder(out).label == f"{LABEL}, fine-tuned on procedural data"
-        assert (
-            len(load_model(out, "cpu").sample(design_prompt("throwing"), 2, 0, max_tokens=4)) == 2
-        )
+        assert len(load_model(out, "cpu").draw(design_prompt("throwing"), 2, 0, SHORT)) == 2
 
 
 @pytest.fixture(scope="module")

@@ -9,13 +9,13 @@ import pytest
 
 from tests.training.libraries import require_training
 
-require_training()
+pytestmark = require_training()
 
 import torch
 
+from agentflow.models.local.shorthand import END
 from agentflow.training.config import TinyModel
-from agentflow.training.model.shorthand import END
-from agentflow.training.model.tiny import make_decoder, train_tokenizer
+from agentflow.training.model import make_decoder, train_tokenizer
 from tests.training.sets import make_pairs
 
 TEXTS = [pair.reply for pair in make_pairs("throwing", 30)]

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from agentflow.agents.base import AskContext
+from agentflow.agents.registry import scripts
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
 from agentflow.llm.messages import Reply, Request
@@ -18,6 +19,7 @@ from agentflow.machine.geometry.gears import gear_trains, meshing_pairs
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step
 from agentflow.prompts.render import PromptSet
+from agentflow.runs.events import RunEvent
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import (
     Candidate,
@@ -64,8 +66,8 @@ class Notes:
     def __init__(self) -> None:
         self.events: list[tuple[str, str]] = []
 
-    def event(self, kind: str, label: str, **data: Any) -> None:  # noqa: ARG002
-        self.events.append((kind, label))
+    def event(self, event: RunEvent) -> None:
+        self.events.append((event.kind, event.label))
 
     def save_machine(self, digest: str, text: str) -> None:
         """Not looked at."""
@@ -134,9 +136,9 @@ def test_placements_are_added_to_a_start_machine() -> None:
 
 
 def test_the_procedural_model_finds_the_shortest_path_every_time() -> None:
-    result = run(ProceduralClient(seed=3), 8)
+    result = run(ProceduralClient(3, scripts()), 8)
     assert count_passes(result.stages[0])["passes"] == 8
-    assert run(ProceduralClient(seed=3), 8) == result
+    assert run(ProceduralClient(3, scripts()), 8) == result
 
 
 def test_random_placements_are_valid_and_differ() -> None:

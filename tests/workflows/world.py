@@ -21,6 +21,7 @@ from agentflow.machine.formats.coordinates import read_coordinates
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.prompts.render import PromptSet
+from agentflow.runs.events import RunEvent
 from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.node import Evaluation
 from agentflow.tools.world import View
@@ -240,10 +241,11 @@ class Notes:
         self.events: dict[tuple[str, str], dict[str, Any]] = {}
         self.machines: dict[str, str] = {}
 
-    def event(self, kind: str, label: str, **data: Any) -> None:
-        assert (kind, label) not in self.events, (kind, label)
+    def event(self, event: RunEvent) -> None:
+        key, data = (event.kind, event.label), event.data
+        assert key not in self.events, key
         assert json.loads(json.dumps(data)) == data
-        self.events[kind, label] = data
+        self.events[key] = data
 
     def save_machine(self, digest: str, text: str) -> None:
         assert self.machines.setdefault(digest, text) == text

@@ -8,17 +8,17 @@ from pathlib import Path
 from statistics import fmean
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
-from agentflow.config.yaml import describe_fault, first_fault
 from agentflow.errors import RunError
-from agentflow.files import parse_object, write_output
+from agentflow.files.atomic import os_errors, write_output
+from agentflow.files.documents import break_seal, require_schema, sealed
+from agentflow.files.faults import locate_fault
+from agentflow.files.lines import parse_object
 from agentflow.metrics.intervals import bootstrap_mean
-from agentflow.runs.document import seal_of
 
 NAME = "card.json"
 SCHEMA = 1
-_SEAL = "seal"
 
 Outcome = Literal[
     "scored", "invalid", "diverged", "simulation_failed", "unverified", "stopped", "missing"
@@ -30,10 +30,8 @@ because of the endpoint. The last four say nothing about the model: the item get
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class _Part(BaseModel):
+class _Part(BaseModel, frozen=True, extra="forbid"):
     """Base class: frozen, no unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Mean(_Part):
@@ -104,10 +102,8 @@ class Family(_Part):
     refined: Mean
 
 
-class Card(_Part):
+class Card(_Part, populate_by_name=True):
     """A scorecard."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
 
     schema_version: int = Field(SCHEMA, alias="schema")
     agentflow: str
@@ -149,9 +145,8 @@ def summary(items: Sequence[ItemResult]) -> Family:
 def write_card(path: Path, card: Card) -> None:
     """Write a card, sealed."""
     content = card.model_dump(mode="json", by_alias=True)
-    text = json.dumps({**content, _SEAL: seal_of(content)}, indent=1)
     with write_output(path) as part:
-        part.write_text(text + "\n", encoding="utf-8")
+        part.write_text(json.dumps(sealed(content), indent=1) + "\n", encoding="utf-8")
 
 
 def read_card(path: Path) -> Card:
@@ -162,26 +157,19 @@ def read_card(path: Path) -> Card:
             edited.
     """
     again = "make it again with: agentflow benchmark"
-    try:
+    with os_errors(f"cannot read {path}"):
         content = parse_object(path.read_bytes())
-    except OSError as error:
-        raise RunError(f"cannot read {path}: {error.strerror}") from None
     if content is None or "schema" not in content:
         raise RunError(
             f"{path} is not a scorecard: expected the {NAME} that agentflow benchmark writes"
         )
-    if content["schema"] != SCHEMA:
-        raise RunError(
-            f"{path} has schema {content['schema']!r}, but this version reads only schema "
-            f"{SCHEMA}: use the agentflow version that wrote it, or {again}"
-        )
-    seal = content.pop(_SEAL, None)
+    require_schema(path, content, SCHEMA, otherwise=f", or {again}")
+    whole = break_seal(content)
     try:
         card = Card.model_validate(content)
     except ValidationError as error:
-        fault = first_fault(error)
-        place = ".".join(map(str, fault["loc"]))
-        raise RunError(f"{path} is damaged: {place} {describe_fault(fault)}; {again}") from None
-    if seal != seal_of(content):
+        told = " ".join(locate_fault(error, "the file"))
+        raise RunError(f"{path} is damaged: {told}; {again}") from None
+    if not whole:
         raise RunError(f"{path} was edited after it was written; restore it, or {again}")
     return card

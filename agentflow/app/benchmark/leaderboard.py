@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from agentflow.app.benchmark.card import Card, Mean, read_card
+from agentflow.app.benchmark.card import Card, read_card
 from agentflow.env.tasks.records import other_recorders
 from agentflow.errors import UsageError
-from agentflow.metrics.cells import Value
+from agentflow.metrics.formats import interval_text, number
 from agentflow.metrics.intervals import missing_scipy
-from agentflow.metrics.tables import FORMATS, Column, Row, Table
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
 
 INTERVAL = "95 %"
 ABOUT = (
@@ -66,8 +66,8 @@ def _ranking(cards: Sequence[Card]) -> Table:
     for place, card in enumerate(cards, start=1):
         cost, total = card.cost, card.total
         values: tuple[Value, ...] = (
-            *(total.refined.mean, _interval(total.refined)),
-            *(total.first.mean, _interval(total.first)),
+            *(total.refined.mean, interval_text(total.refined.interval, 1, in_percent=True)),
+            *(total.first.mean, interval_text(total.first.interval, 1, in_percent=True)),
             *(cost.calls, cost.prompt_tokens + cost.completion_tokens, cost.money, cost.rollouts),
         )
         rows.append(Row((str(place) if card.complete else "-", card.model), values))
@@ -112,13 +112,9 @@ def _by_item(cards: Sequence[Card]) -> Table:
     )
     rows = tuple(
         Row(
-            (of[0].item, of[0].family, f"{of[0].full:.2f}"),
+            (of[0].item, of[0].family, number(of[0].full)),
             tuple(share for item in of for share in (item.first_share, item.refined.share)),
         )
         for of in zip(*(card.items for card in cards), strict=True)
     )
     return Table("Shares by item", ("item", "family", "full score"), columns, rows)
-
-
-def _interval(mean: Mean) -> str | None:
-    return mean.interval and f"{mean.interval[0]:.1%} - {mean.interval[1]:.1%}"

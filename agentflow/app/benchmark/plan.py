@@ -7,33 +7,28 @@ model, with as many simulations.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
-from agentflow.app.design.plan import physics_conditions
 from agentflow.app.design.trust import Approve, refuse
 from agentflow.app.sweeps.folder import is_sweep
 from agentflow.app.sweeps.plan import SweepPlan, plan_sweep
 from agentflow.config.run import DesignConfig, build_config
 from agentflow.config.sweep import BenchmarkSettings, SweepConfig, list_runs
+from agentflow.env.physics.engines import physics_conditions
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import TaskRecord, full_score, record_of
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import ConfigError, UsageError
+from agentflow.files.documents import digest_of
 from agentflow.prompts.render import PromptSet
+from agentflow.workflows.registry import WORKFLOWS
 
 PART, ITEM = "part", "task"
 FIRST, REFINED = "first", "refined"
-WITHOUT_MODEL: Mapping[str, str] = MappingProxyType(
-    {"single": "random-dsl", "iterative": "random-dsl", "placement": "random-placement"}
-)
-"""Workflow -> its baseline without a model."""
 
 
 def plan_benchmark(
@@ -131,11 +126,6 @@ def conditions(sweep: SweepConfig) -> dict[str, Any]:
     }
 
 
-def digest_of(value: Any) -> str:
-    """Hash of JSON data, 16 hex digits."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:16]
-
-
 def _adapt(sweep: SweepConfig, source: Path, lite: bool, random: bool) -> SweepConfig:
     """The sweep in the file, checked, reduced if `lite`, and without a model if `random`."""
     settings = benchmark_of(sweep)
@@ -174,5 +164,10 @@ def _check(sweep: SweepConfig, source: Path) -> None:
 
 
 def _without_model(changes: Mapping[str, Any]) -> dict[str, Any]:
-    workflow = changes.get("workflow")
-    return dict(changes) | ({"workflow": WITHOUT_MODEL[workflow]} if workflow else {})
+    """The changes of a condition with the baseline of their workflow, if they name one."""
+    if "workflow" not in changes:
+        return dict(changes)
+    workflow = WORKFLOWS[changes["workflow"]]
+    if not workflow.baseline:
+        raise UsageError(f"the workflow {workflow.name} has no baseline: remove --random")
+    return {**changes, "workflow": workflow.baseline}

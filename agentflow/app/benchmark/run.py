@@ -8,7 +8,6 @@ from datetime import datetime, timezone
 from pathlib import Path
 from shlex import quote
 
-from agentflow import __version__
 from agentflow.app.benchmark.card import (
     NAME,
     Attempt,
@@ -20,17 +19,8 @@ from agentflow.app.benchmark.card import (
     summary,
     write_card,
 )
-from agentflow.app.benchmark.plan import (
-    FIRST,
-    ITEM,
-    PART,
-    REFINED,
-    Item,
-    conditions,
-    digest_of,
-    read_items,
-)
-from agentflow.app.design.results import read_finished
+from agentflow.app.benchmark.plan import FIRST, ITEM, PART, REFINED, Item, conditions, read_items
+from agentflow.app.design.results import best_machine
 from agentflow.app.design.trust import trust_option
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.app.sweeps.run import Watcher, run_sweep
@@ -38,12 +28,12 @@ from agentflow.app.sweeps.tables import FinishedRun, SweepResult, read_sweep_res
 from agentflow.app.sweeps.views import total_bill
 from agentflow.config.run import build_config
 from agentflow.errors import EndpointError
-from agentflow.machine import library, read_machine
+from agentflow.files.documents import digest_of
 from agentflow.runs.events import EvaluationEvent, read_typed_events
 from agentflow.runs.places import INITIAL
+from agentflow.runs.result import BUDGET
+from agentflow.version import __version__
 
-BUDGET = "budget"
-"""Why a run stopped if its limit of calls, tokens or money was reached."""
 DIGITS = 6
 """Decimals of scores and shares in cards."""
 
@@ -89,7 +79,7 @@ def make_card(result: SweepResult) -> Card:
         agentflow=__version__,
         conditions=shared,
         digest=digest_of(shared),
-        model=result.finished[0].model,
+        model=result.finished[0].result.model,
         sampling=build_config(sweep.base).model.sampling.model_dump(mode="json"),
         made=datetime.now(timezone.utc).date().isoformat(),
         complete=all(map(is_counted, items)),
@@ -101,7 +91,7 @@ def make_card(result: SweepResult) -> Card:
             prompt_tokens=bill.prompt,
             completion_tokens=bill.completion,
             money=bill.money,
-            rollouts=sum(read_finished(run.path)["rollouts"] for run in result.finished),
+            rollouts=sum(run.result.rollouts for run in result.finished),
         ),
     )
 
@@ -123,7 +113,7 @@ def _result(
 
 def _replies(run: FinishedRun, item: Item) -> tuple[Attempt, ...]:
     """The first replies of a run, with plain scores."""
-    if read_finished(run.path)["stopped"] == BUDGET:
+    if run.result.stopped == BUDGET:
         return (_without_score("stopped", "the budget was used up"),)
     statuses = _statuses(run)
     return tuple(
@@ -136,16 +126,17 @@ def _replies(run: FinishedRun, item: Item) -> tuple[Attempt, ...]:
 
 def _best(run: FinishedRun, item: Item) -> Attempt:
     """The best machine of a run, with its verified score, or the lowest where that counts."""
-    result = read_finished(run.path)
-    if result["stopped"] == BUDGET:
+    result = run.result
+    if result.stopped == BUDGET:
         return _without_score("stopped", "the budget was used up")
-    machine = read_machine(result["machine"], tuple(library())).machine
-    if not result["valid"] or machine is None:
-        return Attempt(outcome="invalid", score=0.0, share=0.0, reason=str(result["reason"]))
-    status, verified = _statuses(run).get(machine.digest, "ok"), result["verified"] or {}
-    if status in ("ok", "diverged") and verified.get("score") is None:
+    machine = best_machine(result)
+    if machine is None:
+        return Attempt(outcome="invalid", score=0.0, share=0.0, reason=result.reason)
+    status, verified = _statuses(run).get(machine.digest, "ok"), result.verified
+    if status in ("ok", "diverged") and result.verified_score is None:
         return _without_score("unverified", "a simulation of the verification failed")
-    return _attempt(status, verified.get("low" if item.lowest else "score"), item.full)
+    lowest = None if verified is None else verified.low
+    return _attempt(status, lowest if item.lowest else result.verified_score, item.full)
 
 
 def _attempt(status: str, score: float | None, full: float) -> Attempt:

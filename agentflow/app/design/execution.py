@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from contextlib import AsyncExitStack
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 from agentflow.agents.base import AskContext
-from agentflow.agents.tool_agent.role import Agent
+from agentflow.agents.registry import ROLES
 from agentflow.app.design.laboratory import PhysicsLaboratory
-from agentflow.app.design.models import Models
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.base import OpenPool, Simulator
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.verification import Verification
 from agentflow.machine.tree import Machine
+from agentflow.models.clients import Models
 from agentflow.runs.events import RunStartEvent, VariedScore, VerificationEvent
 from agentflow.runs.places import Place
 from agentflow.workflows.base import Record, WorkflowResult
@@ -55,26 +55,23 @@ async def execute(
     config = plan.config
     workflow = workflow or WORKFLOWS[config.workflow]
     model = model_name(config, models, workflow)
-    start = RunStartEvent(Place("start"), plan.task.name, config.workflow, model)
-    record.event(start.kind, start.label, **start.data)
+    record.event(RunStartEvent(Place("start"), plan.task.name, config.workflow, model))
 
     def context_for(role: str) -> AskContext:
         sampling = models.choices[role].sampling
         return AskContext(models.clients[role], plan.prompts, sampling, config.max_retry)
 
     try:
-        async with AsyncExitStack() as stack:
-            if pool is None:
-                pool = await stack.enter_async_context(open_pool(config.workers))
-            laboratory = PhysicsLaboratory(plan.task, pool, config.seed, config.settings.objective)
+        async with open_pool(config.workers) if pool is None else nullcontext(pool) as simulator:
+            objective = config.settings.objective
+            laboratory = PhysicsLaboratory(plan.task, simulator, config.seed, objective)
             result = await workflow(
                 plan.task.brief, context_for, laboratory, config.settings, record, config.seed
             )
             verification = None
             if config.verify and result.best is not None and result.best.machine is not None:
                 verification = await laboratory.verify(result.best.machine)
-                event = verification_event(result.best.machine, verification)
-                record.event(event.kind, event.label, **event.data)
+                record.event(verification_event(result.best.machine, verification))
     finally:
         await models.aclose()
     return Execution(model, result, laboratory, verification)
@@ -89,6 +86,7 @@ def verification_event(machine: Machine, verification: Verification) -> Verifica
 
 def model_name(config: DesignConfig, models: Models, workflow: Workflow) -> str:
     """The models' name in results, or that of who designs in their place."""
-    works_alone = Agent.name in workflow.calls(config.settings)
-    roles = [role for role in models.clients if (role == Agent.name) == works_alone]
+    alone = {role for role in models.clients if ROLES[role].replies == "calls"}
+    works_alone = bool(alone.intersection(workflow.calls(config.settings)))
+    roles = [role for role in models.clients if (role in alone) == works_alone]
     return workflow.author(config.settings) or models.name_of(roles)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from agentflow.app.design.models import Models
 from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.messages import Reply, Request
-from agentflow.llm.wrappers.budget import Budget
-from agentflow.runs import Event, Notify, RunDirectory, read_events
+from agentflow.models.clients import Models
+from agentflow.runs import Listener, Notify, RunDirectory, read_events
 from agentflow.runs.events import CallsEvent, RemarkEvent
 from agentflow.runs.places import Place
 from agentflow.runs.reading import EVENTS
@@ -34,7 +33,7 @@ class Remarks:
     def record(self, line: str) -> None:
         """Record a line that the user is shown elsewhere."""
         self._count += 1
-        self._run.event(REMARK, str(self._count), text=line)
+        self._run.event(RemarkEvent(Place(str(self._count)), line))
 
     def tell_differences(self) -> None:
         """Report any differences between this process and the record of an earlier one."""
@@ -60,14 +59,14 @@ def _differences(run: RunDirectory) -> Iterator[str]:
         )
 
 
-def watch_calls(models: Models, budget: Budget, listener: Callable[[Event], None]) -> Models:
+def watch_calls(models: Models, listener: Listener) -> Models:
     """The same models; `listener` receives an event whenever a call begins or ends."""
     in_progress = 0
 
     def count(label: str, change: int) -> None:
         nonlocal in_progress
         in_progress += change
-        listener(CallsEvent(Place.parse(label), in_progress, budget.cost).to_event())
+        listener(CallsEvent(Place.parse(label), in_progress, models.budget.cost))
 
     watched = {id(client): _WatchedClient(client, count) for client in models.clients.values()}
     return replace(models, clients={role: watched[id(c)] for role, c in models.clients.items()})

@@ -12,34 +12,30 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from agentflow import __version__
 from agentflow.agents.designer import Designer
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.config import config_json
-from agentflow.app.design.models import choose_models
 from agentflow.config.run import DesignConfig, build_config, suggest_key
-from agentflow.env.constants import constants
-from agentflow.env.physics.engines import AUTO, ENGINES, choose_engine, usable_engine
+from agentflow.env.physics.engine import AUTO
+from agentflow.env.physics.engines import choose_engine, physics_conditions, usable_engine
+from agentflow.env.physics.registry import ENGINES
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.registry import (
-    FAMILIES,
-    Level,
-    get_level,
-    make_task,
-    recorded_level,
-)
+from agentflow.env.tasks.registry import FAMILIES, Level, get_level, make_task, recorded_level
 from agentflow.errors import ConfigError, UsageError
 from agentflow.llm.procedural.mechanisms import STAND, purpose
-from agentflow.machine.blocks.library import LATER, library
+from agentflow.machine.blocks.library import LATER
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.validity import check
+from agentflow.models.choices import choose_models
+from agentflow.models.local.folder import read_folder
 from agentflow.prompts.render import CONTROLS, LATER_FUNCTIONS, PromptSet
 from agentflow.runs.events import StageBeginEvent, read_typed_events
 from agentflow.runs.places import STAGES
 from agentflow.search.elites.archive import require_pyribs
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import MAP_ELITES
+from agentflow.version import __version__
 from agentflow.workflows.registry import WORKFLOWS, check_fit
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.tools.workflow import repetition_of
@@ -105,8 +101,7 @@ class RunPlan:
             ConfigError: The engine is not installed.
         """
         if engine is None:
-            engine = engine_of_run(document)
-            _require_engine(engine, f"{path} was made with {document.get('engine') or engine}")
+            engine = require_engine_of_run(path, document)
         config = build_config(document.get("config")).model_copy(update={"engine": engine})
         return cls.of(config, level_of_run(path, document))
 
@@ -131,11 +126,7 @@ class RunPlan:
     def _roles_of_designing_model(self) -> list[str]:
         """The roles that the workflow asks of a model that only designs whole machines."""
         model = self.config.model
-        if model.label is None:
-            return []
-        from agentflow.training.model.folder import read_folder
-
-        if not read_folder(Path(model.name)).whole_machines_only:
+        if model.label is None or not read_folder(Path(model.name)).whole_machines_only:
             return []
         calls = WORKFLOWS[self.config.workflow].calls_on(self.config.settings, self.task.brief)
         return [
@@ -219,14 +210,16 @@ class RunPlan:
         }
 
 
-def _require_engine(name: str, what: str) -> None:
-    """Raise ConfigError if the engine of a run is not installed; `what` begins the message."""
+def require_engine_of_run(path: Path, document: Mapping[str, Any]) -> str:
+    """Name of the engine of the run at `path`; raises ConfigError if it is not installed."""
+    name = engine_of_run(document)
     if usable_engine(name) != name:
         how = f" (pip install {ENGINES[name].libraries[0]})" if name in ENGINES else ""
         raise ConfigError(
-            f"{what}, which is not installed{how}; agentflow rescore simulates its machines with "
-            "another engine"
+            f"{path} was made with {document.get('engine') or name}, which is not installed{how}; "
+            "agentflow rescore simulates its machines with another engine"
         )
+    return name
 
 
 def _check_start(settings: WorkflowSettings, brief: Brief) -> None:
@@ -298,19 +291,6 @@ def level_note(path: Path, document: Mapping[str, Any]) -> str:
         change = "cannot be read here"
     used = "its copy in the run is used"
     return f"{path}: the level {level.name} {change}; {used}" if change else ""
-
-
-def physics_conditions(engine: str = AUTO) -> dict[str, str]:
-    """The conditions that decide the result of a simulation: constants, blocks and engine.
-
-    Raises:
-        ConfigError: The engine of this name is not installed.
-    """
-    return {
-        "constants": constants().digest,
-        "blocks": library().digest,
-        "engine": str(choose_engine(engine).identity),
-    }
 
 
 def describe_changes(recorded: Mapping[str, Any], now: Mapping[str, str]) -> str:

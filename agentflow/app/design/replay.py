@@ -10,15 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.execution import execute
-from agentflow.app.design.models import replay_models
 from agentflow.app.design.notices import REMARK
 from agentflow.app.design.plan import RunPlan, level_note, repetition
-from agentflow.app.design.results import read_finished, result_json
+from agentflow.app.design.results import finding_of
 from agentflow.env.pool.base import Simulator
 from agentflow.llm.wrappers.tape import Tape
-from agentflow.runs import Event, Notify, read_document, read_events
+from agentflow.models.clients import replay_models
+from agentflow.runs import Event, Notify, read_document, read_events, read_result
 from agentflow.runs.events import RunEvent, read_stage
 from agentflow.runs.reading import read_machine_text
+from agentflow.runs.result import BUDGET, Finding, RunResult
 
 
 def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | None:
@@ -32,9 +33,9 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
         ReplayMissError: A request was not recorded.
     """
     document = read_document(path)
-    recorded = read_finished(path)
+    recorded = read_result(path)
     plan = RunPlan.of_run(path, document)
-    verified = recorded.get("verified") is not None  # perhaps later, by `agentflow verify`
+    verified = recorded.verified is not None  # perhaps later, by `agentflow verify`
     plan = replace(plan, config=plan.config.model_copy(update={"verify": verified}))
     if changes := plan.changes_since(document):
         notify(f"{path} was made with different {changes}; expect differences")
@@ -44,10 +45,10 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
         notify(note)
     memory = MemoryRecord(path)
     with Tape(path / "calls.jsonl", notify, writable=False) as tape:
-        models = replay_models(plan.config, tape, budget_spent=recorded["stopped"] == "budget")
+        models = replay_models(plan.config, tape, budget_spent=recorded.stopped == BUDGET)
         execution = asyncio.run(execute(plan, models, memory, pool, repetition(path, document)))
     return first_difference(read_events(path), memory.events) or _result_difference(
-        recorded, result_json(plan, execution)
+        recorded, finding_of(plan, execution)
     )
 
 
@@ -59,9 +60,9 @@ class MemoryRecord:
     """The run directory; None for a new run."""
     events: dict[tuple[str, str], Mapping[str, Any]] = field(default_factory=dict)
 
-    def event(self, kind: str, label: str, **data: Any) -> None:
+    def event(self, event: RunEvent) -> None:
         """Keep one event as it would be read back from a file."""
-        self.events[kind, label] = json.loads(json.dumps(data))
+        self.events[event.kind, event.label] = json.loads(json.dumps(event.data))
 
     def save_machine(self, digest: str, text: str) -> None:
         """Does nothing: events hold the digest, which is enough to compare."""
@@ -102,8 +103,9 @@ def first_difference(
     return None
 
 
-def _result_difference(recorded: Mapping[str, Any], replayed: Mapping[str, Any]) -> str | None:
-    for key, value in json.loads(json.dumps(replayed)).items():
-        if recorded.get(key) != value:
-            return f"result: {key} was {recorded.get(key)!r}, is now {value!r}"
+def _result_difference(recorded: RunResult, replayed: Finding) -> str | None:
+    before = recorded.to_json()
+    for key, value in replayed.to_json().items():
+        if before.get(key) != value:
+            return f"result: {key} was {before.get(key)!r}, is now {value!r}"
     return None

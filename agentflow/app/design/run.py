@@ -10,21 +10,21 @@ from shlex import quote
 from typing import Any
 
 from agentflow.app.design.execution import execute
-from agentflow.app.design.models import Models, charge_budget, open_models, use_client
 from agentflow.app.design.notices import REMARK, Remarks, watch_calls
 from agentflow.app.design.plan import AUTHOR, RunPlan, level_note, repetition
 from agentflow.app.design.rationales import with_rationales
-from agentflow.app.design.results import read_finished, result_json, save_rollouts
+from agentflow.app.design.results import finding_of, save_rollouts
 from agentflow.app.design.trust import Approve, refuse, require_trusted_run, trust_option
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.base import OpenPool, Simulator
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import ConfigError, EndpointError, InterruptedRunError, RunError
 from agentflow.llm.client import Client
-from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
 from agentflow.llm.wrappers.tape import Tape
-from agentflow.runs import Listener, Notify, RunDirectory, read_document, state_of
+from agentflow.models.clients import open_models
+from agentflow.runs import Listener, Notify, RunDirectory, read_document, read_result, state_of
+from agentflow.runs.result import RunResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.workflow import Workflow
 
@@ -58,7 +58,7 @@ class RunOptions:
 
 def design(
     config: DesignConfig, out: Path, options: RunOptions | None = None, name: str = ""
-) -> dict[str, Any]:
+) -> RunResult:
     """Like `design_async`, on a new event loop.
 
     Raises:
@@ -69,7 +69,7 @@ def design(
 
 async def design_async(
     config: DesignConfig, out: Path, options: RunOptions | None = None, name: str = ""
-) -> dict[str, Any]:
+) -> RunResult:
     """Run a workflow in a new run directory.
 
     Args:
@@ -78,9 +78,6 @@ async def design_async(
         options: How to do it.
         name: Name of the run directory; by default date, task, workflow and seed.
 
-    Returns:
-        The content of result.json.
-
     Raises:
         UsageError: A name or value is wrong, or the folder cannot be written.
         EndpointError: The model cannot be used; without any reply, nothing is left behind.
@@ -88,7 +85,7 @@ async def design_async(
     return await DesignRun.create(config, out, options or RunOptions(), name).carry_out()
 
 
-def resume(path: Path, options: RunOptions | None = None) -> dict[str, Any]:
+def resume(path: Path, options: RunOptions | None = None) -> RunResult:
     """Like `resume_async`, on a new event loop.
 
     Raises:
@@ -99,7 +96,7 @@ def resume(path: Path, options: RunOptions | None = None) -> dict[str, Any]:
     return DesignRun.reopen(path, options or RunOptions()).carry_out_blocking()
 
 
-async def resume_async(path: Path, options: RunOptions | None = None) -> dict[str, Any]:
+async def resume_async(path: Path, options: RunOptions | None = None) -> RunResult:
     """Continue a run without repeating recorded calls. A finished run returns its result.
 
     Raises:
@@ -111,9 +108,9 @@ async def resume_async(path: Path, options: RunOptions | None = None) -> dict[st
     return await DesignRun.reopen(path, options or RunOptions()).carry_out()
 
 
-def _finished_result(path: Path) -> dict[str, Any]:
+def _finished_result(path: Path) -> RunResult:
     read_document(path)  # refuses edited runs and other schemas
-    return {**read_finished(path), "run": str(path)}
+    return read_result(path).model_copy(update={"run": str(path)})
 
 
 @dataclass(frozen=True)
@@ -173,7 +170,7 @@ class DesignRun:
                 lambda event: None if event.kind == REMARK else listener(event)
             )
 
-    def carry_out_blocking(self) -> dict[str, Any]:
+    def carry_out_blocking(self) -> RunResult:
         """Finish the run on a new event loop."""
         try:
             return asyncio.run(self.carry_out())
@@ -181,15 +178,13 @@ class DesignRun:
             self.directory.close()
             raise InterruptedRunError(f"interrupted; {self._resume_hint}") from None
 
-    async def carry_out(self) -> dict[str, Any]:
+    async def carry_out(self) -> RunResult:
         """Finish the run and close it."""
         remarks = Remarks(self.directory, self.options.notify)
         try:
             with Tape(self.directory.tape, remarks.tell) as tape:
                 try:
-                    return await self._finish(
-                        tape, charge_budget(self.plan.config.model, tape), remarks
-                    )
+                    return await self._finish(tape, remarks)
                 except EndpointError as error:
                     if not self._worth_keeping(tape):
                         self.directory.discard()
@@ -205,34 +200,29 @@ class DesignRun:
         finally:
             self.directory.close()
 
-    async def _finish(self, tape: Tape, budget: Budget, remarks: Remarks) -> dict[str, Any]:
-        plan, directory = self.plan, self.directory
-        models = watch_calls(self._models(tape, budget, remarks), budget, directory.notify)
-        options = self.options
+    async def _finish(self, tape: Tape, remarks: Remarks) -> RunResult:
+        plan, directory, options = self.plan, self.directory, self.options
+        models = watch_calls(
+            open_models(plan.config, tape, remarks.tell, options.client, options.limiters),
+            directory.notify,
+        )
         execution = await execute(
             plan, models, directory, options.pool, options.workflow, options.open_pool
         )
         remarks.tell_differences()
         save_rollouts(directory.path, plan.config, execution)
-        result = {
-            **result_json(plan, execution),
-            "model": execution.model,
-            "engine": plan.engine,
-            "calls": budget.calls,
-            "tokens": budget.usage.total,
-            "cost": None if budget.cost is None else round(budget.cost, 6),
-            "seconds": round(directory.seconds, 2),
-            "simulated_seconds": round(execution.laboratory.simulated_seconds, 3),
-            "worker_seconds": round(execution.laboratory.worker_seconds, 3),
-            "run": str(directory.path),
-        }
+        result = RunResult(
+            **finding_of(plan, execution).to_json(),
+            model=execution.model,
+            engine=plan.engine,
+            **models.budget.to_json(),
+            seconds=round(directory.seconds, 2),
+            simulated_seconds=round(execution.laboratory.simulated_seconds, 3),
+            worker_seconds=round(execution.laboratory.worker_seconds, 3),
+            run=str(directory.path),
+        )
         directory.finish(result)
         return result
-
-    def _models(self, tape: Tape, budget: Budget, remarks: Remarks) -> Models:
-        if self.options.client is not None:
-            return use_client(self.options.client, self.plan.config, tape, budget)
-        return open_models(self.plan.config, tape, budget, remarks.tell, self.options.limiters)
 
     def _worth_keeping(self, tape: Tape) -> bool:
         """Whether there is anything to resume: a reply, or the work of an earlier process."""

@@ -3,18 +3,34 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.run import RunOptions, design
 from agentflow.config.run import DesignConfig
 from agentflow.errors import AgentflowError, EndpointError, FamilyError, RunError
+from agentflow.runs.result import RunResult
 
 KEYS = ("seed", "score", "best_stage", "calls", "seconds", "run")
 """What the summary says about each run, besides `verified` and `failed`."""
 FAULTS = (EndpointError, RunError, FamilyError)
 """Errors that end one run; any other would end all of them alike."""
+
+
+@dataclass(frozen=True)
+class SeedsResult:
+    """The result of the best of several runs, and a row for each run."""
+
+    best: RunResult
+    rows: Sequence[Mapping[str, Any]]
+    """`KEYS`, `verified` and `failed`: why the run failed, or ""; all else but the seed is then
+    None."""
+
+    def to_json(self) -> dict[str, Any]:
+        """The best result, with the rows as `seeds`."""
+        return {**self.best.to_json(), "seeds": list(self.rows)}
 
 
 def design_seeds(
@@ -24,11 +40,8 @@ def design_seeds(
     minutes: float | None,
     options: RunOptions,
     clock: Callable[[], float] = time.monotonic,
-) -> dict[str, Any]:
-    """Carry out one run per seed; the result of the best run, with `seeds`, a row for each run.
-
-    A run that fails does not stop the others. In its row, `failed` says why, which is "" for the
-    others, and all else but the seed is None.
+) -> SeedsResult:
+    """Carry out one run per seed; a run that fails does not stop the others.
 
     Args:
         config: What to do; its seed is the first.
@@ -44,7 +57,7 @@ def design_seeds(
         UsageError, InterruptedRunError: As `design` does; earlier runs are kept.
     """
     end = float("inf") if minutes is None else clock() + 60 * minutes
-    finished: list[dict[str, Any]] = []
+    finished: list[RunResult] = []
     rows: list[dict[str, Any]] = []
     faults: list[AgentflowError] = []
     for seed in range(config.seed, config.seed + count):
@@ -63,13 +76,12 @@ def design_seeds(
             rows.append(_row(result))
     if not finished:
         raise _failure(rows, faults)
-    best = max(finished, key=_rank)
-    return {**best, "seeds": rows}
+    return SeedsResult(max(finished, key=_rank), rows)
 
 
-def _row(result: dict[str, Any]) -> dict[str, Any]:
-    verified = (result.get("verified") or {}).get("score")
-    return {**{key: result[key] for key in KEYS}, "verified": verified, "failed": ""}
+def _row(result: RunResult) -> dict[str, Any]:
+    known = {key: getattr(result, key) for key in KEYS}
+    return {**known, "verified": result.verified_score, "failed": ""}
 
 
 def _failed_row(seed: int, error: AgentflowError) -> dict[str, Any]:
@@ -84,10 +96,7 @@ def _failure(rows: list[dict[str, Any]], faults: list[AgentflowError]) -> Agentf
     return kind(f"no run finished: {told}")
 
 
-def _rank(result: dict[str, Any]) -> tuple[float, float]:
+def _rank(result: RunResult) -> tuple[float, ...]:
     """Verified score, then score; runs without one come last. Of equal runs, the first counts."""
-    row = _row(result)
-    verified, score = (
-        float("-inf") if row[key] is None else float(row[key]) for key in ("verified", "score")
-    )
-    return verified, score
+    found = (result.verified_score, result.score)
+    return tuple(float("-inf") if score is None else score for score in found)

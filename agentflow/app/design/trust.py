@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.models import ModelChoice, choose_models
 from agentflow.config.run import KEY_VARIABLE, DesignConfig, ModelConfig, build_config
 from agentflow.errors import ConfigError
 from agentflow.llm.endpoint.address import DEFAULT_BASE_URL, Endpoint
+from agentflow.models.choices import choose_models
 from agentflow.runs import read_document
 
 Approve = Callable[[str], bool]
@@ -72,7 +72,7 @@ def unnamed(model: ModelConfig, named: Mapping[str, Any]) -> Iterator[str]:
     for choice in choose_models(model).values():
         if choice.local:
             continue
-        origin = _origin(choice)
+        origin = Endpoint(choice.model, choice.base_url or DEFAULT_BASE_URL).origin
         if origin not in origins or choice.key_variable not in variables:
             key = f"the key in {choice.key_variable}" if choice.key_variable else "no key"
             yield f"{origin} with {key}"
@@ -96,10 +96,6 @@ def _programs(config: DesignConfig, named: Mapping[str, Any]) -> Iterator[str]:
         line = command if isinstance(command, str) else shlex.join(command)
         keys = f" with the variables {', '.join(external.variables)}" if external.variables else ""
         yield f"the program {line!r}{keys}"
-
-
-def _origin(choice: ModelChoice) -> str:
-    return Endpoint(choice.model, choice.base_url or DEFAULT_BASE_URL).origin
 
 
 def _groups(named: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:

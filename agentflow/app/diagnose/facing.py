@@ -7,12 +7,18 @@ from itertools import cycle, islice
 from random import Random
 from typing import Any, ClassVar
 
-from agentflow.app.diagnose.machines import LEVELS, SIZES, describe_blocks, draw_design, list_ids
+from agentflow.app.diagnose.machines import (
+    SIZES,
+    describe_blocks,
+    diagnosed_levels,
+    draw_design,
+    list_ids,
+)
 from agentflow.app.diagnose.question import Diagnostic, Mark, Question
 from agentflow.app.diagnose.reading import read_poses
 from agentflow.machine import Machine, place
 from agentflow.machine.edits.random import random_machine
-from agentflow.metrics.validity import Rate
+from agentflow.metrics.intervals import Rate
 
 ASKED = 4
 """Blocks of each machine that are asked about: the smallest machine has as many."""
@@ -67,8 +73,9 @@ def _random(rng: Random) -> Iterator[Machine]:
 
 
 def _designs(rng: Random) -> Iterator[Machine]:
+    levels = diagnosed_levels()
     while True:
-        yield draw_design(rng, rng.choice(LEVELS))
+        yield draw_design(rng, rng.choice(levels))
 
 
 def _question(label: str, machine: Machine, rng: Random) -> Question:

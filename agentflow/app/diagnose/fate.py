@@ -25,7 +25,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
 from agentflow.machine import Machine
 from agentflow.machine.edits.random import random_edit
-from agentflow.metrics.validity import Rate
+from agentflow.metrics.intervals import Rate
 from agentflow.training.objectives.finding import FunctionTest
 from agentflow.training.objectives.handling import Throws
 from agentflow.training.objectives.motion import Motion

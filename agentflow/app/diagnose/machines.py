@@ -6,19 +6,23 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from random import Random
 
-from agentflow.agents.context import EXAMPLE, block_rows
-from agentflow.app.prompts import render_prompt
-from agentflow.env.tasks.registry import get_task
+from agentflow.agents.base import chat_prompt
+from agentflow.agents.context import block_rows
+from agentflow.agents.designer import Designer
+from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.llm.messages import Message
 from agentflow.llm.procedural.designing import build_machine
 from agentflow.llm.procedural.reading import Prompt, read_prompt
 from agentflow.machine import Machine, library
-from agentflow.machine.blocks.library import STARTING_BLOCK
+from agentflow.machine.blocks.library import EXAMPLE, STARTING_BLOCK
 
 SIZES = (5, 20)
 """Fewest and most blocks of a machine; as in the published question."""
-LEVELS = ("movement", "throwing")
-"""Levels whose designs are used: cars, and machines that throw."""
+
+
+def diagnosed_levels() -> tuple[str, ...]:
+    """Levels whose designs are used: the first one of each family that is `diagnosed`."""
+    return tuple(name for name, family in FAMILIES.items() if family.diagnosed)
 
 
 def draw_design(rng: Random, level: str) -> Machine:
@@ -32,8 +36,8 @@ def draw_design(rng: Random, level: str) -> Machine:
 @cache
 def _prompt(level: str) -> Prompt:
     """What a designer is told, as the built-in model reads it."""
-    told = render_prompt("default", "designer", get_task(level).brief)
-    return read_prompt([Message(role="user", text=str(told["user"]))])
+    _, user = chat_prompt(Designer, get_task(level).brief)
+    return read_prompt([Message(role="user", text=user["content"])])
 
 
 def describe_blocks(machine: Machine) -> Mapping[str, object]:

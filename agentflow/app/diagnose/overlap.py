@@ -7,12 +7,12 @@ from itertools import cycle
 from random import Random
 from typing import Any, ClassVar
 
-from agentflow.app.diagnose.machines import LEVELS, SIZES, describe_blocks, draw_design
+from agentflow.app.diagnose.machines import SIZES, describe_blocks, diagnosed_levels, draw_design
 from agentflow.app.diagnose.question import Diagnostic, Mark, Question
 from agentflow.app.diagnose.reading import Pair, read_pairs
 from agentflow.machine import ROOT, Machine, check, library
 from agentflow.machine.edits.moves import MOVES, additions
-from agentflow.metrics.validity import Rate
+from agentflow.metrics.intervals import Rate
 
 MOST = 8
 """Most overlapping pairs of one machine; a random machine of 20 blocks often has more."""
@@ -88,8 +88,9 @@ def _random_machines(rng: Random) -> Iterator[Machine]:
 
 def _broken_designs(rng: Random) -> Iterator[Machine]:
     """Designs of the built-in model after one random edit, legal or not."""
+    levels = diagnosed_levels()
     while True:
-        design = draw_design(rng, rng.choice(LEVELS))
+        design = draw_design(rng, rng.choice(levels))
         types = sorted({step.type for step in design.steps[1:]})
         for _ in range(EDITS):
             moves = MOVES[rng.choice(BREAKING)](design, types)

@@ -1,4 +1,10 @@
-"""Questions about machines, marked answers, and what every diagnostic provides."""
+"""Questions about machines, marked answers, and what every diagnostic provides.
+
+The directory of a diagnosis is continued after a kill, as every call is on record.
+
+diagnosis.json   what is asked of which model; the marked answers and results, once it is finished
+calls.jsonl      every call of the model
+"""
 
 from __future__ import annotations
 
@@ -7,10 +13,12 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from pydantic import BaseModel
 
+from agentflow.files.documents import Document
+from agentflow.llm.messages import Sampling
 from agentflow.machine import Machine
 from agentflow.machine.tree import MachineJson
 
@@ -31,6 +39,7 @@ class Question:
 def digest_of(questions: Sequence[Question]) -> str:
     """Content hash, 16 hex digits: models with equal digests were asked the same."""
     asked = [[question.machine.digest, question.truth, question.about] for question in questions]
+    # Keys as they are, not sorted: saved diagnoses hold such digests.
     return hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:16]
 
 
@@ -43,6 +52,33 @@ class Mark(BaseModel, frozen=True, extra="forbid"):
     """None if the simulation that judges it crashed or timed out."""
     answer: Any
     """None if the reply holds no answer that can be read."""
+
+
+class Diagnosis(BaseModel, frozen=True, extra="forbid"):
+    """The content of diagnosis.json: everything that decides the results, and the results."""
+
+    format: Literal[1] = 1
+    """Version of the directory's layout."""
+    diagnostic: str
+    model: str
+    """The model's name in results."""
+    seed: int
+    """Of the questions, and of the simulations."""
+    size: int
+    """Overlapping pairs in all, or questions."""
+    asked: str
+    """Content hash of the questions: results of models that were asked the same can be compared."""
+    sampling: Sampling
+    prompts: str
+    """Prompt set with the digest of its questions."""
+    conditions: Mapping[str, str]
+    """Constants, blocks and physics engine."""
+    answers: tuple[Mark, ...] = ()
+    results: Mapping[str, Any] | None = None
+    """None until the diagnosis is finished."""
+
+
+DOCUMENT = Document("diagnosis.json", Diagnosis, "a diagnosis", outcome=("answers", "results"))
 
 
 class Diagnostic(ABC):

@@ -8,10 +8,11 @@ from typing import Any
 from agentflow.app.diagnose.facing import CLOSE
 from agentflow.app.diagnose.fate import ALL, STAND, TESTS
 from agentflow.app.diagnose.overlap import Overlap
-from agentflow.app.diagnose.record import Diagnosis
+from agentflow.app.diagnose.question import Diagnosis
 from agentflow.errors import UsageError
 from agentflow.metrics import published as literature
-from agentflow.metrics.tables import FORMATS, Column, Row, Table, interval_text
+from agentflow.metrics.formats import interval_text
+from agentflow.metrics.tables import FORMATS, Column, Row, Table
 
 TABLE = "overlap_qa"
 """Name of the published table."""

@@ -7,42 +7,38 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from agentflow.app.design.config import find_unused_setting
-from agentflow.app.design.models import (
-    Models,
-    charge_budget,
-    choose_models,
-    open_models,
-    use_client,
-)
-from agentflow.app.design.plan import physics_conditions
+from agentflow.agents.designer import Designer
 from agentflow.app.diagnose.facing import Facing
 from agentflow.app.diagnose.fate import Fate
 from agentflow.app.diagnose.overlap import Overlap
-from agentflow.app.diagnose.question import Diagnostic, Mark, Question, digest_of
-from agentflow.app.diagnose.record import CALLS, Diagnosis, open_diagnosis, write_diagnosis
-from agentflow.config.run import DesignConfig
-from agentflow.errors import (
-    BudgetSpentError,
-    ConfigError,
-    EndpointError,
-    InterruptedRunError,
-    UnknownNameError,
-    UsageError,
+from agentflow.app.diagnose.question import (
+    DOCUMENT,
+    Diagnosis,
+    Diagnostic,
+    Mark,
+    Question,
+    digest_of,
 )
+from agentflow.config.run import DesignConfig
+from agentflow.env.physics.engines import physics_conditions
+from agentflow.errors import ConfigError, UnknownNameError, UsageError
+from agentflow.files.folders import hold_folder
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Message, Request
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.models.asking import CALLS, continuable, recorded_models
+from agentflow.models.choices import choose_models
+from agentflow.models.completion import find_unused_setting
+from agentflow.progress import Progress, counter, silent
 from agentflow.prompts.render import PromptSet
 from agentflow.runs import Notify
+from agentflow.search.concurrency import work_in_order
 
-ROLE = "designer"
+ROLE = Designer.name
 """The role whose model answers."""
 QUESTIONS = "_questions"
 """Folder of the templates."""
-Progress = Callable[[int, int], None]
-"""(questions answered, of)."""
-AGAIN = "run the same command again to continue"
+AT_ONCE = 32
+"""Most questions that wait for their answers at a time."""
 DIAGNOSTICS: dict[str, Callable[[DesignConfig], Diagnostic]] = {
     Overlap.name: lambda _config: Overlap(),
     Facing.name: lambda _config: Facing(),
@@ -58,7 +54,7 @@ def diagnose(
     *,
     client: Client | None = None,
     notify: Notify = lambda _line: None,
-    say: Progress = lambda _done, _of: None,
+    say: Progress = silent,
 ) -> Diagnosis:
     """Ask the configured model; continue an interrupted diagnosis.
 
@@ -82,18 +78,14 @@ def diagnose(
     diagnostic = _open_diagnostic(name, config, size, client)
     questions = diagnostic.questions(size, config.seed)
     about = _describe(name, config, size, client, questions)
-    try:
-        with open_diagnosis(out, about) as found:
-            if found.results is not None:
-                return found
-            session = _Session(diagnostic, questions, config, notify, say)
-            finished = asyncio.run(session.complete(found, out, client))
-            write_diagnosis(out, finished)
-            return finished
-    except KeyboardInterrupt:
-        raise InterruptedRunError(f"interrupted; {AGAIN}") from None
-    except EndpointError as error:
-        raise type(error)(f"{error}; {AGAIN}") from error
+    with continuable(), hold_folder(out):
+        found = DOCUMENT.begin(out, about, (CALLS,))
+        if found.results is not None:
+            return found
+        session = _Session(diagnostic, questions, config, notify, say)
+        finished = asyncio.run(session.complete(found, out, client))
+        DOCUMENT.write(out, finished)
+        return finished
 
 
 def _open_diagnostic(
@@ -151,14 +143,8 @@ class _Session:
 
     async def complete(self, about: Diagnosis, out: Path, client: Client | None) -> Diagnosis:
         """The diagnosis with answers and results; recorded calls are not made again."""
-        with Tape(out / CALLS, self.notify) as tape:
-            models = self._open(tape, client)
-            try:
-                texts = await self._ask(models.clients[ROLE], about)
-            except BudgetSpentError as error:
-                raise ConfigError(f"{error}: raise the limit in model.budget; {AGAIN}") from None
-            finally:
-                await models.aclose()
+        async with recorded_models(self.config, out, self.notify, client) as models:
+            texts = await self._ask(models.clients[ROLE], about)
         judged = await self.diagnostic.judge(self.questions, self.config.workers)
         marks = [
             Mark(
@@ -171,16 +157,9 @@ class _Session:
         ]
         return _finish(about, self.diagnostic, marks)
 
-    def _open(self, tape: Tape, client: Client | None) -> Models:
-        budget = charge_budget(self.config.model, tape)
-        if client is not None:
-            return use_client(client, self.config, tape, budget)
-        return open_models(self.config, tape, budget, self.notify)
-
     async def _ask(self, client: Client, about: Diagnosis) -> list[str]:
-        """Ask all questions at once; an error is raised when every call has ended."""
         prompts = PromptSet(self.config.prompts)
-        done = iter(range(1, len(self.questions) + 1))
+        tick = counter(self.say, len(self.questions))
 
         async def ask(question: Question) -> str:
             variables = self.diagnostic.variables(question)
@@ -192,14 +171,11 @@ class _Session:
                 sampling=about.sampling,
             )
             reply = await client.complete(request)
-            self.say(next(done), len(self.questions))
+            tick()
             return reply.text
 
         texts: list[str] = []
-        for found in await asyncio.gather(*map(ask, self.questions), return_exceptions=True):
-            if isinstance(found, BaseException):
-                raise found
-            texts.append(found)
+        await work_in_order(self.questions, ask, texts.append, AT_ONCE)
         return texts
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
 
 from agentflow.app.diversity.sources import Source, read_sources
-from agentflow.diversity.measures import Measure, Measures, compare
+from agentflow.diversity.measures import Measures, compare
 from agentflow.machine import Machine
 from agentflow.metrics import published as literature
-from agentflow.metrics.tables import FORMATS, Column, Row, Table, interval_text
+from agentflow.metrics.formats import interval_text
+from agentflow.metrics.tables import FORMATS, Column, Row, Table
+from agentflow.progress import Progress
 
 TABLE = "diversity"
 """Name of the published table."""
@@ -55,7 +57,8 @@ class Result:
         cells = [
             cell
             for name, digits in zip(NAMES, DIGITS, strict=True)
-            for cell in _cells(getattr(self.measures, name), digits)
+            for measure in [getattr(self.measures, name)]
+            for cell in (measure.mean, interval_text(measure.interval, digits))
         ]
         return Row((self.source.name,), (self.measures.machines, *cells))
 
@@ -72,7 +75,7 @@ class Result:
 
 
 def measure_sources(
-    paths: Iterable[Path], valid: bool, most: int, seed: int, say: Callable[[int, int], None]
+    paths: Iterable[Path], valid: bool, most: int, seed: int, say: Progress
 ) -> list[Result]:
     """Measure the machines of directories.
 
@@ -141,7 +144,3 @@ def _published_means() -> dict[str, dict[str, float]]:
             means = found.setdefault(f"{item.model}, {item.task}", {})
             means[ours[item.metric]] = float(item.value)
     return found
-
-
-def _cells(measure: Measure, digits: int) -> tuple[float | None, str | None]:
-    return measure.mean, interval_text(measure.interval, digits)

@@ -6,15 +6,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.app.machines.files import read_one
 from agentflow.errors import RunError, UsageError
-from agentflow.files import whole_lines
+from agentflow.files.atomic import os_errors
+from agentflow.files.lines import read_lines
 from agentflow.machine import Machine, library, place, read_machine, spatial_problems
 from agentflow.runs import find_runs, read_document
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
-from agentflow.training.evaluation import JudgedReply
+from agentflow.training.evaluation.replies import JudgedReply
 from agentflow.training.record import ABOUT, read_training
 
 SUFFIXES = (".json", ".bsg")
@@ -63,14 +66,17 @@ def _candidates(run: Path, valid: bool) -> Iterator[Machine]:
 
 
 def _replies(file: Path, valid: bool) -> Iterator[Machine]:
-    for number, line in whole_lines(file):
-        try:
-            reply = JudgedReply.model_validate_json(line)
-        except ValueError:
-            raise RunError(f"{file} is damaged in line {number}: expected a judged reply") from None
+    for reply in read_lines(file, _read_reply):
         machine = read_machine(reply.machine, tuple(library())).machine if reply.machine else None
         if machine is not None and (reply.valid or not valid):
             yield machine
+
+
+def _read_reply(line: bytes) -> JudgedReply:
+    try:
+        return JudgedReply.model_validate_json(line)
+    except ValidationError:
+        raise ValueError("expected a judged reply") from None
 
 
 def _folder(path: Path, valid: bool) -> Source:
@@ -91,7 +97,5 @@ def _folder(path: Path, valid: bool) -> Source:
 
 
 def _entries(path: Path) -> list[Path]:
-    try:
+    with os_errors(f"cannot read {path}"):
         return sorted(entry for entry in path.iterdir() if entry.is_file())
-    except OSError as error:
-        raise RunError(f"cannot read {path}: {error.strerror}") from None

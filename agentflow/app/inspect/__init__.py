@@ -1,1 +1,1 @@
-"""Inspecting recorded runs: list, details, machines, failures, rescoring."""
+"""Inspecting recorded runs: list, details, machines, failures."""

@@ -8,9 +8,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from agentflow.agents.refiner import PREDICTION, Refiner
-from agentflow.agents.replies import find_sections
-from agentflow.agents.tool_agent.role import Agent
+from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan, engine_of_run
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.diversity.topology import tree_edit_distance
@@ -19,11 +17,10 @@ from agentflow.errors import RunError
 from agentflow.machine import Machine, library
 from agentflow.metrics.behaviour.agents import agent_edits
 from agentflow.metrics.behaviour.measures import Behaviour, behaviour, edits
-from agentflow.metrics.behaviour.predictions import expectations
-from agentflow.metrics.intervals import bootstrap_mean
-from agentflow.metrics.tables import FORMATS, Column, Row, Table, cell_text
+from agentflow.metrics.formats import percent
+from agentflow.metrics.intervals import Rate, bootstrap_mean
+from agentflow.metrics.tables import FORMATS, Column, Row, Table
 from agentflow.metrics.usage import bill
-from agentflow.metrics.validity import Rate
 from agentflow.runs import find_runs, read_calls, read_document
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
@@ -72,7 +69,7 @@ class Result:
             (self.source,),
             (
                 found.local.of,
-                *(f"{rate} ({cell_text(rate.value, percent=True, digits=0)})" if rate.of else None
+                *(f"{rate} ({percent(rate.value, 0)})" if rate.of else None
                   for rate in (found.mispredicted, found.surface, found.local)),
                 *numbers,
                 *(shares.get(role) for role in roles),
@@ -119,11 +116,9 @@ def behaviour_of(run: Path) -> Behaviour:
 
 
 def prediction_in(call: Mapping[str, Any]) -> str:
-    """What the reply to a call predicts: a refiner in a section of its own, an agent anywhere."""
+    """What the reply to a call predicts; nothing if its role is not installed."""
     role, text = call["request"]["role"], call["reply"]["text"]
-    if role == Refiner.name:
-        return find_sections(text, (PREDICTION,)).get(PREDICTION, "")
-    return expectations(text) if role == Agent.name else ""
+    return ROLES[role].prediction(text) if role in ROLES else ""
 
 
 class Machines:

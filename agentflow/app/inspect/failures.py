@@ -5,19 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from agentflow.agents.registry import replies_of
 from agentflow.app.inspect.rationales import unfollowed_rationales
 from agentflow.app.inspect.reading import recorded_machine
+from agentflow.env.tasks.family import Family
+from agentflow.env.tasks.registry import FAMILIES
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, place
 from agentflow.metrics.failure_kinds import KINDS
 from agentflow.metrics.failures import Failures, failures
 from agentflow.runs import find_runs, read_document
 from agentflow.runs.events import read_typed_events
-
-DRIVING = frozenset({"movement", "delivery"})
-"""Families whose machines drive along z: powered wheels must turn about x."""
-STAYING = frozenset({"gearing"})
-"""Families whose machines turn in place."""
 
 
 def count_failures(path: Path) -> dict[str, Any]:
@@ -46,16 +44,20 @@ def count_failures(path: Path) -> dict[str, Any]:
 
 
 def _failures_of(run: Path) -> Failures:
-    family = str(read_document(run).get("config", {}).get("task", "")).partition("/")[0]
+    name = str(read_document(run).get("config", {}).get("task", "")).partition("/")[0]
+    # Runs can be of a family that is not installed here, or of a level from a file.
+    known = name in FAMILIES
+    family = FAMILIES[name] if known else Family
     return failures(
         read_typed_events(run),
         lambda digest: faces_wrong_way(recorded_machine(run, digest), family),
+        replies_of,
         unfollowed_rationales(run),
-        in_place=family in STAYING,
+        in_place=family.stays,
     )
 
 
-def faces_wrong_way(machine: Machine, family: str) -> bool:
+def faces_wrong_way(machine: Machine, family: type[Family]) -> bool:
     """Whether a block faces the wrong way, by the rule of `failure_kinds.FACING`."""
     geometry = place(machine)
     for block in geometry.blocks:
@@ -63,6 +65,6 @@ def faces_wrong_way(machine: Machine, family: str) -> bool:
         loaded = kind.shape == "container" and geometry.children(block.id)
         if loaded and block.facing != "y+":
             return True
-        if kind.powered_wheel and family in DRIVING and block.facing[0] != "x":
+        if kind.powered_wheel and family.drives and block.facing[0] != "x":
             return True
     return False

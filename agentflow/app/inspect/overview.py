@@ -9,20 +9,21 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.config import config_json
-from agentflow.app.design.models import cost_function
 from agentflow.app.design.plan import task_of_run
-from agentflow.app.design.results import read_finished, trusted_score
+from agentflow.app.design.results import best_machine
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import later_note
 from agentflow.config.run import build_config
 from agentflow.env.archive import load_npz
 from agentflow.env.tasks.records import record_json
 from agentflow.errors import RunError, UsageError
-from agentflow.machine import Machine, library, read_machine
+from agentflow.machine import Machine
 from agentflow.metrics.usage import bill
-from agentflow.runs import find_runs, read_calls, read_document, state_of
+from agentflow.models.choices import cost_function
+from agentflow.runs import find_runs, read_calls, read_document, read_result, state_of
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
+from agentflow.runs.result import RunResult
 
 
 def run_list(folder: Path) -> Iterator[dict[str, Any]]:
@@ -36,7 +37,7 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
         raise RunError(f"no such directory: {folder}")
     for path in find_runs(folder):
         try:
-            yield _summary(path)
+            yield _summary(*_read(path))
         except UsageError as error:
             yield _row(path, "damaged", {}, str(error))
 
@@ -47,10 +48,17 @@ def _row(path: Path, state: str, result: Mapping[str, Any], problem: str = "") -
     return {"run": str(path), "state": state, **known, "problem": problem}
 
 
-def _summary(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> tuple[Path, str, dict[str, Any], RunResult | None]:
+    """A run with its state, the content of its run.yaml, and its result if it is finished."""
     state, document = state_of(path), read_document(path)
-    result = read_finished(path) if state == "done" else _result_so_far(path, document)
-    return _row(path, state, {**result, "engine": document.get("engine")})
+    return path, state, document, read_result(path) if state == "done" else None
+
+
+def _summary(
+    path: Path, state: str, document: Mapping[str, Any], result: RunResult | None
+) -> dict[str, Any]:
+    known = _result_so_far(path, document) if result is None else result.to_json()
+    return _row(path, state, {**known, "engine": document.get("engine")})
 
 
 def _result_so_far(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
@@ -76,27 +84,24 @@ def run_details(path: Path) -> dict[str, Any]:
     (calls, tokens, seconds and money by role), `failures` (see
     `count_failures`), `remarks`, `config`, and the rest of run.yaml.
     """
-    document = read_document(path)
-    summary = _summary(path)
-    result = read_finished(path) if summary["state"] == "done" else {}
+    _, state, document, result = _read(path)
+    summary = _summary(path, state, document, result)
+    known = {} if result is None else result.to_json()
     record = RunRecord.of(read_typed_events(path))
     config = build_config(document.get("config"))
     spent = bill(read_calls(path), cost_function(config.model))
-    machine = read_machine(result.get("machine"), library()).machine
+    machine = best_machine(result)
     return {
         **{key: value for key, value in document.items() if key != "schema"},
         **summary,
         "config": config_json(config),
-        "blocks": result.get("blocks", len(machine) if machine else None),
-        "most_blocks": result.get("most_blocks"),
-        "best_stage": result.get("best_stage"),
-        "robust": result.get("robust"),
-        "front": result.get("front"),
-        "record": _record(path, document, summary),
+        "blocks": known.get("blocks", len(machine) if machine else None),
+        **{key: known.get(key) for key in ("most_blocks", "best_stage", "robust", "front")},
+        "record": _record(path, document, result.trusted_score if result else summary["score"]),
         "marginal": _marginal(path, machine),
         "stages": [stage.data for stage in record.stages],
-        "stopped": result.get("stopped"),
-        "reason": result.get("reason", ""),
+        "stopped": known.get("stopped"),
+        "reason": known.get("reason", ""),
         "spent": {
             role: {**asdict(item), "tokens": item.tokens}
             for role, item in {"total": spent.total, **spent.roles}.items()
@@ -106,12 +111,10 @@ def run_details(path: Path) -> dict[str, Any]:
     }
 
 
-def _record(
-    path: Path, document: Mapping[str, Any], summary: Mapping[str, Any]
-) -> dict[str, Any] | None:
+def _record(path: Path, document: Mapping[str, Any], score: float | None) -> dict[str, Any] | None:
     """The record of the run's task; None without one, or if the task is not installed."""
     with suppress(UsageError):
-        return record_json(task_of_run(path, document), trusted_score(summary))
+        return record_json(task_of_run(path, document), score)
     return None
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from agentflow.errors import RunError
 from agentflow.machine import Brief, Machine, check, library, read_machine
@@ -18,18 +16,6 @@ def recorded_machine(path: Path, digest: str) -> Machine:
     if machine is None or machine.digest != digest:
         file = path / MACHINES / f"{digest}.json"
         raise RunError(f"{file} is damaged: its machine does not match its name")
-    return machine
-
-
-def best_machine(path: Path, result: Mapping[str, Any]) -> Machine:
-    """The best machine in the result of a run.
-
-    Raises:
-        RunError: It has none.
-    """
-    machine = read_machine(result["machine"], library()).machine if result["valid"] else None
-    if machine is None:
-        raise RunError(f"{path} has no valid machine; {result['reason']}")
     return machine
 
 

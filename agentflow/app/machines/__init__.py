@@ -1,1 +1,1 @@
-"""Machine files: check, edit, convert, simulate."""
+"""Machine files: check, edit, convert."""

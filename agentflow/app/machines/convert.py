@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.machines.files import machine_text
+from agentflow.app.machines.files import read_source
 from agentflow.app.machines.formats import FORMATS, Format, format_of
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
-from agentflow.files import write_output
+from agentflow.files.atomic import write_output
 from agentflow.machine import Machine, Problem, check, library, place, spatial_problems
 from agentflow.machine.blocks.plates import plate_of
-from agentflow.machine.formats.detect import read_any
 
 
 def convert(
@@ -31,7 +30,7 @@ def convert(
     """
     form = format_of(out)
     _require_task(form, task, out)
-    reading = read_any(machine_text(source), blocks=tuple(library()))
+    reading = read_source(source, tuple(library()))
     found = (*reading.problems, *reading.loose)
     problems = tuple(sorted(found, key=lambda problem: problem.blocks))
     machine = reading.machine

@@ -3,26 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
-from agentflow.app.machines.files import machine_text, parse_line, read_text
+from agentflow.app.machines.files import parse_line, read_source
 from agentflow.errors import UsageError
+from agentflow.files.atomic import write_output
 from agentflow.machine import Brief, StepVerdict, apply_script, check
 from agentflow.machine.formats.detect import read_for
+from agentflow.machine.formats.source import read_text
 
 FORM = '{"machine": [...], "script": "Remove 3"}'
 
 
-def edit_file(source: str, script: str, brief: Brief | None) -> dict[str, Any]:
-    """Apply a script to a machine file; one of the two may be `-`, standard input."""
+def edit_file(
+    source: str, script: str, brief: Brief | None, out: Path | None = None
+) -> dict[str, Any]:
+    """Apply a script to a machine file.
+
+    Args:
+        source: File, run directory (its best machine), or `-` for standard input.
+        script: File, or `-` unless the machine comes from there.
+        brief: The rules of a task that the machine must obey.
+        out: File to write the edited machine to, as a construction tree; nothing is written if a
+            command fails.
+    """
+    if out is not None and out.suffix != ".json":
+        raise UsageError(
+            f"{out} is not a .json file: write one, then change its format with agentflow convert"
+        )
     if source == script == "-":
         raise UsageError(
             "machine and script cannot both come from standard input; use --script FILE"
         )
-    report = check(read_for(brief, machine_text(source)), brief)
+    report = check(read_source(source, brief), brief)
     if report.machine is None:
         raise UsageError(f"{source} cannot be edited: {report.problems[0].message}")
-    return apply_script(report.machine, read_text(script), brief).to_json()
+    outcome = apply_script(report.machine, read_text(script), brief)
+    if out is not None and outcome.success:
+        with write_output(out) as part:
+            part.write_text(outcome.machine.to_text() + "\n", encoding="utf-8")
+    return outcome.to_json()
 
 
 def edit_lines(lines: Iterable[str], brief: Brief | None) -> Iterator[dict[str, Any]]:

@@ -2,65 +2,22 @@
 
 from __future__ import annotations
 
-import io
 import json
-import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, AnyStr, TextIO
+from typing import Any
 
-from agentflow.env.physics.engines import AUTO, choose_engine, engine_limits
+from agentflow.env.physics.engine import AUTO
+from agentflow.env.physics.engines import choose_engine, engine_limits
 from agentflow.errors import RunError, UsageError
 from agentflow.machine import BlockType, Brief, Machine, library, place
 from agentflow.machine import check as check_machine
 from agentflow.machine.formats.detect import Form, read_any, read_for
+from agentflow.machine.formats.parse import Reading
+from agentflow.machine.formats.source import read_text
 
-UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
-LARGEST = 64 * 2**20
-"""Most bytes of a text (characters for standard input); refuses endless files."""
 NO_MACHINE = ("not_json", "not_xml", "not_a_machine")
 """Problem codes of texts that are not machines."""
-
-
-def read_text(source: str) -> str:
-    """The text of a file, or of standard input for `-`; UTF-8, or UTF-16 with a byte order mark."""
-    if source == "-":
-        return _limit_size(_standard_input().read(LARGEST + 1), "standard input")
-    try:
-        with Path(source).open("rb") as file:
-            data = _limit_size(file.read(LARGEST + 1), source)
-        return data.decode("utf-16" if data.startswith(UTF_16_MARKS) else "utf-8-sig")
-    except OSError as error:
-        raise UsageError(f"cannot read {source}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise UsageError(f"{source} is not a text file") from None
-
-
-def _limit_size(data: AnyStr, source: str) -> AnyStr:
-    if len(data) > LARGEST:
-        raise UsageError(f"{source} is larger than {LARGEST // 2**20} MB; expected a machine")
-    return data
-
-
-def read_lines(source: str) -> Iterator[str]:
-    """The lines of a file, or of standard input for `-`, including blank ones."""
-    if source == "-":
-        yield from _standard_input()
-        return
-    try:
-        with Path(source).open(encoding="utf-8-sig", errors="replace") as lines:
-            yield from lines
-    except OSError as error:
-        raise UsageError(f"cannot read {source}: {error.strerror}") from None
-
-
-def _standard_input() -> TextIO:
-    """Standard input as UTF-8; invalid bytes are replaced."""
-    if sys.stdin is None:
-        raise UsageError("standard input is closed; name a file")
-    if isinstance(sys.stdin, io.TextIOWrapper):
-        sys.stdin.reconfigure(encoding="utf-8-sig", errors="replace")
-    return sys.stdin
 
 
 def machine_text(source: str) -> str:
@@ -72,20 +29,43 @@ def machine_text(source: str) -> str:
         UsageError: The file cannot be read or holds no machine.
         RunError: The directory is not a finished run with a valid machine.
     """
-    text = _best_machine(Path(source)) if Path(source).is_dir() else read_text(source)
-    form: Form = "bsg" if source.lower().endswith(".bsg") else "auto"
-    problem = next((p for p in read_any(text, form).problems if p.code in NO_MACHINE), None)
-    if problem is not None:
-        place = "standard input" if source == "-" else source
-        raise UsageError(f"{place} contains no machine: {problem.message}")
+    text = _text_of(source)
+    _read(text, source)
     return text
+
+
+def read_source(source: str, rules: Brief | Collection[int] | None = None) -> Reading:
+    """The reading of one machine; `source` and errors as for `machine_text`.
+
+    Args:
+        source: The file or run.
+        rules: Those of a task, or the allowed block types; the core types if None.
+    """
+    return _read(_text_of(source), source, rules)
+
+
+def _text_of(source: str) -> str:
+    return _best_machine(Path(source)) if Path(source).is_dir() else read_text(source)
+
+
+def _read(text: str, source: str, rules: Brief | Collection[int] | None = None) -> Reading:
+    form: Form = "bsg" if source.lower().endswith(".bsg") else "auto"
+    if isinstance(rules, Brief):
+        reading = read_for(rules, text, form)
+    else:
+        reading = read_any(text, form, rules)
+    for problem in reading.problems:
+        if problem.code in NO_MACHINE:
+            place = "standard input" if source == "-" else source
+            raise UsageError(f"{place} contains no machine: {problem.message}")
+    return reading
 
 
 def _best_machine(run: Path) -> str:
     from agentflow.runs import read_document, read_result  # not needed to check a file
 
     read_document(run)  # refuses edited runs and links
-    machine = read_result(run).get("machine")
+    machine = read_result(run).machine
     if machine is None:
         raise RunError(f"{run} has no valid machine")
     return json.dumps(machine)
@@ -97,7 +77,7 @@ def read_one(source: str) -> Machine:
     Raises:
         UsageError: It cannot be read, or is not file-valid.
     """
-    reading = read_any(machine_text(source), blocks=tuple(library()))
+    reading = read_source(source, tuple(library()))
     if reading.machine is None or reading.problems or reading.loose:
         raise UsageError(f"{source}: {(*reading.problems, *reading.loose)[0].message}")
     return reading.machine

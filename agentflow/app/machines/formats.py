@@ -10,7 +10,7 @@ from typing import Literal
 
 from agentflow.env.drawing.gltf import machine_glb
 from agentflow.env.export.urdf import machine_urdf
-from agentflow.env.physics.engines import ENGINES
+from agentflow.env.physics.registry import ENGINES
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine import Machine

@@ -16,7 +16,7 @@ from agentflow.env.drawing.stills import INK, SMOOTH, caption
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Thing
 from agentflow.errors import UsageError
-from agentflow.files import write_output
+from agentflow.files.atomic import write_output
 from agentflow.machine import ROOT, BlockType, Machine, Step, library, place
 from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.geometry.vectors import add

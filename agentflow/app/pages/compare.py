@@ -11,23 +11,20 @@ from typing import Any
 
 from agentflow.app.design.plan import task_of_run
 from agentflow.app.machines.files import read_one
-from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes, machine_data
-from agentflow.app.pages.runs import (
-    FINE,
-    ReportedMachine,
-    simulate_trials,
-)
+from agentflow.app.pages.runs import FINE, ReportedMachine, simulate_trials, task_wording
 from agentflow.config.run import build_config
-from agentflow.env.physics.engines import AUTO, choose_engine, usable_engine
+from agentflow.env.physics.engine import AUTO
+from agentflow.env.physics.engines import choose_engine, usable_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
-from agentflow.machine import Brief, Geometry, Machine, library, place
+from agentflow.machine import Geometry, Machine, library, place
 from agentflow.machine.controls import control_text
 from agentflow.machine.geometry.pose import Placed
+from agentflow.progress import Progress, counter
 from agentflow.report.page import require_writable, write_page
 from agentflow.runs import read_document
 
@@ -115,7 +112,9 @@ class Comparison:
         )
         return cls(sources, machines, level, number, used, notes)
 
-    async def play(self, pool: RolloutPool, count: Callable[[], None]) -> list[Played]:
+    async def play(
+        self, pool: RolloutPool, count: Callable[[], None] = lambda: None
+    ) -> list[Played]:
         """Simulate both; `count` is called after each trial."""
         return list(
             await asyncio.gather(*(simulate_trials(item, pool, count) for item in self.items))
@@ -127,7 +126,7 @@ class Comparison:
         if self.level is None:
             return []
         level, seed = self.level, self.seed
-        return [ReportedMachine(m, level, seed, None, FINE, None, "") for m in self.machines]
+        return [ReportedMachine(m, level, seed, None, FINE) for m in self.machines]
 
     def found(self, played: Sequence[Played]) -> dict[str, Any]:
         """What `compare` returns."""
@@ -160,16 +159,9 @@ class Comparison:
             **self.found(played),
             "task": f"{self.level.name} · {self.engine}",
             "films": films,
-            "shapes": shapes.rows,
-            "files": shapes.files,
-            "asked": _asked(brief),
+            **shapes.data,
+            "asked": task_wording(brief),
         }
-
-
-def _asked(brief: Brief) -> dict[str, Any]:
-    """Objective, score and scene of a task, as worded in prompts."""
-    scene = [*brief.scene, *brief.schedule]
-    return {"objective": brief.objective, "score": list(brief.score), "scene": scene}
 
 
 def _program_difference(one: Machine, other: Machine) -> dict[str, Any]:
@@ -182,10 +174,9 @@ def _program_difference(one: Machine, other: Machine) -> dict[str, Any]:
 
 
 async def _play_alone(comparison: Comparison, workers: int, say: Progress) -> list[Played]:
-    total = sum(len(item.trials) for item in comparison.items)
-    done = iter(range(1, total + 1))
+    tick = counter(say, sum(len(item.trials) for item in comparison.items))
     async with RolloutPool(workers) as pool:
-        return await comparison.play(pool, lambda: say(next(done), total))
+        return await comparison.play(pool, tick)
 
 
 def _common_task(tasks: Sequence[Task]) -> Task | None:

@@ -45,21 +45,24 @@ class Shapes:
         self._files = bytearray()
 
     @property
+    def data(self) -> dict[str, Any]:
+        """Both as a page has them, beside its machines.
+
+        The files are one after another, deflated together: similar machines have similar files.
+        """
+        return {"shapes": self.rows, "files": deflate(bytes(self._files))}
+
+    @property
     def rows(self) -> list[Row]:
         """Every solid in page format, in order of number."""
         return [list(row) for row in self._known]
-
-    @property
-    def files(self) -> str:
-        """All files one after another, deflated together: similar machines have similar files."""
-        return deflate(bytes(self._files))
 
     def number(self, solid: Thing) -> int:
         """The number of a solid given in its block's frame."""
         return self._known.setdefault(tuple(_solid_row(solid)), len(self._known))
 
     def attach(self, content: bytes) -> tuple[int, int]:
-        """Add a file; where it begins and ends in `files`."""
+        """Add a file; where it begins and ends among them."""
         begin = len(self._files)
         self._files += content
         return begin, len(self._files)

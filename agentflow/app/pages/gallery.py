@@ -7,21 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.results import read_finished
-from agentflow.app.machines.simulate import Progress
+from agentflow.app.design.results import best_machine
 from agentflow.app.pages.films import Shapes
-from agentflow.app.pages.runs import (
-    FINE,
-    ReportedMachine,
-    best_machine,
-    film_machines,
-    task_summary,
-    thumbnail,
-)
+from agentflow.app.pages.runs import FINE, ReportedMachine, film_machines, task_summary, thumbnail
 from agentflow.config.run import build_config
 from agentflow.errors import RunError
+from agentflow.progress import Progress
 from agentflow.report.page import require_writable, write_page
-from agentflow.runs import find_runs, read_document, state_of
+from agentflow.runs import find_runs, read_document, read_result, state_of
 
 Run = tuple[dict[str, Any], ReportedMachine | None]
 """The data of a run's card, and the best machine that it found."""
@@ -50,8 +43,7 @@ def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Progress) 
     data = {
         "kind": "gallery",
         "title": " · ".join(["Machines", *engines] if len(engines) == 1 else ["Machines"]),
-        "shapes": shapes.rows,
-        "files": shapes.files,
+        **shapes.data,
         "machines": machines,
         "cards": [{"machine": str(place), **card} for place, (card, _) in enumerate(runs)],
     }
@@ -82,21 +74,21 @@ def _sort_by_task(runs: Sequence[Run]) -> list[Run]:
 
 
 def _read_run(path: Path) -> Run:
-    document, result = read_document(path), read_finished(path)
+    document, result = read_document(path), read_result(path)
     config = build_config(document.get("config"))
     machine, best, picture = best_machine(result), None, None
     if machine is not None:
-        best = ReportedMachine.of(path, document, machine, result["score"], FINE)
+        best = ReportedMachine.of(path, document, machine, result.score, FINE)
         picture = thumbnail(best)
     card = {
         "task": config.task,
         "asked": task_summary(path, document),
-        "about": f"{config.workflow}, {result['model']}, seed {config.seed}",
+        "about": f"{config.workflow}, {result.model}, seed {config.seed}",
         "engine": document.get("engine"),
         "run": path.name,
-        "score": result["score"],
-        "verified": (result.get("verified") or {}).get("score"),
-        "why": "" if best else str(result.get("reason") or "no valid machine was found"),
+        "score": result.score,
+        "verified": result.verified_score,
+        "why": "" if best else result.reason or "no valid machine was found",
         "picture": picture,
     }
     return card, best

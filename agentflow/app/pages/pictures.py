@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from agentflow.app.design.plan import task_of_run
-from agentflow.app.design.results import read_finished
-from agentflow.app.machines.files import machine_text
-from agentflow.app.machines.simulate import WORKERS, Progress, simulate_in_parallel
+from agentflow.app.design.results import best_machine
+from agentflow.app.machines.files import read_source
+from agentflow.app.subjects.simulate import WORKERS, simulate_in_parallel
+from agentflow.app.subjects.subject import Subject
 from agentflow.config.run import build_config
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.gltf import rollout_glb
@@ -18,10 +19,10 @@ from agentflow.env.physics.engines import choose_engine
 from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
 from agentflow.errors import RunError, UnknownNameError, UsageError
-from agentflow.files import write_output
-from agentflow.machine import Machine, check, library, read_machine
-from agentflow.machine.formats.detect import read_any
-from agentflow.runs import Notify, read_document
+from agentflow.files.atomic import write_output
+from agentflow.machine import Machine, check, library
+from agentflow.progress import Progress, silent
+from agentflow.runs import Notify, read_document, read_result
 
 STILL, GIF, MP4, GLB = ".png", ".gif", ".mp4", ".glb"
 SAMPLES = {GIF: 10, MP4: 20, GLB: 20}
@@ -34,21 +35,22 @@ def render_run(
     path: Path,
     out: Path | None = None,
     view: str = "three-quarter",
-    say: Progress = lambda _done, _of: None,
+    say: Progress = silent,
     engine: str | None = None,
 ) -> dict[str, str]:
     """Draw or film the best machine of a finished run: `out`, by default best.png and best.gif.
 
     Films show a simulation with `engine`, by default that of the run.
     """
-    result, document = read_finished(path), read_document(path)
+    result, document = read_result(path), read_document(path)
     seed = build_config(document.get("config")).seed
-    machine = read_machine(result["machine"], range(1000)).machine
+    machine = best_machine(result)
     if machine is None:
         raise RunError(f"{path} has no valid machine to draw")
     task = task_of_run(path, document)
     task = replace(task, engine=engine or task.engine)
-    return _Drawing(machine, task, seed, view, say).save(out or path / "best")
+    subject = Subject(machine, task, seed, str(path), recorded=True)
+    return _Drawing(machine, subject, view, say).save(out or path / "best")
 
 
 def render_file(
@@ -58,10 +60,11 @@ def render_file(
 
     An invalid machine is only drawn, with the blocks that overlap in red; `notify` is told why.
     """
-    report = check(read_any(machine_text(source), blocks=tuple(library())))
+    report = check(read_source(source, tuple(library())))
     if report.machine is None:
         raise UsageError(f"{source} cannot be built: {report.problems[0].message}")
-    drawing = _Drawing(report.machine, task, seed, view, say)
+    subject = Subject(report.machine, task, seed, source, recorded=True)
+    drawing = _Drawing(report.machine, subject, view, say)
     if report.machine_valid:
         return drawing.save(out)
     problem = report.problems[0].message
@@ -78,8 +81,8 @@ class _Drawing:
     """A machine, the simulation to film, and how to draw it."""
 
     machine: Machine
-    task: Task
-    seed: int
+    subject: Subject
+    """The machine on its task."""
     view: str
     say: Progress
     """Receives the progress of the simulation."""
@@ -105,15 +108,14 @@ class _Drawing:
             if kind == GLB:
                 file.write_bytes(rollout_glb(self.machine, rollout))
             else:
-                save_film(self.machine, self.task, rollout, file, size=SIZES[kind])
+                save_film(self.machine, self.subject.task, rollout, file, size=SIZES[kind])
         else:
             raise UnknownNameError("kind of picture", kind, (STILL, *SAMPLES))
 
     def _simulate(self, interval: float) -> Rollout:
-        choose_engine(self.task.engine)  # raises here rather than in a worker
-        options = {"interval": interval, "recorded": True}
+        choose_engine(self.subject.task.engine)  # raises here rather than in a worker
         rollout = simulate_in_parallel(
-            self.machine, self.task, seed=self.seed, workers=WORKERS, say=self.say, **options
+            self.subject, workers=WORKERS, say=self.say, interval=interval
         )
         if rollout.trace is None:
             why = "; ".join(str(problem["message"]) for problem in rollout.problems)

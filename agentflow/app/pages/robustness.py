@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import statistics
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -12,12 +11,13 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from agentflow.app.inspect.perturb import KEPT
+from agentflow.app.subjects.perturb import KEPT
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.simulation.variations import DEFAULT
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.machine.tree import MachineJson
+from agentflow.metrics.scores import mean_known
 from agentflow.report.page import require_writable, write_page
 
 PICTURE = (640, 480)
@@ -47,7 +47,7 @@ class _Edits(BaseModel):
 
 
 class _Found(BaseModel):
-    """What the figure shows of the result of `perturb_text`."""
+    """What the figure shows of the result of `measure_robustness`."""
 
     machine: MachineJson
     score: float | None
@@ -90,7 +90,7 @@ def robustness_figure(given: Mapping[str, Any]) -> dict[str, Any]:
     """The data of the figure.
 
     Raises:
-        ValueError: The data are not those of `perturb_text` for a valid machine.
+        ValueError: The data are not those of `measure_robustness` for a valid machine.
     """
     found = _Found.model_validate(given)
     machine, worst = _machine_of(found), next(iter(found.blocks), None)
@@ -141,6 +141,6 @@ def _scores_by_quantity(found: _Found) -> dict[str, list[float | None]]:
 
 def _row(name: str, scores: Sequence[float | None]) -> dict[str, Any]:
     values = [score for score in scores if score is not None]
-    mean = statistics.fmean(values) if values else None
     failed = len(scores) - len(values)
-    return {"name": name, "values": values, "mean": mean, "count": len(values), "failed": failed}
+    known = {"values": values, "mean": mean_known(values), "count": len(values)}
+    return {"name": name, **known, "failed": failed}

@@ -4,39 +4,33 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AsyncExitStack
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.models import cost_function
-from agentflow.app.design.plan import (
-    describe_changes,
-    level_note,
-    level_of_run,
-    physics_conditions,
-    task_of_run,
-)
-from agentflow.app.design.results import read_finished, trusted_score
+from agentflow.app.design.plan import describe_changes, level_note, level_of_run, task_of_run
+from agentflow.app.design.results import best_machine
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import later_note, recorded_machine
-from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.robustness import kept_figure
 from agentflow.config.run import build_config
 from agentflow.env.archive import load_npz
 from agentflow.env.drawing.stills import png_url
-from agentflow.env.physics.engines import usable_engine
+from agentflow.env.physics.engines import physics_conditions, usable_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import SHOWN_TRIAL, combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_json
 from agentflow.errors import UsageError
-from agentflow.machine import Machine, library, read_machine
+from agentflow.machine import Brief, Machine
+from agentflow.models.choices import cost_function
+from agentflow.progress import Progress, counter
 from agentflow.report.page import require_writable, write_page
 from agentflow.report.run import RunStory
-from agentflow.runs import read_document
+from agentflow.runs import read_document, read_result
 
 FINE, COARSE = 1 / 30, 0.1
 """Seconds between samples of films: of the best machines, and of the others."""
@@ -57,9 +51,9 @@ class ReportedMachine:
     """The recorded score."""
     interval: float | None
     """Seconds between samples of its film; None shows it as built."""
-    recorded: Path | None
+    recorded: Path | None = None
     """Its recorded rollout, shown instead of a new one if physics has changed since."""
-    changes: str
+    changes: str = ""
     """What has changed; see `describe_changes`."""
 
     @classmethod
@@ -110,8 +104,7 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
     data |= {
         "machines": machines,
         "classes": [item | {"picture": thumbnail(chosen[item["machine"]])} for item in classes],
-        "shapes": shapes.rows,
-        "files": shapes.files,
+        **shapes.data,
     }
     write_page(out, f"{data['run']['task']} · agentflow", data)
     return out
@@ -121,14 +114,14 @@ def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:
     """The record of a run, and the data of its page without machines and films."""
     document = read_document(path)
     config = build_config(document.get("config"))
-    result = read_finished(path) if (path / "result.json").exists() else None
+    result = read_result(path) if (path / "result.json").exists() else None
     best = best_machine(result)
     story = RunStory.read(path, result, best.digest if best else None)
     priced = bool(config.model.prices) or config.model.local
     data = story.to_json(cost_function(config.model), priced)
     data["failures"] = count_failures(path)["kinds"]  # last: the run may be in progress
     data |= {"task": task_summary(path, document), "robustness": kept_figure(path, best)}
-    if result and (record := record_json(task_of_run(path, document), trusted_score(result))):
+    if result and (record := record_json(task_of_run(path, document), result.trusted_score)):
         data["run"]["about"] += f"; {record['share']:.0%} of the {record['of']}"
     if note := level_note(path, document):
         data["facts"].append(["Level", note])
@@ -137,13 +130,14 @@ def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:
 
 def task_summary(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
     """Title, objective, score and scene of the task of a run, as worded in prompts."""
-    brief = task_of_run(path, document).brief
-    return {
-        "title": level_of_run(path, document).file.title,
-        "objective": brief.objective,
-        "score": list(brief.score),
-        "scene": [*brief.scene, *brief.schedule],
-    }
+    title = level_of_run(path, document).file.title
+    return {"title": title, **task_wording(task_of_run(path, document).brief)}
+
+
+def task_wording(brief: Brief) -> dict[str, Any]:
+    """Objective, score and scene of a task, as worded in prompts."""
+    scene = [*brief.scene, *brief.schedule]
+    return {"objective": brief.objective, "score": list(brief.score), "scene": scene}
 
 
 def thumbnail(item: ReportedMachine) -> str:
@@ -151,33 +145,27 @@ def thumbnail(item: ReportedMachine) -> str:
     return png_url(item.machine, view="three-quarter", size=THUMBNAIL)
 
 
-def best_machine(result: Mapping[str, Any] | None) -> Machine | None:
-    """The best machine in the result of a run, if any."""
-    if result is None or not result["valid"]:
-        return None
-    return read_machine(result["machine"], library()).machine
-
-
 async def film_machines(
     chosen: Mapping[str, ReportedMachine], shapes: Shapes, workers: int, say: Progress
 ) -> dict[str, dict[str, Any]]:
     """Simulate machines as in their runs; the data of each for a page, by the same keys."""
     total = sum(len(item.trials) for item in chosen.values())
-    done = iter(range(1, total + 1))
+    tick = counter(say, total)
 
     async def film(key: str, item: ReportedMachine) -> tuple[str, dict[str, Any]]:
-        return key, await film_machine(item, shapes, pool, lambda: say(next(done), total))
+        return key, await film_machine(item, shapes, pool, tick)
 
-    async with AsyncExitStack() as stack:
-        pool = RolloutPool(max(1, min(workers, total)))
-        if total:
-            await stack.enter_async_context(pool)
+    pool = RolloutPool(max(1, min(workers, total)))
+    async with pool if total else nullcontext():
         found = dict(await asyncio.gather(*(film(key, item) for key, item in chosen.items())))
     return {key: found[key] for key in chosen}
 
 
 async def film_machine(
-    item: ReportedMachine, shapes: Shapes, pool: RolloutPool, count: Callable[[], None]
+    item: ReportedMachine,
+    shapes: Shapes,
+    pool: RolloutPool,
+    count: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
     """Simulate a machine as in its run; its data for a page. `count` is called after each trial."""
     played = await simulate_trials(item, pool, count)

@@ -1,24 +1,18 @@
-"""Reports of sweeps."""
+"""Reports of sweeps and leaderboards."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.sweeps.registry import LAYOUT, MECHANISMS, PLAYERS, VERIFIED, VIEWS
 from agentflow.app.sweeps.tables import SweepResult, layout_table, read_sweep_result
-from agentflow.app.sweeps.views import (
-    LAYOUT,
-    MECHANISMS,
-    PLAYERS,
-    VERIFIED,
-    VIEWS,
-    last_cell,
-    variants,
-)
+from agentflow.app.sweeps.views import last_cell, variants
 from agentflow.metrics.scores import Scores
+from agentflow.metrics.tables import Table
 from agentflow.report.page import require_writable, write_page
 from agentflow.report.sweep import sweep_data
-from agentflow.runs import read_result
 
 
 def sweep_report(path: Path, out: Path, **_: Any) -> Path:
@@ -37,6 +31,14 @@ def sweep_report(path: Path, out: Path, **_: Any) -> Path:
     return out
 
 
+def leaderboard_page(tables: Sequence[Table], out: Path) -> Path:
+    """Write the tables of a leaderboard to an HTML file."""
+    require_writable(out)
+    title = "Leaderboard"
+    write_page(out, f"{title} · agentflow", sweep_data(title, "", {}, tables))
+    return out
+
+
 def _spreads(result: SweepResult) -> dict[tuple[str, str], Scores]:
     """Scores of the last stage by task and, where they differ, by model and variant."""
     groups = variants(result)
@@ -51,8 +53,12 @@ def _spreads(result: SweepResult) -> dict[tuple[str, str], Scores]:
 def _runs(result: SweepResult) -> list[dict[str, Any]]:
     """Every run of the sweep: finished with its best score, failed with its reason, or missing."""
     done = [
-        {"name": run.planned.name, "state": "done", "score": read_result(run.path)["score"]}
-        | {"verified": (found := run.numbers.record.verification) and found.score}
+        {
+            "name": run.planned.name,
+            "state": "done",
+            "score": run.result.score,
+            "verified": (found := run.numbers.record.verification) and found.score,
+        }
         for run in result.finished
     ]
     return done + [

@@ -12,7 +12,7 @@ from agentflow.app.tasks import find_task, list_tasks, task_json
 from agentflow.env.drawing.plan_drawing import PngPen, SvgPen, draw_plans, place_plans
 from agentflow.env.drawing.plans import level_plans
 from agentflow.errors import UsageError
-from agentflow.files import write_output
+from agentflow.files.atomic import write_output
 
 
 def picture_name(name: str) -> str:

@@ -7,22 +7,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes
-from agentflow.app.pages.runs import (
-    COARSE,
-    FINE,
-    ReportedMachine,
-    film_machines,
-)
-from agentflow.env.physics.engines import AUTO, usable_engine
+from agentflow.app.pages.runs import COARSE, FINE, ReportedMachine, film_machines
+from agentflow.env.physics.engine import AUTO
+from agentflow.env.physics.engines import usable_engine
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine, check, read_machine
 from agentflow.machine.brief import Brief
+from agentflow.progress import Progress
 from agentflow.report.page import require_writable, write_page
 from agentflow.training.curves import OF_SAMPLES, flatten
-from agentflow.training.evaluation import JudgedReply, summarise
 from agentflow.training.evaluation.record import read_replies
+from agentflow.training.evaluation.replies import JudgedReply, summarise
 from agentflow.training.record import TrainingRecord, read_training
 
 CHARTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
@@ -98,8 +94,7 @@ def training_report(path: Path, out: Path, *, films: int, workers: int, say: Pro
         "steps": shown.to_json(),
         "facts": [[key, _setting(value)] for key, value in _settings(run.config)],
         "machines": machines,
-        "shapes": shapes.rows,
-        "files": shapes.files,
+        **shapes.data,
     }
     write_page(out, f"{run.path.resolve().name} · agentflow", data)
     return out
@@ -129,12 +124,8 @@ class _Samples:
         for (_, task), machines in reversed(self._best.items()):
             for rank, (key, (reply, machine)) in enumerate(machines.items()):
                 film = (FINE if rank == 0 else COARSE) if len(found) < most else None
-                found.setdefault(
-                    key,
-                    ReportedMachine(
-                        machine, self._levels[task], reply.seed, reply.score, film, None, ""
-                    ),
-                )
+                level, score = self._levels[task], reply.score
+                found.setdefault(key, ReportedMachine(machine, level, reply.seed, score, film))
         return found
 
     def to_json(self) -> list[dict[str, Any]]:

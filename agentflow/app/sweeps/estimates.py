@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan
@@ -23,10 +24,9 @@ class Estimate:
     """Cost of one or several runs, without retries or rollouts shared between runs."""
 
     calls: int
-    prompt: int
-    """Tokens."""
-    completion: int
-    """Tokens, without reasoning."""
+    prompt_tokens: int
+    completion_tokens: int
+    """Without reasoning."""
     money: float | None
     """None if a model has no price."""
     rollouts: int
@@ -34,28 +34,18 @@ class Estimate:
     """Further simulations of machines, for robust scores; not among the rollouts."""
     verification: int
     """Simulations to verify the best machines; not among the rollouts."""
-    seconds: float
-    """Worker time for all simulations."""
+    worker_seconds: float
+    """For all simulations."""
 
     def __add__(self, other: Estimate) -> Estimate:
-        unknown = self.money is None or other.money is None
-        return Estimate(
-            self.calls + other.calls,
-            self.prompt + other.prompt,
-            self.completion + other.completion,
-            None if unknown else (self.money or 0.0) + (other.money or 0.0),
-            self.rollouts + other.rollouts,
-            self.perturbation + other.perturbation,
-            self.verification + other.verification,
-            self.seconds + other.seconds,
-        )
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        sums: list[Any] = [None if None in pair else sum(pair) for pair in pairs]
+        return Estimate(*sums)
 
     def times(self, runs: int) -> Estimate:
         """Cost of this many runs."""
-        whole = (self.calls * runs, self.prompt * runs, self.completion * runs)
-        money = None if self.money is None else self.money * runs
-        simulations = (self.rollouts * runs, self.perturbation * runs, self.verification * runs)
-        return Estimate(*whole, money, *simulations, self.seconds * runs)
+        whole: list[Any] = [None if part is None else part * runs for part in vars(self).values()]
+        return Estimate(*whole)
 
 
 NOTHING = Estimate(0, 0, 0, 0.0, 0, 0, 0, 0.0)
@@ -73,13 +63,13 @@ def estimate(plan: RunPlan) -> Estimate:
     seconds = len(plan.task.trials(config.seed)) * ROLLOUT_SECONDS * plan.task.window / WINDOW
     return Estimate(
         calls=sum(calls.values()),
-        prompt=sum(count * ROLES[role].tokens[0] for role, count in calls.items()),
-        completion=sum(count * ROLES[role].tokens[1] for role, count in calls.items()),
+        prompt_tokens=sum(count * ROLES[role].tokens[0] for role, count in calls.items()),
+        completion_tokens=sum(count * ROLES[role].tokens[1] for role, count in calls.items()),
         money=_total_money(config, calls),
         rollouts=rollouts,
         perturbation=rollouts * len(perturbed),
         verification=len(verified),
-        seconds=(rollouts * (1 + sum(perturbed)) + sum(verified)) * seconds,
+        worker_seconds=(rollouts * (1 + sum(perturbed)) + sum(verified)) * seconds,
     )
 
 

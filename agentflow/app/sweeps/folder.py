@@ -8,7 +8,6 @@ SWEEP/store/          machines and rollouts by content
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime, timezone
@@ -17,24 +16,29 @@ from shlex import quote
 from typing import Any
 
 import yaml
+from pydantic import BaseModel
 
-from agentflow import __version__
 from agentflow.app.design.config import config_json
-from agentflow.app.design.plan import describe_changes, physics_conditions
+from agentflow.app.design.plan import describe_changes
 from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.config.sweep import SweepConfig, read_sweep
-from agentflow.config.yaml import NOT_YAML
+from agentflow.env.physics.engines import physics_conditions
 from agentflow.errors import RunError
-from agentflow.files import (
-    cannot_write,
-    hold_folder,
-    require_plain_files,
-    whole_lines,
-    write_atomically,
-)
+from agentflow.files.documents import first_difference, read_yaml_document, write_part
+from agentflow.files.folders import hold_folder
+from agentflow.files.lines import read_lines
+from agentflow.version import __version__
 
 SCHEMA = 1
 NAME, LOG, RUNS, STORE = "sweep.yaml", "members.jsonl", "runs", "store"
+
+
+class _Member(BaseModel):
+    """What readers rely on in a line of members.jsonl; lines may hold more."""
+
+    run: str
+    state: str
+    reason: str = ""
 
 
 def sweep_document(name: str, sweep: SweepConfig) -> dict[str, Any]:
@@ -54,21 +58,9 @@ def read_folder(path: Path) -> tuple[dict[str, Any], SweepConfig]:
     Raises:
         RunError: The file is missing or damaged, or has another schema; or the sweep holds links.
     """
-    if path.is_dir():
-        require_plain_files(path)
-    try:
-        document = yaml.safe_load((path / NAME).read_text(encoding="utf-8"))
-    except OSError:
-        raise RunError(f"{path} is not a sweep directory: it has no readable {NAME}") from None
-    except NOT_YAML:
-        document = None
-    if not isinstance(document, dict) or not {"schema", "name", "sweep"} <= document.keys():
-        raise RunError(f"{path / NAME} is damaged: expected a mapping with schema, name and sweep")
-    if document["schema"] != SCHEMA:
-        raise RunError(
-            f"{path} has schema {document['schema']!r}, but this version reads only "
-            f"schema {SCHEMA}: use the agentflow version that wrote it"
-        )
+    document = read_yaml_document(
+        path / NAME, "a sweep directory", SCHEMA, "schema, name and sweep", ("name", "sweep")
+    )
     return document, read_sweep(document["sweep"], str(path / NAME))
 
 
@@ -110,7 +102,7 @@ def _require_same_sweep(path: Path, document: Mapping[str, Any], resume: bool) -
     if different := first_difference(begun, document["sweep"]):
         command = "benchmark" if "benchmark" in document["sweep"] else "sweep"
         raise RunError(
-            f"{path} was started with a different {different}: resume it unchanged with "
+            f"{path} was started with a different {different.key}: resume it unchanged with "
             f"agentflow {command} {quote(str(path))} --resume, or choose another folder with --out"
         )
 
@@ -120,16 +112,6 @@ def _conditions(document: Mapping[str, Any]) -> dict[str, str]:
     return physics_conditions(document["sweep"]["base"]["engine"])
 
 
-def first_difference(one: Any, other: Any, place: str = "") -> str:
-    """The first dotted key whose values differ; "" if there is none."""
-    if one == other:
-        return ""
-    if not (isinstance(one, dict) and isinstance(other, dict)):
-        return place
-    key = next(k for k in {**one, **other} if one.get(k) != other.get(k))
-    return first_difference(one.get(key), other.get(key), f"{place}.{key}" if place else key)
-
-
 def _write_new(file: Path, document: Mapping[str, Any]) -> None:
     head = {
         "schema": SCHEMA,
@@ -137,12 +119,7 @@ def _write_new(file: Path, document: Mapping[str, Any]) -> None:
         **_conditions(document),
         "begun": datetime.now(timezone.utc).isoformat(timespec="seconds"),
     }
-    text = yaml.safe_dump({**head, **document}, sort_keys=False)
-    try:
-        with write_atomically(file) as part:
-            part.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise cannot_write(file.parent, error) from None
+    write_part(file, yaml.safe_dump({**head, **document}, sort_keys=False))
 
 
 def folder_name(name: str, sweep: SweepConfig) -> str:
@@ -155,13 +132,8 @@ def folder_name(name: str, sweep: SweepConfig) -> str:
 def read_failures(path: Path) -> dict[str, str]:
     """Name of each run whose last attempt failed -> reason in one line."""
     found: dict[str, str] = {}
-    log = path / LOG
-    for number, line in whole_lines(log) if log.exists() else ():
-        try:
-            item = json.loads(line)
-            found.pop(item["run"], None)
-            if item["state"] == "failed":
-                found[item["run"]] = item["reason"]
-        except (ValueError, KeyError, TypeError):
-            raise RunError(f"{log} is damaged in line {number}") from None
+    for member in read_lines(path / LOG, _Member.model_validate_json):
+        found.pop(member.run, None)
+        if member.state == "failed":
+            found[member.run] = member.reason
     return found

@@ -9,12 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.config import (
-    fill_from_environment,
-    require_model_name,
-    set_options,
-    urls_with_credentials,
-)
+from agentflow.app.design.config import set_options, urls_with_credentials
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.trust import Approve, refuse, require_trust
 from agentflow.app.sweeps.folder import folder_name, is_sweep, read_folder
@@ -24,6 +19,7 @@ from agentflow.env.physics.engines import choose_engine
 from agentflow.errors import ConfigError, UsageError
 from agentflow.metrics.cells import check_metrics
 from agentflow.metrics.published import check_source
+from agentflow.models.completion import fill_from_environment, require_model_name
 
 
 @dataclass(frozen=True)

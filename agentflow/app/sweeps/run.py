@@ -15,15 +15,21 @@ from typing import Any, Protocol
 from agentflow.app.design.trust import trust_option
 from agentflow.app.pools import Where, connect
 from agentflow.app.sweeps.folder import LOG, RUNS, lock_folder, sweep_document
-from agentflow.app.sweeps.member import Failure, require_same
-from agentflow.app.sweeps.places import CarryOut, carry_out_here, carry_out_on_ray
+from agentflow.app.sweeps.members import (
+    CarryOut,
+    Failure,
+    carry_out_here,
+    carry_out_on_ray,
+    require_same,
+)
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.config.run import build_config
 from agentflow.config.sweep import SweepRun
 from agentflow.env.pool.base import Simulator
-from agentflow.errors import InterruptedRunError, RunError
-from agentflow.files import LineFile
-from agentflow.runs import Event
+from agentflow.errors import InterruptedRunError
+from agentflow.files.lines import LineFile
+from agentflow.runs import Event, RunResult
+from agentflow.runs.events import RunEvent
 from agentflow.search.concurrency import run_concurrently
 
 
@@ -33,14 +39,14 @@ class Watcher(Protocol):
     def run_started(self, run: str) -> None:
         """A run was started or resumed."""
 
-    def event(self, run: str, event: Event) -> None:
+    def event(self, run: str, event: RunEvent | Event) -> None:
         """An event of a run."""
 
     def remark(self, run: str, line: str) -> None:
         """A line of text from a run for the user."""
 
-    def run_finished(self, run: str, result: Mapping[str, Any]) -> None:
-        """A run is finished; `result` is the content of its result.json."""
+    def run_finished(self, run: str, result: RunResult) -> None:
+        """A run is finished."""
 
     def run_failed(self, run: str, reason: str) -> None:
         """A run has failed."""
@@ -163,10 +169,10 @@ class _Work:
                 self._fail(name, outcome, log)
             else:
                 self.done.add(name)
-                _write_log(log, {"run": name, "state": "done", "seconds": outcome["seconds"]})
+                _write(log, {"run": name, "state": "done", "seconds": outcome.seconds})
                 self.watcher.run_finished(name, outcome)
 
-    def _tell(self, name: str, told: Event | str) -> None:
+    def _tell(self, name: str, told: RunEvent | Event | str) -> None:
         if isinstance(told, str):
             self.watcher.remark(name, told)
         else:
@@ -177,14 +183,9 @@ class _Work:
         self.failed[name] = line
         if failure.endpoint:
             self.endpoint.add(name)
-        _write_log(
-            log, {"run": name, "state": "failed", "reason": line, "traceback": failure.trace}
-        )
+        _write(log, {"run": name, "state": "failed", "reason": line, "traceback": failure.trace})
         self.watcher.run_failed(name, line)
 
 
-def _write_log(log: LineFile, item: Mapping[str, Any]) -> None:
-    try:
-        log.append(json.dumps(item).encode())
-    except OSError as error:
-        raise RunError(f"cannot write {log.path}: {error.strerror}") from None
+def _write(log: LineFile, item: Mapping[str, Any]) -> None:
+    log.append(json.dumps(item).encode())

@@ -10,19 +10,20 @@ from functools import cache
 from pathlib import Path
 from shlex import quote
 
-from agentflow.app.design.results import read_finished
 from agentflow.app.sweeps.folder import RUNS, read_failures, read_folder
 from agentflow.config.sweep import SweepConfig, SweepRun, list_runs
 from agentflow.env.tasks.records import full_score, other_recorders
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UsageError
 from agentflow.metrics import published as literature
-from agentflow.metrics.cells import METRICS, Cell, RunNumbers, Value
-from agentflow.metrics.tables import Column, Row, Table
-from agentflow.runs import read_document
+from agentflow.metrics.cells import METRICS, Cell, RunNumbers
+from agentflow.metrics.formats import counted
+from agentflow.metrics.tables import Column, Row, Table, Value
+from agentflow.runs import read_document, read_result
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.places import STAGES
 from agentflow.runs.record import RunRecord
+from agentflow.runs.result import RunResult
 from agentflow.workflows.registry import WORKFLOWS
 
 
@@ -32,8 +33,7 @@ class FinishedRun:
 
     planned: SweepRun
     path: Path
-    model: str
-    """Name of the model, from its result."""
+    result: RunResult
     engine: str
     """Name and version of the physics engine."""
     numbers: RunNumbers
@@ -72,7 +72,7 @@ class SweepResult:
         """Notes under every table."""
         seeds = len(self.sweep.seeds)
         pooled = f"{seeds} seeds, pooled" if seeds > 1 else "1 seed"
-        notes = [f"{len(self.finished)} run{'s' if len(self.finished) != 1 else ''}; {pooled}."]
+        notes = [f"{counted(len(self.finished), 'run')}; {pooled}."]
         if self.missing:
             total = len(self.finished) + len(self.missing)
             failed = sum(name in self.failed for name in self.missing)
@@ -108,9 +108,9 @@ def read_sweep_result(path: Path) -> SweepResult:
             record = RunRecord.of(read_typed_events(run))
             full = _full_score(config.task, json.dumps(config.knobs, sort_keys=True))
             numbers = RunNumbers(record, width, full)
-            found = read_finished(run)
-            engine = found.get("engine") or read_document(run).get("engine", "not recorded")
-            done.append(FinishedRun(planned, run, found["model"], engine, numbers))
+            found = read_result(run)
+            engine = found.engine or read_document(run).get("engine", "not recorded")
+            done.append(FinishedRun(planned, run, found, engine, numbers))
     if not done:
         raise RunError(
             f"no run of {path} is finished; run it with agentflow {sweep.command} "
@@ -240,12 +240,12 @@ def group_runs(
     """
     done = {run.planned.name: run for run in result.finished}
     seen = {labels(run.planned, "") for run in result.finished}
-    models = {_model_key(run.planned): run.model for run in result.finished}
+    models = {_model_key(run.planned): run.result.model for run in result.finished}
     rows: dict[tuple[str, ...], list[FinishedRun]] = {}
     for planned in result.planned:
         run = done.get(planned.name)
         if run is not None:
-            rows.setdefault(labels(planned, run.model), []).append(run)
+            rows.setdefault(labels(planned, run.result.model), []).append(run)
         elif labels(planned, "") not in seen:
             seen.add(labels(planned, ""))
             model = models.get(_model_key(planned), planned.config.model.name)

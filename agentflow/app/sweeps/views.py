@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import statistics
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 from agentflow.agents.registry import stage_of
-from agentflow.app.design.models import cost_function
-from agentflow.app.sweeps.mechanisms import classes_of
+from agentflow.app.sweeps.registry import LAYOUT, VIEWS
 from agentflow.app.sweeps.tables import (
     FinishedRun,
     SweepResult,
@@ -19,24 +16,18 @@ from agentflow.app.sweeps.tables import (
     record_note,
     task_of,
 )
-from agentflow.errors import UnknownNameError, UsageError
+from agentflow.errors import UsageError
 from agentflow.metrics import published as literature
-from agentflow.metrics.cells import Cell, RunNumbers, Value, curve
-from agentflow.metrics.intervals import missing_scipy
-from agentflow.metrics.tables import FORMATS, Column, Row, Table, cell_text
-from agentflow.metrics.usage import Bill, SimulationSpeed, Spent, bill
-from agentflow.metrics.validity import Rate
-from agentflow.runs import read_calls, read_result
+from agentflow.metrics.cells import Cell, RunNumbers, curve
+from agentflow.metrics.formats import interval_text
+from agentflow.metrics.intervals import Rate, missing_scipy
+from agentflow.metrics.scores import mean_known
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
+from agentflow.metrics.usage import Bill, Spent, bill
+from agentflow.models.choices import cost_function
+from agentflow.runs import RunResult, read_calls
 from agentflow.runs.places import STAGES
 
-LAYOUT = "published"
-"""Name of the view in the published layout."""
-PLAYERS = "players"
-"""Name of the view relative to experienced players."""
-VERIFIED = "verified"
-"""Name of the view of verified scores."""
-MECHANISMS = "mechanisms"
-"""Name of the view of mechanism classes."""
 CURVE = (0, 1, 2, 4, 8, 12, 16, 20, 30, 40)
 """Numbers of expansions at which strategies are compared."""
 INTERVAL = "95 %"
@@ -74,11 +65,11 @@ def scores_table(result: SweepResult) -> Table:
         best = found.best_at()
         values: list[Value] = [
             rate,
-            _format_interval(rate.interval),
+            interval_text(rate.interval),
             found.mean_valid,
-            _format_interval(found.mean_valid_interval()),
+            interval_text(found.mean_valid_interval()),
             found.mean_all,
-            _format_interval(found.mean_all_interval()),
+            interval_text(found.mean_all_interval()),
             found.max,
             found.std,
             *(best.get(n) for n in powers),
@@ -105,15 +96,14 @@ def usage_table(result: SweepResult) -> Table:
     rows: list[Row] = []
     for (task, model, variant), runs in variants(result).items():
         whole = total_bill(runs)
-        speed = _total_speed(runs)
+        speeds = simulation_speeds([run.result for run in runs])
         parts = [("all", whole.total), *whole.roles.items(), *whole.stages.items()]
         for name, spent in parts:
             share = whole.token_shares.get(name)
             values = (
                 *(spent.calls, spent.tokens, share, spent.reasoning),
                 *(spent.money, spent.seconds, spent.retries),
-                speed.rollouts_per_second if name == "all" else None,
-                speed.speed if name == "all" else None,
+                *(speeds if name == "all" else (None, None)),
             )
             rows.append(Row((task, model, variant, name), values))
     names = ("calls", "tokens", "share", "reasoning", "money", "seconds", "retries")
@@ -133,8 +123,8 @@ def players_table(result: SweepResult) -> Table:
     means = literature.player_means()
     rows = []
     for (task, model), runs in _by_task(result).items():
-        scores = [read_result(run.path)["score"] for run in runs]
-        best = max((float(score) for score in scores if score is not None), default=None)
+        scores = [run.result.score for run in runs]
+        best = max((score for score in scores if score is not None), default=None)
         mean = means.get(task.partition("/")[0])
         share = best / mean if best is not None and mean else None
         rows.append(Row((task, model), (best, mean, share)))
@@ -178,11 +168,14 @@ def verified_table(result: SweepResult) -> Table:
         found = [run.numbers.record.verification for run in runs]
         complete = [item for item in found if item is not None and item.score is not None]
         scores = [item.scores[0].score for item in complete if item.scores]
-        verified = _mean(item.score for item in complete)
-        low, high = _mean(item.low for item in complete), _mean(item.high for item in complete)
+        verified = mean_known(item.score for item in complete)
+        low, high = (
+            mean_known(item.low for item in complete),
+            mean_known(item.high for item in complete),
+        )
         done = Rate(len(complete), len(found))
-        share = _mean(run.numbers.share for run in runs if run.numbers.record.verification)
-        rows.append(Row(key, (done, _mean(scores), verified, low, high, share)))
+        share = mean_known(run.numbers.share for run in runs if run.numbers.record.verification)
+        rows.append(Row(key, (done, mean_known(scores), verified, low, high, share)))
     return Table(
         f"{result.sweep.title}: verified scores",
         ("task", "model", "variant"),
@@ -195,50 +188,6 @@ def verified_table(result: SweepResult) -> Table:
     )
 
 
-def mechanisms_table(result: SweepResult) -> Table:
-    """In how many runs machines of each mechanism class were found, and how good, by variant."""
-    rows = []
-    for key, runs in all_variants(result).items():
-        scores: dict[str, list[float]] = {}
-        for run in runs:
-            for name, score in classes_of(run).items():
-                scores.setdefault(name, []).append(score)
-        for name, found in sorted(scores.items(), key=lambda item: -max(item[1])):
-            values = (Rate(len(found), len(runs)), max(found), statistics.fmean(found))
-            rows.append(Row((*key, name), values))
-    return Table(
-        f"{result.sweep.title}: mechanism classes",
-        ("task", "model", "variant", "mechanism class"),
-        tuple(Column("", name) for name in ("runs", "best", "mean")),
-        tuple(rows),
-        notes=(
-            *result.notes,
-            "Classes say what drives / what holds / how it lets go. Of runs of explore, all "
-            "machines count; of other runs, the best machine. runs is how many runs have such a "
-            "machine, mean the mean over them of its highest score.",
-        ),
-    )
-
-
-def _mean(scores: Iterable[float | None]) -> float | None:
-    known = [score for score in scores if score is not None]
-    return statistics.fmean(known) if known else None
-
-
-VIEWS: Mapping[str, Callable[[SweepResult], Table]] = MappingProxyType(
-    {
-        LAYOUT: layout_table,
-        "scores": scores_table,
-        "usage": usage_table,
-        PLAYERS: players_table,
-        "expansions": expansions_table,
-        VERIFIED: verified_table,
-        MECHANISMS: mechanisms_table,
-    }
-)
-"""Name of a view -> function that makes its table."""
-
-
 def view(path: Path, name: str = LAYOUT, *, published: bool = False) -> Table:
     """A table of the sweep in a folder, with published rows if `published`.
 
@@ -247,10 +196,9 @@ def view(path: Path, name: str = LAYOUT, *, published: bool = False) -> Table:
         UsageError: The view has no published rows.
         RunError: It is not a sweep directory, is damaged, or has no finished run.
     """
-    if name not in VIEWS:
-        raise UnknownNameError("view", name, VIEWS)
+    make = VIEWS[name]
     if not published:
-        return VIEWS[name](read_sweep_result(path))
+        return make(read_sweep_result(path))
     if name != LAYOUT:
         raise UsageError(f"only the view {LAYOUT!r} has published rows, not {name!r}")
     return layout_table(read_sweep_result(path), published=True)
@@ -275,7 +223,9 @@ def _by_task(result: SweepResult) -> dict[tuple[str, str], list[FinishedRun]]:
     """Task and model, with the engine if there are several -> finished runs."""
     groups: dict[tuple[str, str], list[FinishedRun]] = {}
     for run in result.finished:
-        model = f"{run.model}, {run.engine}" if len(result.engines) > 1 else run.model
+        model = run.result.model
+        if len(result.engines) > 1:
+            model = f"{model}, {run.engine}"
         groups.setdefault((task_of(run.planned), model), []).append(run)
     return groups
 
@@ -291,10 +241,6 @@ def last_cell(result: SweepResult, runs: Sequence[FinishedRun]) -> Cell:
     return Cell(_numbers(runs), last[-1] if last else result.sweep.table.stage)
 
 
-def _format_interval(interval: tuple[float, float] | None) -> str | None:
-    return None if interval is None else f"{cell_text(interval[0])} - {cell_text(interval[1])}"
-
-
 def total_bill(runs: Iterable[FinishedRun]) -> Bill:
     """What the runs cost."""
     bills = (
@@ -304,11 +250,10 @@ def total_bill(runs: Iterable[FinishedRun]) -> Bill:
     return sum(bills, Bill(Spent(), {}, {}))
 
 
-def _total_speed(runs: Iterable[FinishedRun]) -> SimulationSpeed:
-    total = SimulationSpeed(0, 0.0, 0.0)
-    for run in runs:
-        result = read_result(run.path)
-        total += SimulationSpeed(
-            result["rollouts"], result["simulated_seconds"], result["worker_seconds"]
-        )
-    return total
+def simulation_speeds(found: Sequence[RunResult]) -> tuple[float | None, float | None]:
+    """Rollouts, and simulated seconds, per second of a worker; None if nothing was simulated."""
+    seconds = sum(result.worker_seconds for result in found)
+    if not seconds:
+        return None, None
+    simulated = sum(result.simulated_seconds for result in found)
+    return sum(result.rollouts for result in found) / seconds, simulated / seconds

@@ -8,24 +8,10 @@ from typing import Annotated
 
 import typer
 
+from agentflow.cli import options
 from agentflow.cli.commands.sweeps import print_estimate
 from agentflow.cli.display.text import escape_controls
-from agentflow.cli.root import (
-    PARTLY,
-    BaseUrl,
-    Engine,
-    FormatOrJson,
-    Json,
-    ModelName,
-    Quiet,
-    Settings,
-    Trust,
-    allow,
-    approve,
-    commands,
-    print_json,
-    print_table,
-)
+from agentflow.cli.root import PARTLY, allow, approve, commands, print_json, print_table
 
 DEFAULT = Path("configs/benchmark.yaml")
 
@@ -35,10 +21,10 @@ def benchmark(
     source: Annotated[
         Path, typer.Argument(help="Benchmark file or existing benchmark directory.")
     ] = DEFAULT,
-    model: ModelName = None,
-    base_url: BaseUrl = None,
-    settings: Settings = None,
-    engine: Engine = None,
+    model: options.ModelName = None,
+    base_url: options.BaseUrl = None,
+    settings: options.Settings = None,
+    engine: options.Engine = None,
     lite: Annotated[
         bool, typer.Option("--lite", help="Only the first item of each task family.")
     ] = False,
@@ -48,25 +34,16 @@ def benchmark(
             "--random", help="Random machines and edits in place of a model, as a baseline."
         ),
     ] = False,
-    jobs: Annotated[
-        int,
-        typer.Option(min=1, help="Number of runs to execute concurrently; they share the workers."),
-    ] = 2,
-    workers: Annotated[
-        int | None, typer.Option(help="Worker processes, shared by all runs.")
-    ] = None,
+    jobs: options.Jobs = 2,
+    workers: options.SharedWorkers = None,
     out: Annotated[Path, typer.Option(help="Parent directory of the benchmark's directory.")] = (
         Path("sweeps")
     ),
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Resume unfinished and failed runs.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="List the runs and estimate their cost.")
-    ] = False,
-    trust: Trust = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    resume: options.ResumeRuns = False,
+    dry_run: options.DryRun = False,
+    trust: options.Trust = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Measure a model on fixed tasks and write a scorecard, card.json.
 
@@ -81,16 +58,14 @@ def benchmark(
     from agentflow.app.sweeps.plan import sweep_folder
     from agentflow.cli.display.sweep_live import watch_sweep
 
-    options = {
+    keys = {
         "model.name": model,
         "model.base_url": base_url,
         "engine": engine,
         "workers": workers,
     }
     allowed = allow if trust or dry_run else approve
-    plan = plan_benchmark(
-        source, settings or (), options, lite=lite, random=random, approve=allowed
-    )
+    plan = plan_benchmark(source, settings or (), keys, lite=lite, random=random, approve=allowed)
     folder = sweep_folder(plan, source, out)
     if dry_run:
         print_estimate(plan, folder, as_json)
@@ -113,7 +88,7 @@ def benchmark(
 @commands.command(epilog="Example: agentflow leaderboard a/card.json b/card.json --html board.html")
 def leaderboard(
     cards: Annotated[list[Path], typer.Argument(help="Scorecards of agentflow benchmark.")],
-    form: FormatOrJson = "text",
+    form: options.FormatOrJson = "text",
     html: Annotated[Path | None, typer.Option(help="Also write an HTML page to this file.")] = None,
 ) -> None:
     """Compare scorecards: ranking, shares by family, shares by item."""
@@ -124,6 +99,6 @@ def leaderboard(
     text = format_tables(tables, form)
     print_table(text, form)
     if html:
-        from agentflow.app.pages.leaderboard import leaderboard_page
+        from agentflow.app.pages.sweeps import leaderboard_page
 
         print(leaderboard_page(tables, html))

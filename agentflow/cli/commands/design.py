@@ -5,28 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 
-from agentflow.cli.root import (
-    PARTLY,
-    BaseUrl,
-    Config,
-    Engine,
-    Json,
-    ModelName,
-    On,
-    Quiet,
-    Run,
-    Settings,
-    Trust,
-    allow,
-    approve,
-    commands,
-    print_json,
-    print_result,
-)
+from agentflow.cli import options
+from agentflow.cli.root import PARTLY, allow, approve, commands, print_json, print_result
 from agentflow.errors import EndpointError, UsageError
 from agentflow.workflows.registry import WORKFLOWS
 
@@ -35,17 +19,17 @@ from agentflow.workflows.registry import WORKFLOWS
     epilog="Example: agentflow design --task movement --workflow hierarchical --seed 3"
 )
 def design(
-    task: Annotated[str | None, typer.Option(help="Task, such as throwing or movement/3.")] = None,
+    task: options.Task = None,
     workflow: Annotated[
         str | None,
         typer.Option(help=f"Workflow: {', '.join(WORKFLOWS.ours)}. The last two are for gearing."),
     ] = None,
-    model: ModelName = None,
-    base_url: BaseUrl = None,
-    config: Config = None,
-    settings: Settings = None,
-    engine: Engine = None,
-    seed: Annotated[int | None, typer.Option(help="Random seed.")] = None,
+    model: options.ModelName = None,
+    base_url: options.BaseUrl = None,
+    config: options.Config = None,
+    settings: options.Settings = None,
+    engine: options.Engine = None,
+    seed: options.RunSeed = None,
     seeds: Annotated[
         int | None,
         typer.Option(min=1, help="Make this many runs, with seeds from --seed on; keep the best."),
@@ -67,21 +51,21 @@ def design(
         int | None,
         typer.Option(help="Total number of simulations; only for tools, external and random-dsl."),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Parent directory for runs.")] = Path("runs"),
+    out: options.RunsFolder = Path("runs"),
     name: Annotated[
         str | None,
         typer.Option(help="Name of the run directory; default: date, task, workflow and seed."),
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Worker processes for simulation.")] = None,
-    on: On = "local",
+    workers: Annotated[int | None, typer.Option(help=options.WORKERS)] = None,
+    on: options.On = "local",
     keep_rollouts: Annotated[
         Literal["winners", "all"] | None,
         typer.Option(help="Which rollouts to save: those of each stage's best machine, or all."),
     ] = None,
     resume: Annotated[Path | None, typer.Option(help="Run directory to resume.")] = None,
-    trust: Trust = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    trust: options.Trust = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Design a machine for a task and draw the best one found.
 
@@ -89,17 +73,17 @@ def design(
     """
     from agentflow.app.design import run
     from agentflow.app.design.config import load_config
-    from agentflow.app.design.seeds import design_seeds
+    from agentflow.app.design.seeds import SeedsResult, design_seeds
     from agentflow.app.design.trust import require_trusted_run
     from agentflow.app.machines.files import read_one
     from agentflow.app.pages.pictures import render_run
     from agentflow.app.pools import pools_on
     from agentflow.cli.display.live import watch
-    from agentflow.cli.display.show import show_result
-    from agentflow.runs import state_of
+    from agentflow.cli.display.show_runs import show_result
+    from agentflow.runs import RunResult, state_of
     from agentflow.runs.events import DrawingEvent
 
-    options = {
+    keys = {
         "task": task,
         "workflow": workflow,
         "engine": engine,
@@ -114,7 +98,7 @@ def design(
     }
     if name is not None and (seeds is not None or Path(name).name != name or name.startswith(".")):
         raise UsageError("--name takes the name of one directory, without slashes, for one run")
-    others = {**options, "seeds": seeds, "name": name}
+    others = {**keys, "seeds": seeds, "name": name}
     given = [option for option, value in others.items() if value is not None]
     if resume is not None and (given or config or settings):
         raise UsageError("--resume uses the settings of the run; remove the other options")
@@ -123,13 +107,13 @@ def design(
     finished = resume is not None and state_of(resume) == "done"
     open_pool = pools_on(on)
     allowed = allow if trust else approve  # asks before the progress display starts
-    carry_out: Callable[[run.RunOptions], dict[str, Any]]
+    carry_out: Callable[[run.RunOptions], RunResult | SeedsResult]
     if resume is not None:
         if not finished:
             require_trusted_run(resume, allowed, {})
         carry_out = partial(run.resume, resume)
     else:
-        built = load_config(config, settings or (), options, allowed)
+        built = load_config(config, settings or (), keys, allowed)
         if rollouts is not None and not WORKFLOWS[built.workflow].has_rollout_limit:
             raise UsageError(
                 f"--rollouts does not work with --workflow {built.workflow}; use "
@@ -139,26 +123,27 @@ def design(
         if seeds is not None:
             carry_out = partial(design_seeds, built, out, seeds, minutes)
     with watch(quiet) as (listener, notify):
-        result = carry_out(run.RunOptions(notify, listener, approve=allow, open_pool=open_pool))
-        drawn = result["valid"] and not finished
+        found = carry_out(run.RunOptions(notify, listener, approve=allow, open_pool=open_pool))
+        best, rows = (found.best, found.rows) if isinstance(found, SeedsResult) else (found, ())
+        drawn = best.valid and not finished
         if drawn and listener is not None:
-            listener(DrawingEvent().to_event())
-        pictures = render_run(Path(result["run"])) if drawn else {}
+            listener(DrawingEvent())
+        pictures = render_run(Path(best.run)) if drawn else {}
     if as_json:
-        print_json(result)
+        print_json(found.to_json())
     else:
-        show_result(result, pictures)
-    if any(run["failed"] for run in result.get("seeds", ())):
+        show_result(found.to_json(), pictures)
+    if any(row["failed"] for row in rows):
         raise typer.Exit(PARTLY)
 
 
 @commands.command(epilog="Example: agentflow replay runs/recorded-throwing")
-def replay(run: Run) -> None:
+def replay(run: options.Run) -> None:
     """Replay a run from its record; print `identical` or the first difference."""
     from agentflow.app.design.replay import replay as repeat
-    from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.live import print_remark
 
-    difference = repeat(run, lambda line: print_line(f"agentflow: {line}"))
+    difference = repeat(run, print_remark)
     print(difference or "identical")
     raise typer.Exit(1 if difference else 0)
 
@@ -170,25 +155,23 @@ def doctor(
     model: Annotated[
         str | None, typer.Option(help="Model name; default: value of AGENTFLOW_MODEL.")
     ] = None,
-    base_url: Annotated[
-        str | None, typer.Option(help="Endpoint URL; default: value of OPENAI_BASE_URL.")
-    ] = None,
-    config: Config = None,
-    settings: Settings = None,
+    base_url: options.BaseUrl = None,
+    config: options.Config = None,
+    settings: options.Settings = None,
     role: Annotated[
         str, typer.Option(help="Check the model of this role; agent: that it calls tools.")
     ] = "designer",
-    trust: Trust = False,
-    as_json: Json = False,
+    trust: options.Trust = False,
+    as_json: options.Json = False,
 ) -> None:
     """Ask a model endpoint for one small machine, and report what works."""
     from agentflow.app.design.config import load_config
     from agentflow.app.doctor import check_endpoint
-    from agentflow.cli.display.show import show_diagnosis
+    from agentflow.cli.display.show_tasks import show_diagnosis
 
-    options = {"model.name": model, "model.base_url": base_url}
+    keys = {"model.name": model, "model.base_url": base_url}
     allowed = allow if trust else approve
-    found = check_endpoint(load_config(config, settings or (), options, allowed), role)
+    found = check_endpoint(load_config(config, settings or (), keys, allowed), role)
     print_result(found, as_json, show_diagnosis)
     if found["problem"]:
         raise EndpointError(found["problem"])

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.root import Json, commands, print_result
+from agentflow.cli import options
+from agentflow.cli.root import commands, print_result
 
 
 @commands.command(epilog="Example: agentflow engines --machines 200")
@@ -15,8 +16,8 @@ def engines(
         int,
         typer.Option(min=0, help="Machines of the procedural model per family, to rank."),
     ] = 20,
-    workers: Annotated[int, typer.Option(min=1, help="Worker processes for simulation.")] = 2,
-    as_json: Json = False,
+    workers: options.Workers = 2,
+    as_json: options.Json = False,
 ) -> None:
     """Compare the installed physics engines.
 
@@ -25,8 +26,8 @@ def engines(
     engine. The rank correlation (Spearman's) is 1 if both rank them alike, and 0 if the one ranking
     says nothing about the other.
     """
-    from agentflow.app.inspect.engines import compare_engines
-    from agentflow.cli.display.show_engines import show_engines
+    from agentflow.app.subjects.engines import compare_engines
+    from agentflow.cli.display.show_scores import show_engines
     from agentflow.cli.display.text import show_count
 
     found = compare_engines(machines, workers, show_count("simulation"))

@@ -8,46 +8,17 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from agentflow.cli.root import Engine, Json, Knobs, On, commands, print_json, print_result
+from agentflow.cli import options
+from agentflow.cli.root import commands, level_of, print_json, print_result
 from agentflow.errors import UsageError
-
-Task = Annotated[str | None, typer.Option(help="Task, such as throwing or movement/3.")]
-Seed = Annotated[int, typer.Option(help="Random seed.")]
-Source = Annotated[
-    str,
-    typer.Argument(help="Machine file, run directory (its best machine), or - for standard input."),
-]
-
-
-def named_task(source: str, task: str | None, *own: object) -> str | None:
-    """The task given for a machine; None for a run that is meant with its own task.
-
-    Args:
-        source: Machine file or run directory.
-        task: The task given, if any.
-        own: Knobs, seed and engine, which such a run has itself.
-
-    Raises:
-        UsageError: One of `own` is given for such a run, or a file has no task.
-    """
-    if task is not None:
-        return task
-    if not Path(source).is_dir():
-        raise UsageError("a machine file does not name its task; add --task")
-    if any(own):
-        raise UsageError(
-            "a run has its own task, knobs, seed and engine; remove --set, --seed and --engine, or "
-            "name a task with --task"
-        )
-    return None
 
 
 @commands.command(epilog="Example: agentflow check machine.json --task throwing --json")
 def check(
-    machine: Source,
-    task: Task = None,
-    knobs: Knobs = None,
-    engine: Engine = None,
+    machine: options.MachineOrRun,
+    task: options.Task = None,
+    knobs: options.Knobs = None,
+    engine: options.Engine = None,
     form: Annotated[
         Literal["auto", "tree", "coordinates", "bsg"],
         typer.Option("--format", help="Input format; auto detects the format."),
@@ -55,7 +26,7 @@ def check(
     geometry: Annotated[
         bool, typer.Option("--geometry", help="Print the position of every block.")
     ] = False,
-    lines: Annotated[bool, typer.Option("--jsonl", help="Read one machine per line.")] = False,
+    lines: options.Lines = False,
     strict: Annotated[
         bool,
         typer.Option(
@@ -64,19 +35,20 @@ def check(
             "repaired; with --jsonl, on any line.",
         ),
     ] = False,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Check whether a machine is valid: its format, its geometry and the rules of a task.
 
     The exit status is 0 even for an invalid machine, unless --strict is given.
     """
     from agentflow.app.machines import files as machines
-    from agentflow.cli.display.show import show_report
+    from agentflow.cli.display.show_machines import show_report
+    from agentflow.machine.formats.source import read_lines
 
     brief = _brief(task, knobs, engine)
     flawless = True
     if lines:
-        found = machines.read_lines(machine)
+        found = read_lines(machine)
         for report in machines.check_lines(found, brief, geometry, form, engine):
             print_json(report)
             flawless &= machines.is_flawless(report)
@@ -89,52 +61,47 @@ def check(
 
 
 def _brief(task: str | None, knobs: list[str] | None, engine: str | None = None) -> Any:
-    level = _task(task, knobs, engine)
+    level = level_of(task, knobs, engine)
     return None if level is None else level.brief
-
-
-def _task(task: str | None, knobs: list[str] | None, engine: str | None) -> Any:
-    if task is None:
-        if knobs:
-            raise UsageError("--set changes a knob of a task; name the task with --task")
-        return None
-    from agentflow.app.tasks import find_task
-
-    return find_task(task, knobs or (), engine)
 
 
 @commands.command(
     epilog="Example: agentflow edit machine.json --script changes.txt --task throwing"
 )
 def edit(
-    machine: Source,
+    machine: options.MachineOrRun,
     script: Annotated[str, typer.Option(help="Script file; default: standard input.")] = "-",
-    task: Task = None,
-    knobs: Knobs = None,
+    task: options.Task = None,
+    knobs: options.Knobs = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the edited machine to this .json file.")
+    ] = None,
     lines: Annotated[
         bool, typer.Option("--jsonl", help="Read one machine and one script per line.")
     ] = False,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Edit a machine with a script of Add, Remove and Move commands.
 
     If one command fails, the machine stays unchanged.
     """
     from agentflow.app.machines import edits
-    from agentflow.app.machines import files as machines
-    from agentflow.cli.display.show import show_edit
+    from agentflow.cli.display.show_machines import show_edit
+    from agentflow.machine.formats.source import read_lines
 
     brief = _brief(task, knobs)
     if lines:
-        for outcome in edits.edit_lines(machines.read_lines(machine), brief):
+        if out:
+            raise UsageError("--out needs a single machine; remove --jsonl")
+        for outcome in edits.edit_lines(read_lines(machine), brief):
             print_json(outcome)
         return
-    print_result(edits.edit_file(machine, script, brief), as_json, show_edit)
+    print_result(edits.edit_file(machine, script, brief, out), as_json, show_edit)
 
 
 @commands.command(epilog="Example: agentflow convert machine.json machine.bsg")
 def convert(
-    source: Source,
+    source: options.MachineOrRun,
     out: Annotated[
         Path, typer.Argument(help="Output file: .json, .coords.json, .bsg, .glb, .urdf or .xml.")
     ],
@@ -142,14 +109,14 @@ def convert(
         str | None,
         typer.Option(help="Task whose scene an .xml file holds, such as movement/3."),
     ] = None,
-    knobs: Knobs = None,
+    knobs: options.Knobs = None,
     strict: Annotated[
         bool,
         typer.Option(
             "--strict", help="Fail if any block is unsupported or the machine is invalid."
         ),
     ] = False,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Convert a machine, or the best machine of a run, to another format.
 
@@ -159,19 +126,19 @@ def convert(
     the machine in the scene of a task. They hold valid machines only; notes say what is lost.
     """
     from agentflow.app.machines.convert import convert as rewrite
-    from agentflow.cli.display.show import show_conversion
+    from agentflow.cli.display.show_machines import show_conversion
 
-    level = _task(task, knobs, "mujoco")
+    level = level_of(task, knobs, "mujoco")
     print_result(rewrite(source, out, task=level, strict=strict), as_json, show_conversion)
 
 
 @commands.command(epilog="Example: agentflow simulate machine.json --task movement --json")
 def simulate(
-    machine: Source,
-    task: Annotated[str, typer.Option(help="Task, such as throwing or movement/3.")],
-    knobs: Knobs = None,
-    engine: Engine = None,
-    seed: Seed = 0,
+    machine: options.MachineOrRun,
+    task: options.NamedTask,
+    knobs: options.Knobs = None,
+    engine: options.Engine = None,
+    seed: options.Seed = 0,
     rate: Annotated[float | None, typer.Option(help="Time steps per second; default: 120.")] = None,
     interval: Annotated[
         float | None,
@@ -192,52 +159,40 @@ def simulate(
     save: Annotated[
         Path | None, typer.Option(help="Save the recorded states to this .npz file.")
     ] = None,
-    lines: Annotated[bool, typer.Option("--jsonl", help="Read one machine per line.")] = False,
+    lines: options.Lines = False,
     workers: Annotated[
         int, typer.Option(min=1, help="Worker processes, for trials and with --jsonl.")
     ] = 2,
-    on: On = "local",
-    as_json: Json = False,
+    on: options.On = "local",
+    as_json: options.Json = False,
 ) -> None:
     """Simulate a machine on a task and print its score."""
-    from agentflow.app.machines import files as machines
-    from agentflow.app.machines import simulate as rollouts
     from agentflow.app.pools import pools_on
+    from agentflow.app.subjects.simulate import simulate_lines, simulate_one
+    from agentflow.app.subjects.subject import resolve
     from agentflow.app.tasks import find_task
-    from agentflow.cli.display.show import show_rollout
+    from agentflow.cli.display.show_machines import show_rollout
     from agentflow.cli.display.text import show_count
+    from agentflow.machine.formats.source import read_lines
 
-    level, powered = find_task(task, knobs or (), engine), power == "on"
+    how: dict[str, Any] = {
+        "workers": workers,
+        "queries": query or (),
+        "rate": rate,
+        "power": power == "on",
+        "interval": interval,
+    }
     if lines:
+        level = find_task(task, knobs or (), engine)
         if save:
             raise UsageError("--save needs a single machine; remove --jsonl")
-        results = rollouts.simulate_lines(
-            machines.read_lines(machine),
-            level,
-            seed=seed,
-            rate=rate,
-            power=powered,
-            interval=interval,
-            workers=workers,
-            queries=query or (),
-            open_pool=pools_on(on),
-        )
-        _print_all(results)
+        found = read_lines(machine)
+        _print_all(simulate_lines(found, level, seed=seed, open_pool=pools_on(on), **how))
         return
     if on != "local":
         raise UsageError(f"--on {on} is for many machines: add --jsonl, or remove --on")
-    result = rollouts.simulate_text(
-        machines.machine_text(machine),
-        level,
-        seed=seed,
-        rate=rate,
-        power=powered,
-        interval=interval,
-        workers=workers,
-        say=show_count("trial"),
-        queries=query or (),
-        save=save,
-    )
+    subject = resolve(machine, task, knobs, seed, engine)
+    result = simulate_one(subject, say=show_count("trial"), save=save, **how)
     print_result(result, as_json, show_rollout)
 
 
@@ -254,10 +209,10 @@ def _print_all(results: AsyncIterator[Any]) -> None:
 @commands.command(epilog="Example: agentflow render car.json --task movement --out car.mp4")
 def render(
     source: Annotated[str, typer.Argument(help="Run directory or machine file.")],
-    task: Task = None,
-    knobs: Knobs = None,
-    engine: Engine = None,
-    seed: Seed = 0,
+    task: options.Task = None,
+    knobs: options.Knobs = None,
+    engine: options.Engine = None,
+    seed: options.Seed = 0,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -280,7 +235,7 @@ def render(
     from agentflow.app.design.plan import level_note
     from agentflow.app.pages.pictures import render_file, render_run
     from agentflow.app.tasks import find_task
-    from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.live import print_remark
     from agentflow.cli.display.text import show_count
     from agentflow.runs import read_document, state_of
 
@@ -291,7 +246,7 @@ def render(
             raise UsageError("a run has its own task and seed; remove --task, --set and --seed")
         files = render_run(Path(source), out, view, say, engine)
         if note := level_note(Path(source), read_document(Path(source))):
-            print_line(f"agentflow: {note}")
+            print_remark(note)
     else:
         level = find_task(task or "movement", knobs or (), engine)
         files = render_file(
@@ -301,7 +256,7 @@ def render(
             out or Path("machine"),
             view,
             say,
-            lambda line: print_line(f"agentflow: {line}"),
+            print_remark,
         )
     for path in files.values():
         print(path)
@@ -317,11 +272,11 @@ def blocks(
             "draw all blocks to this directory."
         ),
     ] = None,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """List all blocks, or show one block and its faces."""
     from agentflow.app.machines.files import find_block, list_blocks
-    from agentflow.cli.display.show import show_block, show_blocks
+    from agentflow.cli.display.show_machines import show_block, show_blocks
 
     if picture is not None:
         from agentflow.app.pages.blocks import draw_all, draw_named

@@ -7,15 +7,17 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.root import Settings, commands, needs_extra
+from agentflow.cli import options
+from agentflow.cli.root import commands
 from agentflow.errors import UsageError
+from agentflow.extras import needs_extra
 
 
 @commands.command(epilog="Example: agentflow mcp --task throwing")
 def mcp(
     task: Annotated[
         str | None,
-        typer.Option(help="Task, such as throwing or movement/3.", show_default="throwing"),
+        typer.Option(help=options.TASK, show_default="throwing"),
     ] = None,
     rollouts: Annotated[
         int | None, typer.Option(min=1, help="Simulations of a session.", show_default="24")
@@ -34,8 +36,8 @@ def mcp(
             "submit up to 8 machines in each. By default, they simulate at once and submit one.",
         ),
     ] = False,
-    settings: Settings = None,
-    out: Annotated[Path, typer.Option(help="Parent directory for runs.")] = Path("runs"),
+    settings: options.Settings = None,
+    out: options.RunsFolder = Path("runs"),
     http: Annotated[
         str | None,
         typer.Option(
@@ -62,20 +64,20 @@ def mcp(
     with needs_extra("mcp"):
         from agentflow.integrations.mcp.serving import serve
     from agentflow.app.design.config import load_config
-    from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.live import print_remark
     from agentflow.config.run import PROCEDURAL
     from agentflow.integrations.mcp.addresses import HttpAddress, read_token
     from agentflow.runs.places import FEEDBACK, STAGES
 
     ours = ["workflow=tools", f"model.name={PROCEDURAL}"]  # a model that nobody asks
     defaults = ["vision=true", *([] if stages else ["candidates_per_stage=1"])]
-    options = {
+    keys = {
         "task": task,
         "settings.rollouts": rollouts,
         "settings.looks": looks,
         "settings.vision": False if no_vision else None,
     }
-    config = load_config(None, [*ours, *defaults, *(settings or ())], options)
+    config = load_config(None, [*ours, *defaults, *(settings or ())], keys)
     if (config.workflow, config.model.name) != ("tools", PROCEDURAL):
         raise UsageError(
             "with agentflow mcp, the agent designs, without a workflow or a model of ours; remove "
@@ -84,4 +86,4 @@ def mcp(
     address = None if http is None else HttpAddress.parse(http)
     token = "" if token_file is None else read_token(token_file)
     order = STAGES if stages else (FEEDBACK,)
-    serve(config, out, order, lambda line: print_line(f"agentflow: {line}"), address, token)
+    serve(config, out, order, print_remark, address, token)

@@ -7,22 +7,21 @@ from typing import Annotated
 import typer
 
 from agentflow.agents.registry import ROLES
-from agentflow.cli.root import Json, commands, print_json
+from agentflow.cli import options
+from agentflow.cli.root import print_json, subcommands
 from agentflow.prompts.registry import PROMPT_SETS
 
-prompts = typer.Typer(
+prompts = subcommands(
+    "prompts",
     help="Inspect the prompts that models get.",
     epilog="Example: agentflow prompts show --role designer --task throwing",
-    no_args_is_help=True,
-    rich_markup_mode=None,
 )
-commands.add_typer(prompts, name="prompts")
 
 Set = Annotated[str, typer.Argument(help="Prompt set.")]
 
 
 @prompts.command("list", epilog="Example: agentflow prompts list")
-def list_(as_json: Json = False) -> None:
+def list_(as_json: options.Json = False) -> None:
     """List the prompt sets and their content hashes."""
     from agentflow.app.prompts import list_prompt_sets
 
@@ -37,22 +36,19 @@ def list_(as_json: Json = False) -> None:
 @prompts.command(epilog="Example: agentflow prompts show --role refiner --task throwing")
 def show(
     role: Annotated[str, typer.Option(help=f"Role: {', '.join(ROLES.ours)}.")] = "designer",
-    task: Annotated[str, typer.Option(help="Task, such as throwing or movement/3.")] = "throwing",
+    task: options.NamedTask = "throwing",
     name: Annotated[
         str,
         typer.Option("--set", help=f"Prompt set to show: {', '.join(PROMPT_SETS.ours)}."),
     ] = "default",
     knobs: Annotated[
         list[str] | None,
-        typer.Option(
-            "--knob",
-            help="Set a knob (an adjustable parameter of the task), knob=value; repeatable.",
-        ),
+        typer.Option("--knob", help=options.SET_KNOB),
     ] = None,
     machine: Annotated[
         str | None, typer.Option(help="Machine to include in the prompt; default: a small example.")
     ] = None,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Print a prompt exactly as a model gets it, with an estimate of its token count.
 

@@ -7,22 +7,23 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.root import Config, Json, Run, Settings, commands, print_result
+from agentflow.cli import options
+from agentflow.cli.root import commands, print_result, subcommands
 from agentflow.metrics.failure_kinds import KINDS
 
-config_commands = typer.Typer(
+config_commands = subcommands(
+    "config",
     help="Inspect configurations.",
     epilog="Example: agentflow config show --set search.rounds=2",
-    no_args_is_help=True,
-    rich_markup_mode=None,
 )
-commands.add_typer(config_commands, name="config")
 
 
 @config_commands.command(
     "show", epilog="Example: agentflow config show --set search.rounds=2 --set wall.height=0"
 )
-def show_config(config: Config = None, settings: Settings = None, as_json: Json = False) -> None:
+def show_config(
+    config: options.Config = None, settings: options.Settings = None, as_json: options.Json = False
+) -> None:
     """Print the configuration of a run and the source of each value.
 
     Sources: default, file, --set, environment. The output is itself a configuration file.
@@ -36,30 +37,30 @@ def show_config(config: Config = None, settings: Settings = None, as_json: Json 
 @commands.command(epilog="Example: agentflow runs runs")
 def runs(
     folder: Annotated[Path, typer.Argument(help="Directory that contains runs.")] = Path("runs"),
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """List runs with task, workflow, model, score, cost and state.
 
     States: done, running, stopped (resume it with `design --resume`), damaged.
     """
     from agentflow.app.inspect.overview import run_list
-    from agentflow.cli.display.show_records import show_runs
+    from agentflow.cli.display.show_runs import show_runs
 
     print_result(list(run_list(folder)), as_json, show_runs)
 
 
 @commands.command(epilog="Example: agentflow show runs/recorded-throwing")
-def show(run: Run, as_json: Json = False) -> None:
+def show(run: options.Run, as_json: options.Json = False) -> None:
     """Show the stages, best machine, cost and failures of one run."""
     from agentflow.app.inspect.overview import run_details
-    from agentflow.cli.display.show_records import show_run
+    from agentflow.cli.display.show_runs import show_run
 
     print_result(run_details(run), as_json, show_run)
 
 
 @commands.command(epilog="Example: agentflow rescore runs/recorded-throwing")
 def rescore(
-    run: Run,
+    run: options.Run,
     engine: Annotated[
         str | None,
         typer.Option(help="Another physics engine, such as mujoco; default: that of the run."),
@@ -67,14 +68,14 @@ def rescore(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Worker processes; default: as in the run.")
     ] = None,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Simulate the machines of a run again, also with another engine; list the differences.
 
     The run itself is not changed.
     """
-    from agentflow.app.inspect.rescore import rescore as simulate_again
-    from agentflow.cli.display.show_records import show_rescored
+    from agentflow.app.subjects.rescore import rescore as simulate_again
+    from agentflow.cli.display.show_runs import show_rescored
 
     print_result(simulate_again(run, workers, engine), as_json, show_rescored)
 
@@ -94,9 +95,9 @@ def failures(
     source: Annotated[
         Path, typer.Argument(help="Run directory, or directory that contains runs or sweeps.")
     ],
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     from agentflow.app.inspect.failures import count_failures
-    from agentflow.cli.display.show_records import show_failures
+    from agentflow.cli.display.show_runs import show_failures
 
     print_result(count_failures(source), as_json, show_failures)

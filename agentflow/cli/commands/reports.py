@@ -8,14 +8,13 @@ from typing import Annotated
 import typer
 
 from agentflow.app.pages.registry import PAGES, page_of
+from agentflow.cli import options
 from agentflow.cli.display.text import show_count
-from agentflow.cli.root import Engine, Json, Knobs, commands, print_result
-from agentflow.errors import UsageError
+from agentflow.cli.root import commands, level_of, print_result
 
 Out = Annotated[
     Path | None, typer.Option(help="Output file; default: report.html in the directory.")
 ]
-Workers = Annotated[int, typer.Option(min=1, help="Worker processes for simulation.")]
 Films = Annotated[int, typer.Option(min=0, help="Number of machines to film, best first.")]
 
 
@@ -24,7 +23,7 @@ def report(
     run: Annotated[Path, typer.Argument(help="Directory of a run, a sweep or a training run.")],
     out: Out = None,
     films: Films = 200,
-    workers: Workers = 2,
+    workers: options.Workers = 2,
     page: Annotated[
         str | None,
         typer.Option(
@@ -51,25 +50,22 @@ def compare(
             "only blocks are compared."
         ),
     ] = None,
-    knobs: Knobs = None,
-    engine: Engine = None,
+    knobs: options.Knobs = None,
+    engine: options.Engine = None,
     seed: Annotated[
         int | None, typer.Option(help="Random seed; default: that of the first run, else 0.")
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Also write an HTML page with both films to this file.")
     ] = None,
-    workers: Workers = 2,
-    as_json: Json = False,
+    workers: options.Workers = 2,
+    as_json: options.Json = False,
 ) -> None:
     """Compare two machines: which blocks differ, and what both score on the same task."""
     from agentflow.app.pages.compare import compare as find_difference
-    from agentflow.app.tasks import find_task
-    from agentflow.cli.display.show import show_comparison
+    from agentflow.cli.display.show_machines import show_comparison
 
-    if knobs and task is None:
-        raise UsageError("--set changes a knob of a task; name the task with --task")
-    level = find_task(task, knobs or (), engine) if task else None
+    level = level_of(task, knobs, engine)
     found = find_difference(
         (a, b), level, seed, engine, out=out, workers=workers, say=show_count("simulation")
     )
@@ -82,7 +78,7 @@ def gallery(
         list[Path], typer.Argument(help="Run directories, or directories that contain runs.")
     ],
     out: Annotated[Path, typer.Option(help="Output file.")] = Path("gallery.html"),
-    workers: Workers = 2,
+    workers: options.Workers = 2,
 ) -> None:
     """Write an HTML gallery of the best machines, with films and scores."""
     from agentflow.app.pages.gallery import gallery as write

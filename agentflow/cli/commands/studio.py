@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from agentflow.cli.root import commands
-from agentflow.errors import ConfigError, UsageError
+from agentflow.errors import UsageError
+from agentflow.extras import needs_extra
 
 
 @commands.command(epilog="Example: agentflow studio --runs runs")
@@ -27,11 +28,6 @@ def studio(
     """
     if runs.exists() and not runs.is_dir():
         raise UsageError(f"{runs} is not a directory; name the directory of your runs with --runs")
-    try:
-        from agentflow.studio.server import serve
-    except ModuleNotFoundError as error:
-        library = str(error.name).partition(".")[0]
-        raise ConfigError(
-            f"{library} is not installed; install it with: pip install 'agentflow[studio]'"
-        ) from None
+    with needs_extra("studio"):
+        from agentflow.studio.app import serve
     serve(runs, port, lambda address: print(address, flush=True))

@@ -3,30 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from agentflow.cli import options
 from agentflow.cli.display.text import escape_controls
-from agentflow.cli.root import (
-    PARTLY,
-    BaseUrl,
-    Engine,
-    FormatOrJson,
-    Json,
-    ModelName,
-    On,
-    Quiet,
-    Settings,
-    Trust,
-    allow,
-    approve,
-    commands,
-    print_json,
-    print_table,
-)
+from agentflow.cli.root import PARTLY, allow, approve, commands, print_json, print_table
+from agentflow.metrics.formats import counted
 
 if TYPE_CHECKING:
     from agentflow.app.sweeps.estimates import Estimate
@@ -42,21 +29,16 @@ NO_ENDPOINT = 4
 @commands.command(epilog="Example: agentflow sweep configs/inspector.yaml --dry-run")
 def sweep(
     config: Annotated[Path, typer.Argument(help="Sweep file or existing sweep directory.")],
-    model: ModelName = None,
-    base_url: BaseUrl = None,
-    settings: Settings = None,
-    engine: Engine = None,
+    model: options.ModelName = None,
+    base_url: options.BaseUrl = None,
+    settings: options.Settings = None,
+    engine: options.Engine = None,
     seeds: Annotated[
         int | None, typer.Option(min=1, help="Use seeds 0 to N-1 instead of those in the file.")
     ] = None,
-    jobs: Annotated[
-        int,
-        typer.Option(min=1, help="Number of runs to execute concurrently; they share the workers."),
-    ] = 2,
-    workers: Annotated[
-        int | None, typer.Option(help="Worker processes, shared by all runs.")
-    ] = None,
-    on: On = "local",
+    jobs: options.Jobs = 2,
+    workers: options.SharedWorkers = None,
+    on: options.On = "local",
     store: Annotated[
         str | None,
         typer.Option(
@@ -65,15 +47,11 @@ def sweep(
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Parent directory for sweeps.")] = Path("sweeps"),
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Resume unfinished and failed runs.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="List the runs and estimate their cost.")
-    ] = False,
-    trust: Trust = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    resume: options.ResumeRuns = False,
+    dry_run: options.DryRun = False,
+    trust: options.Trust = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Run configurations that differ in a few settings.
 
@@ -84,14 +62,14 @@ def sweep(
     from agentflow.app.sweeps.run import run_sweep
     from agentflow.cli.display.sweep_live import watch_sweep
 
-    options = {
+    keys = {
         "model.name": model,
         "model.base_url": base_url,
         "engine": engine,
         "workers": workers,
     }
     allowed = allow if trust or dry_run else approve
-    plan = plan_sweep(config, settings or (), options, seeds, allowed)
+    plan = plan_sweep(config, settings or (), keys, seeds, allowed)
     folder = sweep_folder(plan, config, out)
     if dry_run:
         print_estimate(plan, folder, as_json)
@@ -125,35 +103,21 @@ def table(
         ),
     ],
     show: Annotated[
-        Literal[
-            "published",
-            "scores",
-            "usage",
-            "players",
-            "expansions",
-            "verified",
-            "transfer",
-            "best",
-            "curves",
-        ],
+        options.ViewName,
         typer.Option(
             help="View. published: columns as in the published table. scores: means with "
             "intervals; of a sweep, also Best@N (expected best score of N machines). "
             "Of a sweep only: usage (calls, tokens, time); players (best score divided by the "
             "mean score of experienced players); expansions (best score by number of new "
-            "machines); verified (scores of best machines and their verified scores). Of "
+            "machines); verified (scores of best machines and their verified scores); mechanisms "
+            "(how many runs found machines of each mechanism class, and how good). Of "
             "evaluations and training runs only: transfer (scores beside the tasks of training); "
             "best (Best@N, also by step of training); curves (every number logged in training, "
             "by step)."
         ),
     ] = "published",
-    form: FormatOrJson = "text",
-    published: Annotated[
-        bool,
-        typer.Option(
-            "--published", help="Add the published scores of other models as separate rows."
-        ),
-    ] = False,
+    form: options.FormatOrJson = "text",
+    published: options.Published = False,
 ) -> None:
     """Compare the runs of a sweep, or evaluated models and their training, in a table.
 
@@ -173,10 +137,10 @@ def table(
 
 def print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
     """Print the estimated cost of the runs that are left."""
-    from agentflow.app.design.models import choose_models
     from agentflow.app.sweeps.estimates import NOTHING, estimate
     from agentflow.app.sweeps.folder import RUNS
     from agentflow.config.run import build_config
+    from agentflow.models.choices import choose_models
 
     base, seeds = build_config(plan.sweep.base), len(plan.sweep.seeds)
     wanted = set(map(str, plan.sweep.seeds))
@@ -208,16 +172,7 @@ def print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
 
 
 def _estimate_json(cost: Estimate) -> dict[str, Any]:
-    return {
-        "calls": cost.calls,
-        "prompt_tokens": cost.prompt,
-        "completion_tokens": cost.completion,
-        "money": cost.money,
-        "rollouts": cost.rollouts,
-        "perturbation": cost.perturbation,
-        "verification": cost.verification,
-        "worker_seconds": round(cost.seconds, 1),
-    }
+    return {**asdict(cost), "worker_seconds": round(cost.worker_seconds, 1)}
 
 
 def _cost_text(cost: Mapping[str, Any]) -> str:
@@ -242,9 +197,9 @@ def _remaining_text(cost: Mapping[str, Any], runs: int, procedural: bool, worker
         priced = f"About {tokens} tokens, excluding reasoning; cost {price}"
         answers = ", plus the time of the model calls"
     return (
-        f"{runs} run{'s' if runs != 1 else ''} to do: about {cost['calls']} calls (excluding "
-        f"retries), at most {_simulations_text(cost)}, about {minutes:.1f} min with {workers} "
-        f"worker{'s' if workers != 1 else ''}{answers}. {priced}."
+        f"{counted(runs, 'run')} to do: about {cost['calls']} calls (excluding "
+        f"retries), at most {_simulations_text(cost)}, about {minutes:.1f} min with "
+        f"{counted(workers, 'worker')}{answers}. {priced}."
     )
 
 

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.root import Json, Knobs, commands, print_result
+from agentflow.cli import options
+from agentflow.cli.root import commands, print_result
 from agentflow.errors import UsageError
 
 
@@ -16,7 +17,7 @@ def tasks(
     name: Annotated[
         str | None, typer.Argument(help="Level to show: its name, or the path of a YAML file.")
     ] = None,
-    knobs: Knobs = None,
+    knobs: options.Knobs = None,
     picture: Annotated[
         Path | None,
         typer.Option(help="Save a drawing of the level (top and right views) to this .png file."),
@@ -29,11 +30,11 @@ def tasks(
         Path | None,
         typer.Option(help="Write an HTML page with drawings of the level, or of all levels."),
     ] = None,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """List all levels, or show one level: scene, schedule, score, blocks and knobs."""
     from agentflow.app.tasks import list_tasks, task_json
-    from agentflow.cli.display.show import show_task, show_tasks
+    from agentflow.cli.display.show_tasks import show_task, show_tasks
 
     if name is None and (knobs or picture):
         raise UsageError("--set and --picture need one level; name it")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from agentflow.cli.commands.machines import Seed, Task, named_task
-from agentflow.cli.root import Engine, Json, Knobs, commands, print_result
+from agentflow.cli import options
+from agentflow.cli.root import commands, print_result
 
 
 @commands.command(epilog="Example: agentflow verify examples/car.json --task movement")
@@ -16,12 +15,12 @@ def verify(
     source: Annotated[
         str, typer.Argument(help="Machine file, - for standard input, or run directory.")
     ],
-    task: Task = None,
-    knobs: Knobs = None,
-    engine: Engine = None,
-    seed: Seed = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Worker processes for simulation.")] = 2,
-    as_json: Json = False,
+    task: options.Task = None,
+    knobs: options.Knobs = None,
+    engine: options.Engine = None,
+    seed: options.Seed = 0,
+    workers: options.Workers = 2,
+    as_json: options.Json = False,
 ) -> None:
     """Check whether a score holds when the simulation changes a little.
 
@@ -32,19 +31,10 @@ def verify(
     A run stands for its best machine. Without --task, the run's own task, knobs and seed are used,
     and the result is stored in the run unless it has one already.
     """
-    from agentflow.cli.display.live import print_line
-    from agentflow.cli.display.show_verified import show_verified
+    from agentflow.app.subjects.subject import resolve
+    from agentflow.app.subjects.verify import verify as simulate_again
+    from agentflow.cli.display.live import print_remark
+    from agentflow.cli.display.show_scores import show_verified
 
-    name = named_task(source, task, knobs, seed, engine)
-    if name is None:
-        from agentflow.app.inspect.verify import verify_run
-
-        found = verify_run(Path(source), workers, lambda line: print_line(f"agentflow: {line}"))
-    else:
-        from agentflow.app.machines.files import machine_text
-        from agentflow.app.machines.verify import verify_text
-        from agentflow.app.tasks import find_task
-
-        level = find_task(name, knobs or (), engine)
-        found = verify_text(machine_text(source), level, seed=seed, workers=workers)
-    print_result(found, as_json, show_verified)
+    subject = resolve(source, task, knobs, seed, engine)
+    print_result(simulate_again(subject, workers, print_remark), as_json, show_verified)

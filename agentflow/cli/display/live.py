@@ -15,8 +15,9 @@ from rich.table import Table
 from rich.text import Text
 
 from agentflow.cli.display.output import SafeConsole
-from agentflow.cli.display.text import escape_controls, number
+from agentflow.cli.display.text import escape_controls
 from agentflow.metrics.failure_kinds import CUT_OFF, EMPTY, FILTERED
+from agentflow.metrics.formats import number
 from agentflow.metrics.niches import Elites, best_by_class
 from agentflow.runs import Event, Listener, Notify
 from agentflow.runs.events import (
@@ -33,7 +34,6 @@ from agentflow.runs.events import (
     StageEvent,
     ToolEvent,
     VerificationEvent,
-    typed_event,
 )
 from agentflow.runs.record import RunRecord
 
@@ -83,9 +83,8 @@ class Progress:
     failures: deque[str] = field(default_factory=lambda: deque(maxlen=3))
     started: float = field(default_factory=time.monotonic)
 
-    def note(self, event: Event) -> None:
+    def note(self, item: RunEvent | Event) -> None:
         """Take in one event."""
-        item = typed_event(event)
         if isinstance(item, RunStartEvent):  # the next of several runs
             self.record, self.curve = RunRecord(), []
         self.record.add(item)
@@ -177,8 +176,8 @@ def _refusal(event: AttemptEvent) -> str:
     return reason if event.parsed else reason.partition(";")[0]
 
 
-def _print_event(event: Event) -> None:
-    if line := _line(typed_event(event)):
+def _print_event(event: RunEvent | Event) -> None:
+    if line := _line(event):
         print_line(line)
 
 

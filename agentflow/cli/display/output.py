@@ -1,8 +1,9 @@
-"""Terminal output in which control characters from models and files are escaped."""
+"""Output for people: results declared by their fields, and control characters escaped."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -10,7 +11,9 @@ from rich.segment import Segment
 from rich.table import Table
 
 from agentflow.cli.display.text import escape_controls
+from agentflow.metrics.formats import NOTHING
 
+Data = Mapping[str, Any]
 LONG = 1000
 """Width in characters for tables of paths, so that no path is wrapped or cut."""
 
@@ -69,3 +72,50 @@ def columns(*names: str) -> Cells:
     for name in names:
         table.add_column(name, overflow="fold")  # a truncated number would read as another number
     return table
+
+
+@dataclass(frozen=True)
+class Field:
+    """One fact of a result."""
+
+    label: str
+    """Heading of its column, or beginning of its line."""
+    show: Callable[[Data], str | None]
+    """Its text; None where the result lacks it: then a table has a dash, and a list no line."""
+
+
+def field(label: str, key: str = "", show: Callable[[Any], str | None] = str) -> Field:
+    """A field that shows the value of a key, by default of the key with the name of the label."""
+
+    def text(item: Data) -> str | None:
+        value = item.get(key or label)
+        return None if value is None else show(value)
+
+    return Field(label, text)
+
+
+def answer(label: str, key: str, unknown: str) -> Field:
+    """A field that is true, false or None, which is shown as `unknown`."""
+    return Field(label, lambda item: {True: "yes", False: "no", None: unknown}[item[key]])
+
+
+def table(fields: Sequence[Field], rows: Iterable[Data | None]) -> Cells:
+    """A table with a column for each field; None among the rows is an empty line."""
+    found = columns(*(each.label for each in fields))
+    for row in rows:
+        shown = () if row is None else [each.show(row) for each in fields]
+        found.add_row(*(NOTHING if text is None else text for text in shown))
+    return found
+
+
+def print_lines(console: Output, fields: Iterable[Field], item: Data) -> None:
+    """Print a line for each field that the result has."""
+    for each in fields:
+        if (text := each.show(item)) is not None:
+            console.print(f"{each.label}: {text}")
+
+
+def print_problems(console: Output, problems: Iterable[Data] | None) -> None:
+    """Print why a machine is not valid, a line for each problem."""
+    for problem in problems or ():
+        console.print(f"{problem['code']}: {problem['message']}")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -16,9 +15,10 @@ from rich.text import Text
 from agentflow.app.sweeps.run import Watcher
 from agentflow.cli.display.live import print_line
 from agentflow.cli.display.output import SafeConsole
-from agentflow.cli.display.text import escape_controls, number
-from agentflow.runs import Event
-from agentflow.runs.events import typed_event
+from agentflow.cli.display.text import escape_controls
+from agentflow.metrics.formats import number
+from agentflow.runs import Event, RunResult
+from agentflow.runs.events import RunEvent
 from agentflow.runs.record import RunRecord
 
 SPARE = 6
@@ -46,15 +46,15 @@ class Lines:
     def run_started(self, run: str) -> None:
         self._print(f"{run}: started")
 
-    def event(self, run: str, event: Event) -> None:
+    def event(self, run: str, event: RunEvent | Event) -> None:
         """Show nothing."""
 
     def remark(self, run: str, line: str) -> None:
         self._print(f"agentflow: {run}: {line}")
 
-    def run_finished(self, run: str, result: Mapping[str, Any]) -> None:
-        score, seconds = number(result["score"]), f"{result['seconds']:.0f} s"
-        self._print(f"{run}: done, score {score}, {result['calls']} calls, {seconds}")
+    def run_finished(self, run: str, result: RunResult) -> None:
+        score, seconds = number(result.score), f"{result.seconds:.0f} s"
+        self._print(f"{run}: done, score {score}, {result.calls} calls, {seconds}")
 
     def run_failed(self, run: str, reason: str) -> None:
         print_line(f"agentflow: {run}: failed: {reason}")
@@ -70,7 +70,7 @@ class Line:
 
     state: str = "running"
     record: RunRecord = field(default_factory=RunRecord)
-    result: Mapping[str, Any] | None = None
+    result: RunResult | None = None
     message: str = ""
     started: float = field(default_factory=time.monotonic)
     ended: float | None = None
@@ -85,7 +85,7 @@ class Line:
     @property
     def best(self) -> float | None:
         """The result's score, or the best so far."""
-        return self.record.best if self.result is None else self.result["score"]
+        return self.record.best if self.result is None else self.result.score
 
 
 @dataclass
@@ -100,13 +100,13 @@ class View:
     def run_started(self, run: str) -> None:
         self.lines[run] = Line()
 
-    def event(self, run: str, event: Event) -> None:
-        self.lines[run].record.add(typed_event(event))
+    def event(self, run: str, event: RunEvent | Event) -> None:
+        self.lines[run].record.add(event)
 
     def remark(self, run: str, line: str) -> None:
         self.console.print(Text(escape_controls(f"{run}: {line}")))
 
-    def run_finished(self, run: str, result: Mapping[str, Any]) -> None:
+    def run_finished(self, run: str, result: RunResult) -> None:
         line = self.lines[run]
         line.state, line.ended, line.result = "done", time.monotonic(), result
 

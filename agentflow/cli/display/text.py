@@ -4,21 +4,12 @@ from __future__ import annotations
 
 import errno
 import sys
-from collections.abc import Callable
 from contextlib import suppress
+
+from agentflow.progress import Progress
 
 WRITING = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EBADF)
 """Write errors. One without a file name is about stdout, as all other writes name their file."""
-
-
-def number(value: float | None) -> str:
-    """A score with two decimals; "-" for None."""
-    return "-" if value is None else f"{value:.2f}"
-
-
-def block_count(count: int, most: int | None) -> str:
-    """The blocks of a machine, and the most that its task allows: "23 of 40 blocks"."""
-    return f"{count} blocks" if most is None else f"{count} of {most} blocks"
 
 
 def escape_controls(text: str, kept: str = "") -> str:
@@ -26,7 +17,7 @@ def escape_controls(text: str, kept: str = "") -> str:
     return "".join(c if c.isprintable() or c in kept else repr(c)[1:-1] for c in text)
 
 
-def show_count(noun: str) -> Callable[[int, int], None]:
+def show_count(noun: str) -> Progress:
     """Shows progress on stderr: one line that changes on a terminal, else every tenth as a line."""
 
     def show(done: int, of: int) -> None:

@@ -68,10 +68,8 @@ def _frames(
     tracked, machine_solids = tracked_block(machine), MachineSolids(machine)
     for index, camera in enumerate(_cameras(trace, tracked, View(back=SIDE, size=size))):
         time = float(trace.times[index])
-        alive = set(np.flatnonzero(trace.alive[index]).tolist())
-        pose = Pose(trace.centre[index], trace.rotation[index], alive)
         broken = {item.block for item in rollout.broken if item.time <= time}
-        solids = machine_solids.things(pose, broken)
+        solids = machine_solids.things(Pose.at(trace, index), broken)
         others = _remove_occluders(things_at(rollout.scene, trace, index), camera)
         picture = render_image(camera, solids, others, GRID)
         _draw_trail(picture, camera, trace.centre[:index, tracked])

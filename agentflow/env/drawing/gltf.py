@@ -41,10 +41,7 @@ def rollout_glb(machine: Machine, rollout: Rollout) -> bytes:
     assert scene is not None
     glb, shapes = Glb(), MachineSolids(machine)
     breaks = {item.block: item.time for item in reversed(rollout.broken)}
-    poses = [
-        Pose(centre, rotation, alive=set(np.flatnonzero(alive).tolist()))
-        for centre, rotation, alive in zip(trace.centre, trace.rotation, trace.alive, strict=True)
-    ]
+    poses = [Pose.at(trace, index) for index in range(len(trace.times))]
     blocks = []
     for step in machine:
         blocks.append(_block(glb, step, shapes, poses[0], breaks.get(step.id)))

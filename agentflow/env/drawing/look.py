@@ -8,7 +8,16 @@ from io import BytesIO
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from agentflow.env.drawing.cameras import THREE_QUARTER, Camera, Size, View, camera_at, fit, project
+from agentflow.env.drawing.cameras import (
+    THREE_QUARTER,
+    VIEWS,
+    Camera,
+    Size,
+    View,
+    camera_at,
+    fit,
+    project,
+)
 from agentflow.env.drawing.film import things_at
 from agentflow.env.drawing.raster import corners_of
 from agentflow.env.drawing.solids import MachineSolids, Pose
@@ -21,9 +30,9 @@ from agentflow.machine.tree import Machine
 
 SIZE: Size = (640, 480)
 DIRECTIONS: dict[str, Vec3] = {
-    "front": (0.0, 0.0, 1.0),
-    "side": (1.0, 0.0, 0.0),
-    "top": (0.0, 1.0, -1e-6),
+    "front": VIEWS["front"],
+    "side": VIEWS["right"],
+    "top": VIEWS["top"],
     "iso": THREE_QUARTER,
 }
 """View -> direction from the machine to the eye; the top view has z+ at its upper edge."""
@@ -87,11 +96,9 @@ def _at(rollout: Rollout, time: float) -> tuple[Pose, list[Thing], set[int], str
         )
     index = int(np.abs(trace.times - time).argmin())
     at = float(trace.times[index])
-    alive = set(np.flatnonzero(trace.alive[index]).tolist())
-    pose = Pose(trace.centre[index], trace.rotation[index], alive)
     things = things_at(rollout.scene, trace, index) if rollout.scene else []
     broken = {item.block for item in rollout.broken if item.time <= at}
-    return pose, things, broken, f"{at:.2f} s"
+    return Pose.at(trace, index), things, broken, f"{at:.2f} s"
 
 
 def _label_blocks(picture: Image.Image, camera: Camera, centres: Array) -> None:

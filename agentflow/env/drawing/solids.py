@@ -11,7 +11,7 @@ from agentflow.env.constants import constants
 from agentflow.env.drawing.cameras import to_vec3
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.model import Assembly, Color
-from agentflow.env.rollout import Array
+from agentflow.env.rollout import Array, Trace
 from agentflow.env.rotations import compose, conjugate, rotate
 from agentflow.env.scene import Thing
 from agentflow.machine.geometry.placement import place
@@ -44,6 +44,12 @@ class Pose:
     """(N, 4) quaternions."""
     alive: Collection[int]
     """Blocks that are still connected to their parent."""
+
+    @classmethod
+    def at(cls, trace: Trace, index: int) -> Pose:
+        """The pose in one sample."""
+        alive = set(np.flatnonzero(trace.alive[index]).tolist())
+        return cls(trace.centre[index], trace.rotation[index], alive)
 
 
 class MachineSolids:

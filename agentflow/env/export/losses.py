@@ -16,7 +16,7 @@ def urdf_losses(assembly: Assembly, plan: Skeleton) -> tuple[str, ...]:
         "the pull of springs": [parts[spring.a].block for spring in devices.springs],
         "the pull of winches": [parts[winch.a].block for winch in devices.winches],
         "thrust": [parts[thruster.part].block for thruster in devices.thrusters],
-        "the lift of blades": [parts[blade.part].block for blade in devices.blades],
+        **motion_losses(assembly),
         "the grip of grabbers": [parts[gripper.part].block for gripper in devices.grippers],
         "the springs of suspensions": [joint.block for joint in moving if joint.drive.stiffness],
         "joints that close loops, which are open": [joints[i.joint].block for i in plan.loops],
@@ -30,6 +30,14 @@ def urdf_losses(assembly: Assembly, plan: Skeleton) -> tuple[str, ...]:
     if balls := [joint.block for joint in moving if joint.kind == "spherical"]:
         notes.append(f"ball joints are hinges about x, y and z in series: {name_blocks(balls)}")
     return tuple(notes)
+
+
+def motion_losses(assembly: Assembly) -> dict[str, list[int]]:
+    """What is lost with devices that push their part as it moves -> their blocks."""
+    lost: dict[str, list[int]] = {}
+    for device in assembly.devices.moved:
+        lost.setdefault(device.loss, []).append(assembly.parts[device.part].block)
+    return lost
 
 
 def name_blocks(ids: Iterable[int]) -> str:

@@ -8,22 +8,22 @@ they have in physics engines.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from math import asin, atan2, copysign, pi
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 from agentflow.env.constants import constants
-from agentflow.env.export.cog_trains import train_leaders
 from agentflow.env.export.losses import name_blocks, urdf_losses
-from agentflow.env.export.xml_text import add_origin, number, numbers, size_of
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
-from agentflow.env.physics.model import Assembly, Drive, Joint, Part
-from agentflow.env.physics.structure.drives import merge_drives
+from agentflow.env.physics.frames import swap, swap_quaternion
+from agentflow.env.physics.model import Assembly, Drive, Part, Shape
+from agentflow.env.physics.solids import joint_axis
+from agentflow.env.physics.structure.drives import merge_drives, meshing_cogs
 from agentflow.env.physics.structure.spanning_tree import Link, Piece, Skeleton, skeleton
 from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
-from agentflow.machine.geometry.vectors import Vec3, add, scale, subtract
+from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3, add, subtract
 from agentflow.machine.tree import Machine
 
 GROUND: Vec3 = (0.0, 0.0, 0.0)
@@ -85,20 +85,20 @@ class _Robot:
         for shape in part.shapes:
             for use in ("visual", "collision") if shape.solid else ("visual",):
                 element = SubElement(link, use)
-                add_origin(element, swap(add(arm, shape.offset)), swap_quaternion(shape.rotation))
-                SubElement(SubElement(element, "geometry"), shape.kind, size_of(shape))
+                _add_origin(element, swap(add(arm, shape.offset)), swap_quaternion(shape.rotation))
+                SubElement(SubElement(element, "geometry"), shape.kind, _size_of(shape))
                 if use == "visual":
                     material = SubElement(element, "material", name=f"colour_of_{name}")
-                    SubElement(material, "color", rgba=numbers(part.color))
+                    SubElement(material, "color", rgba=_numbers(part.color))
 
     def _add_body(self, name: str, part: Part, arm: Vec3, share: float) -> Element:
         link = SubElement(self._xml, "link", name=name)
         inertial = SubElement(link, "inertial")
-        add_origin(inertial, swap(arm))
-        SubElement(inertial, "mass", value=number(share * part.mass))
+        _add_origin(inertial, swap(arm))
+        SubElement(inertial, "mass", value=_number(share * part.mass))
         inertia = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
         for name, moment in zip(("ixx", "iyy", "izz"), swap(part.inertia), strict=True):
-            inertia[name] = number(share * moment)
+            inertia[name] = _number(share * moment)
         SubElement(inertial, "inertia", inertia)
         return link
 
@@ -124,12 +124,11 @@ class _Robot:
     def _add_driven(self, link: Link, at: Vec3) -> None:
         """Add a joint with one axis, its drive, and the cog that it follows."""
         joint = self._joints[link.joint]
-        drive = merge_drives(self._joints, link.joint, link.parallel)
+        drive = merge_drives(self._joints, link)
         kind: str = joint.kind if joint.kind == "prismatic" or drive.stops else "continuous"
         ends = self._names[link.parent], self._names[link.part]
-        element = self._connect(kind, *ends, at, _axis(joint, link))
-        own = [(joint.drive, 1.0)]
-        own += [(self._joints[other.joint].drive, other.sign) for other in link.parallel]
+        element = self._connect(kind, *ends, at, joint_axis(joint, link))
+        own = [(self._joints[i].drive, sign) for i, sign in link.joints]
         _add_drive(element, [member for member, _ in own], drive.stops)
         for member, sign in own:
             if member.torque:
@@ -138,7 +137,7 @@ class _Robot:
         leader, ratio = self._leaders.get(link.joint, (link.joint, 1.0))
         if leader != link.joint:
             name = f"{self._child[leader]}_joint"
-            SubElement(element, "mimic", joint=name, multiplier=number(ratio), offset="0")
+            SubElement(element, "mimic", joint=name, multiplier=_number(ratio), offset="0")
 
     def _connect(
         self, kind: str, parent: str, child: str, at: Vec3, axis: Vec3 | None = None
@@ -146,9 +145,9 @@ class _Robot:
         joint = SubElement(self._xml, "joint", name=f"{child}_joint", type=kind)
         SubElement(joint, "parent", link=parent)
         SubElement(joint, "child", link=child)
-        add_origin(joint, swap(at))
+        _add_origin(joint, swap(at))
         if axis is not None:
-            SubElement(joint, "axis", xyz=numbers(axis))
+            SubElement(joint, "axis", xyz=_numbers(axis))
         return joint
 
 
@@ -163,18 +162,71 @@ def _add_drive(
     motors = [drive for drive in drives if drive.torque]
     fastest = max((abs(drive.speed) for drive in motors), default=constants()["speed_limit"])
     effort = sum(drive.torque for drive in motors)
-    limit = {"effort": number(effort), "velocity": number(fastest)}
+    limit = {"effort": _number(effort), "velocity": _number(fastest)}
     if stops is not None:
-        limit |= {"lower": number(stops[0]), "upper": number(stops[1])}
+        limit |= {"lower": _number(stops[0]), "upper": _number(stops[1])}
     if motors or stops is not None:
         SubElement(element, "limit", limit)
     damping = sum(drive.damping for drive in drives)
     friction = sum(drive.friction for drive in drives if not drive.torque)
     if damping or friction:
-        SubElement(element, "dynamics", damping=number(damping), friction=number(friction))
+        SubElement(element, "dynamics", damping=_number(damping), friction=_number(friction))
 
 
-def _axis(joint: Joint, link: Link) -> Vec3:
-    """A link that hangs the other way round turns about the opposite axis."""
-    image = swap(joint.axis) if joint.kind == "prismatic" else swap_turn(joint.axis)
-    return scale(image, -1.0) if link.reversed else image
+def train_leaders(assembly: Assembly, plan: Skeleton) -> Mapping[int, tuple[int, float]]:
+    """Joint of each cog that meshes -> the joint that leads its train, one with a motor if there
+    is any, and its position over that joint's."""
+    turning = [link for link in plan.links if not link.rigid]
+    near: dict[int, list[tuple[int, float]]] = {}
+    for mesh, (one, sign), (other, sign_other) in meshing_cogs(assembly, plan, turning):
+        ratio = -mesh.ratio * sign * sign_other
+        near.setdefault(other, []).append((one, ratio))
+        near.setdefault(one, []).append((other, 1.0 / ratio))
+    found: dict[int, tuple[int, float]] = {}
+    for first in sorted(near, key=lambda i: not assembly.joints[i].drive.torque):
+        train = [] if first in found else [first]
+        found.setdefault(first, (first, 1.0))
+        for i in train:
+            for other, ratio in near[i]:
+                if other not in found:
+                    found[other] = first, ratio * found[i][1]
+                    train.append(other)
+    return found
+
+
+def _add_origin(element: Element, place: Vec3, rotation: Quat = IDENTITY) -> None:
+    """Add a place and an orientation in the file's frame."""
+    SubElement(element, "origin", xyz=_numbers(place), rpy=_numbers(roll_pitch_yaw(rotation)))
+
+
+def roll_pitch_yaw(rotation: Quat) -> Vec3:
+    """Angles of turns about x, then y, then z, all fixed axes, rad."""
+    x, y, z, w = rotation
+    sine = 2.0 * (w * y - z * x)
+    if abs(sine) > 1.0 - 1e-12:  # roll and yaw turn about the same axis
+        return 0.0, copysign(pi / 2, sine), -copysign(2.0, sine) * atan2(x, w)
+    return (
+        atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
+        asin(sine),
+        atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+    )
+
+
+def _size_of(shape: Shape) -> dict[str, str]:
+    """Attributes of a shape; cylinders lie along z, the game's y."""
+    radius = _number(shape.size[0] / 2)
+    if shape.kind == "sphere":
+        return {"radius": radius}
+    if shape.kind == "cylinder":
+        return {"radius": radius, "length": _number(shape.size[1])}
+    return {"size": _numbers(swap(shape.size))}
+
+
+def _numbers(values: Iterable[float]) -> str:
+    """Such as "0 0.5 1"."""
+    return " ".join(map(_number, values))
+
+
+def _number(value: float) -> str:
+    """To 12 digits, which is more than the library and the constants have."""
+    return f"{value + 0.0:.12g}"  # + 0.0 turns -0 to 0

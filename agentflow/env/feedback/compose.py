@@ -3,16 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Any
 
-from agentflow.env.feedback.contacts import contact_line, telling
-from agentflow.env.feedback.energy import energy_lines
-from agentflow.env.feedback.loads import broken_lines, load_lines
 from agentflow.env.feedback.orientation import frame_text, orientation_runs, orientation_text
 from agentflow.env.feedback.stalls import stall_lines
-from agentflow.env.feedback.text import Series, number, spacing
-from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
+from agentflow.env.feedback.text import (
+    Series,
+    block_name,
+    body_name,
+    number,
+    rounded,
+    spacing,
+    thing_name,
+    vector_text,
+)
+from agentflow.env.measurements import Contact, Energy, Named, Peak
+from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
 from agentflow.machine.tree import Machine
+
+LEAST_WORK = 50.0
+"""Less work than this is not told, J."""
+MOST_CONTACTS = 4
+"""Most contacts in the text; the data holds all."""
+LEAST_SHARE = 0.1
+"""Hits with a smaller share of the hardest hit's impulse are not told."""
+AT_END = 0.2
+"""How long before the end bodies must have touched to count as touching at the end, s."""
+HELD = 0.5
+"""How long they must have touched for that, s."""
+APART = 0.05
+"""How much later than the first touch the hardest hit is told apart, s."""
+MOST_BREAKAGES = 5
+"""Most breakages that get their own line of text; the data holds all."""
+TELLING, TELLING_AFTER, LEAST_LOAD = 0.3, 0.5, 0.05
+"""Load over strength above which peaks up to the decisive moment are told, those after it, and the
+highest one in any case."""
+_SETTLING = " (while it settled, before t = 0)"
 
 
 def compose(
@@ -45,7 +72,7 @@ def compose(
     text = [
         f"Score: {number(verdict.score)} {unit}".rstrip(),
         *lines,
-        *energy_lines(machine, measured.energy, moment),
+        *_energy_lines(machine, measured.energy, moment),
         *contact_line(contacts, end),
         *broken_lines(machine, broken),
         *load_lines(measured.peaks, moment),
@@ -69,3 +96,115 @@ def compose(
         "contacts": [dict(vars(contact)) for contact in contacts],
     }
     return Feedback("\n".join(text), {**shared, **data})
+
+
+def _energy_lines(machine: Machine, energy: Energy | None, moment: Moment | None) -> list[str]:
+    """What did work until the decisive moment, and what moves then; [] if nothing moved."""
+    if energy is None:
+        return []
+    works = {"springs": energy.springs, "motors": energy.motors, "gravity": energy.gravity}
+    told = [f"{name} {rounded(work)}" for name, work in works.items() if abs(work) >= LEAST_WORK]
+    if not told:
+        return []
+    when = f"{moment.name} at {number(energy.time)} s" if moment else f"{number(energy.time)} s"
+    moving = f"machine {rounded(energy.machine)}"
+    if moment is not None and moment.body is not None:
+        moving = f"{body_name(machine, moment.body)} {rounded(energy.thrown)}, rest of the {moving}"
+    gone = (
+        f"lost {rounded(energy.lost)}" if energy.lost > 0 else f"air gave {rounded(-energy.lost)}"
+    )
+    return [
+        f"Energy until {when} (J): work of {', '.join(told)}; kinetic energy of {moving}; {gone}"
+    ]
+
+
+def telling(contacts: Sequence[Contact], moment: Moment | None, end: float) -> list[Contact]:
+    """The contacts that explain most, in order of time; `end` is that of the rollout, s.
+
+    Those of what is thrown come first, then what still holds the machine at the end (such as a wall
+    that stopped it), then by impulse.
+    """
+    body = None if moment is None else moment.body
+
+    def rank(contact: Contact) -> tuple[bool, bool, float]:
+        ours = body in (contact.a, contact.b)
+        return not ours, ours or not _holds(contact, end), -contact.hardest.impulse
+
+    ranked = sorted((each for each in contacts if not each.standing), key=rank)
+    most = max((each.hardest.impulse for each in ranked), default=0.0)
+    told = [
+        each
+        for each in ranked[:MOST_CONTACTS]
+        if _holds(each, end) or each.hardest.impulse >= LEAST_SHARE * most
+    ]
+    return sorted(told, key=lambda each: each.first.time)
+
+
+def _holds(contact: Contact, end: float) -> bool:
+    """Whether something other than the ground has touched for long and still does at the end."""
+    lasting = contact.last > end - AT_END and contact.last > contact.first.time + HELD
+    return lasting and isinstance(contact.b, str) and contact.b != "ground"
+
+
+def contact_line(contacts: Sequence[Contact], end: float) -> list[str]:
+    """One line; [] if no contact tells anything."""
+    parts = "; ".join(_contact_text(each, end) for each in contacts)
+    return [f"Contacts (impulse in N s, place): {parts}"] if parts else []
+
+
+def _contact_text(contact: Contact, end: float) -> str:
+    first, hardest = contact.first, contact.hardest
+    place = ", ".join(number(value, 1) for value in hardest.place)
+    when = f"at {number(first.time)} s"
+    if hardest.time > first.time + APART:
+        when += f", hardest at {number(hardest.time)} s"
+    if _holds(contact, end):
+        when += ", until the end"
+    return f"{_name(contact.a)} on {_name(contact.b)} {when}: {rounded(hardest.impulse)} ({place})"
+
+
+def _name(body: Named) -> str:
+    return thing_name(body) if isinstance(body, str) else f"block {body}"
+
+
+def broken_lines(machine: Machine, broken: Sequence[Broken]) -> list[str]:
+    """The connections that broke, in order of time."""
+    if not broken:
+        return ["Broken: none"]
+    lines = [
+        f"Broken: {block_name(machine, item.block)} off block {item.partner} at "
+        f"{number(item.time)} s{_SETTLING if item.time < 0.0 else ''}, load {number(item.load)} "
+        f"(force, moment: {_wrench_text(item)})"
+        for item in broken[:MOST_BREAKAGES]
+    ]
+    rest = broken[MOST_BREAKAGES:]
+    if rest:
+        names = ", ".join(f"{item.block} off {item.partner}" for item in rest)
+        lines.append(f"Broken later: {names}")
+    return lines
+
+
+def load_lines(peaks: Sequence[Peak], moment: Moment | None) -> list[str]:
+    """The connections that held with the highest loads, up to and after the decisive moment."""
+    lines: list[str] = []
+    for after, group in groupby(peaks, key=lambda peak: peak.after):
+        found = [peak for peak in group if peak.load < 1.0]
+        least = TELLING_AFTER if after else TELLING
+        told = [peak for peak in found if peak.load >= least] or found[: not after]
+        when = f" {'after' if after else 'up to'} {moment.name}" if moment else ""
+        if told and told[0].load >= LEAST_LOAD:
+            parts = "; ".join(map(_peak_text, told))
+            note = "" if lines else " (share of strength: force N, moment N m; breaks at 1)"
+            lines.append(f"Highest loads{when}{note}: {parts}")
+    return lines
+
+
+def _peak_text(peak: Peak) -> str:
+    return (
+        f"{peak.block}-{peak.partner} {number(peak.load)} at {number(peak.time)} s: "
+        + _wrench_text(peak)
+    )
+
+
+def _wrench_text(item: Peak | Broken) -> str:
+    return f"{vector_text(item.force)}, {vector_text(item.moment)}"

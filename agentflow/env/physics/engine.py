@@ -1,21 +1,30 @@
-"""The interface of a physics engine, in the game frame; each engine converts to its own."""
+"""The interface of a physics engine, in the game frame, and what starts one.
+
+Each engine converts to its own frame.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from agentflow.errors import UsageError
+from agentflow.errors import ConfigError, UsageError
 from agentflow.machine.problems import size_of_piece
 
 if TYPE_CHECKING:  # an engine's identity needs no physics
+    from agentflow.env.constants import Constants
     from agentflow.env.physics.laws.forces import Entry
     from agentflow.env.physics.model import Assembly, State
     from agentflow.env.rollout import Array
-    from agentflow.env.scene import Scene
-    from agentflow.env.tasks.base import Body
+    from agentflow.env.scene import Body, Scene
     from agentflow.machine.geometry.vectors import Quat, Vec3
+
+AUTO = "auto"
+"""Name that stands for the default engine."""
 
 
 class TooLargeError(UsageError):
@@ -47,11 +56,6 @@ class Touch(NamedTuple):
     """Where the contact force is greatest, m."""
     force: float
     """Sum of the normal forces in the last step, N."""
-
-
-def touch_order(body: Body) -> tuple[bool, int, str]:
-    """Sorts the bodies of a touch."""
-    return (False, body, "") if isinstance(body, int) else (True, 0, body)
 
 
 class Power(NamedTuple):
@@ -169,3 +173,38 @@ class Engine(Protocol):
 
     def close(self) -> None:
         """Release the engine's resources; may be called twice."""
+
+
+@dataclass(frozen=True)
+class EngineSpec:
+    """How to start an engine; its library is loaded only when it starts."""
+
+    name: str
+    libraries: tuple[str, ...]
+    """Distributions that provide its library; the first installed one is used."""
+    factory: str
+    """"module:attribute" of a callable that makes the engine from its constants (or None: those of
+    `constants.json`)."""
+    most_parts: int | None = None
+    """Most parts that it can hold in one piece of a machine; None: any number."""
+
+    @cached_property
+    def identity(self) -> EngineIdentity:
+        """Name and library version, determined without loading the library.
+
+        Raises:
+            ConfigError: The library is not installed.
+        """
+        for distribution in self.libraries:
+            try:
+                return EngineIdentity(self.name, version(distribution))
+            except PackageNotFoundError:
+                continue
+        needed = " or ".join(self.libraries)
+        raise ConfigError(f"the physics engine {self.name!r} needs {needed}; install it")
+
+    def start(self, physics: Constants | None = None) -> Engine:
+        """Load the library and make an engine."""
+        module, _, attribute = self.factory.partition(":")
+        engine: Engine = getattr(import_module(module), attribute)(physics)
+        return engine

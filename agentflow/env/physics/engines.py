@@ -1,71 +1,13 @@
-"""The registry of physics engines, and how one is chosen."""
+"""Physics engines: how one is chosen."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING
-
-from agentflow.env.physics.engine import Engine, EngineIdentity
+from agentflow.env.constants import constants
+from agentflow.env.physics.engine import AUTO, EngineSpec
+from agentflow.env.physics.registry import ENGINES
 from agentflow.errors import ConfigError, UnknownNameError
+from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Limits
-from agentflow.registry import Registry, instance_of
-
-if TYPE_CHECKING:
-    from agentflow.env.constants import Constants
-
-
-@dataclass(frozen=True)
-class EngineSpec:
-    """How to start an engine; its library is loaded only when it starts."""
-
-    name: str
-    libraries: tuple[str, ...]
-    """Distributions that provide its library; the first installed one is used."""
-    factory: str
-    """"module:attribute" of a callable that makes the engine from its constants (or None: those of
-    `constants.json`)."""
-    most_parts: int | None = None
-    """Most parts that it can hold in one piece of a machine; None: any number."""
-
-    @cached_property
-    def identity(self) -> EngineIdentity:
-        """Name and library version, determined without loading the library.
-
-        Raises:
-            ConfigError: The library is not installed.
-        """
-        for library in self.libraries:
-            try:
-                return EngineIdentity(self.name, version(library))
-            except PackageNotFoundError:
-                continue
-        needed = " or ".join(self.libraries)
-        raise ConfigError(f"the physics engine {self.name!r} needs {needed}; install it")
-
-    def start(self, physics: Constants | None = None) -> Engine:
-        """Load the library and make an engine."""
-        module, _, attribute = self.factory.partition(":")
-        engine: Engine = getattr(import_module(module), attribute)(physics)
-        return engine
-
-
-ENGINES: Registry[EngineSpec] = Registry(
-    "physics engine",
-    "agentflow.engines",
-    {
-        "pybullet": "agentflow.env.physics.pybullet:PYBULLET",
-        "mujoco": "agentflow.env.physics.mujoco:MUJOCO",
-    },
-    instance_of(EngineSpec),
-)
-"""All engines, the preferred one first."""
-
-
-AUTO = "auto"
-"""Name that stands for the default engine."""
 
 
 def installed_engines() -> tuple[EngineSpec, ...]:
@@ -123,6 +65,19 @@ def engine_limits(name: str = AUTO) -> Limits:
         return Limits()
     spec = default_engine() if name == AUTO else ENGINES[name]
     return Limits(parts=spec.most_parts, engine=spec.name)
+
+
+def physics_conditions(name: str = AUTO) -> dict[str, str]:
+    """What decides the result of a simulation besides machine and task: constants, blocks, engine.
+
+    Raises:
+        ConfigError: The engine of this name is not installed.
+    """
+    return {
+        "constants": constants().digest,
+        "blocks": library().digest,
+        "engine": str(choose_engine(name).identity),
+    }
 
 
 def _is_installed(spec: EngineSpec) -> bool:

@@ -132,6 +132,8 @@ class Loads:
             reactions = reactions.copy()
             for loop in self._plan.loops:
                 reactions[loop.joints] = loop.share(reactions)
+        # The two arrays change places: the last step's loads are kept, and the new ones written
+        # over those before them. Readers of `level` copy what they keep.
         level, before, spare = self._before, self.level, self._spare
         self.level, self._before = level, before
         keep, take = self._weigh(divisions)

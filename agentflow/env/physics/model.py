@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from agentflow.env.physics.laws.flight import Heat, PropellerBlade, Thruster
+from agentflow.env.physics.laws.flight import Heat, Thruster
 from agentflow.env.physics.laws.forces import Entry
+from agentflow.env.physics.laws.motion import MotionDevice
 from agentflow.env.physics.laws.tension import Spring, Winch
 from agentflow.env.rollout import Array
 from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3
@@ -144,7 +145,8 @@ class Devices:
     springs: tuple[Spring, ...] = ()
     thrusters: tuple[Thruster, ...] = ()
     flames: tuple[Heat, ...] = ()
-    blades: tuple[PropellerBlade, ...] = ()
+    moved: tuple[MotionDevice, ...] = ()
+    """Those that push their part as it moves."""
     winches: tuple[Winch, ...] = ()
     grippers: tuple[Gripper, ...] = ()
     cog_meshes: tuple[CogMesh, ...] = ()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import sqrt
+from typing import Protocol
 
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import cross, matrices, turn
@@ -17,6 +18,21 @@ VELOCITY, SPIN = slice(7, 10), slice(10, 13)
 WIDTH = 13
 Row = tuple[float, ...]
 """One such row as plain numbers."""
+
+
+class Rows(Protocol):
+    """All rows after the last step."""
+
+    def __getitem__(self, row: int) -> Row:
+        """One row."""
+
+    @property
+    def all(self) -> list[Row]:
+        """Every row; a new list after each step."""
+
+    @property
+    def table(self) -> Array:
+        """(C, 13) every row; a new array after each step."""
 
 
 def move_rows(rows: Array, offsets: Array) -> Array:

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
-import json
 import os
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
-from agentflow import __version__
 from agentflow.env.archive import load_npz, save_npz
-from agentflow.env.constants import constants
-from agentflow.env.physics.engines import choose_engine
+from agentflow.env.physics.engines import physics_conditions
 from agentflow.env.pool.base import Simulator
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
-from agentflow.errors import RunError, UsageError
-from agentflow.files import write_atomically
-from agentflow.machine.blocks.library import library
+from agentflow.errors import UsageError
+from agentflow.files.atomic import os_errors, write_atomically, write_output
+from agentflow.files.documents import digest_of
 from agentflow.machine.tree import Machine
+from agentflow.version import __version__
 
 
 def rollout_key(machine: Machine, task: Task, seed: int, variation: Variation = DEFAULT) -> str:
@@ -32,9 +29,7 @@ def rollout_key(machine: Machine, task: Task, seed: int, variation: Variation = 
 def _setting_key(task: Task, seed: int, variation: Variation = DEFAULT) -> str:
     setting = {
         "agentflow": __version__,
-        "constants": constants().digest,
-        "blocks": library().digest,
-        "engine": str(choose_engine(task.engine).identity),
+        **physics_conditions(task.engine),
         "family": task.family,
         "parameters": task.parameters.model_dump(mode="json"),
         "window": task.window,
@@ -42,8 +37,7 @@ def _setting_key(task: Task, seed: int, variation: Variation = DEFAULT) -> str:
         "seed": seed,
         "variation": variation.key,
     }
-    text = json.dumps(setting, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return digest_of(setting)
 
 
 class Store:
@@ -61,11 +55,9 @@ class Store:
         self._machines, self._rollouts = path / "machines", path / "rollouts"
         self._pool = pool
         self._busy: dict[str, asyncio.Lock] = {}
-        try:
+        with os_errors(f"cannot write to {path}"):
             for folder in (self._machines, self._rollouts):
                 folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RunError(f"cannot write to {path}: {error.strerror}") from None
 
     async def run(
         self, machine: Machine, task: Task, *, seed: int = 0, variation: Variation = DEFAULT
@@ -89,7 +81,8 @@ class Store:
                     return load_npz(path)
             rollout = await self._pool.run(machine, task, seed=seed, variation=variation)
             if rollout.score is not None:
-                _save(rollout, path)
+                with write_output(path) as part:
+                    save_npz(rollout, part)
             return rollout
 
     def share(self, run: Path, task: Task, seed: int) -> None:
@@ -103,14 +96,6 @@ class Store:
             kept = self._rollouts / f"{file.stem}-{_setting_key(task, seed)}.npz"
             if kept.exists():
                 _hard_link(file, kept)
-
-
-def _save(rollout: Rollout, path: Path) -> None:
-    try:
-        with write_atomically(path) as part:
-            save_npz(rollout, part)
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror}") from None
 
 
 def _hard_link(file: Path, kept: Path) -> None:

@@ -13,10 +13,8 @@ from agentflow.env.physics.engine import World
 from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
 from agentflow.env.rollout import Broken, Moment, Trace
-from agentflow.env.simulation.contacts import ContactLog
-from agentflow.env.simulation.load_history import LoadHistory
+from agentflow.env.simulation.logs import ContactLog, LoadHistory, WorkLog
 from agentflow.env.simulation.recorder import Interval, Recorder, thin_out
-from agentflow.env.simulation.work import WorkLog
 
 FINE = 0.02
 """Least time between fine samples, s."""

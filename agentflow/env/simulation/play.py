@@ -25,7 +25,7 @@ from agentflow.env.rollout import (
     Trace,
     Verdict,
 )
-from agentflow.env.simulation.load_history import split_wrench
+from agentflow.env.simulation.logs import split_wrench
 from agentflow.env.simulation.monitor import Monitor
 from agentflow.env.simulation.recorder import digest
 from agentflow.env.simulation.settling import Settling
@@ -88,8 +88,9 @@ class Play:
         self._steps = 0
         self._time = 0.0
         """The same with parts of a step."""
+        self._settled = False
         self._start_step = 0
-        """Steps that settling took."""
+        """Steps that settling took; 0 until it is over."""
         self._broken: list[tuple[float, int, float]] = []
         """Step, joint and load of each breakage."""
         self._wrenches: dict[int, Array] = {}
@@ -129,7 +130,7 @@ class Play:
 
     def _start(self) -> None:
         """t = 0: start the referee and take the first sample."""
-        self._start_step = self._steps
+        self._settled, self._start_step = True, self._steps
         for i, reason in self._loads.locked.items():
             joint = self._assembly.joints[i]
             text = f"the moving joint of block {joint.block} cannot move: {reason}"
@@ -197,20 +198,20 @@ class Play:
 
     def _step(self) -> Status:
         """Take one step, which may be divided into finer ones."""
-        start, stepping = self._start_step, self._stepping
-        divisions = stepping.advance(self._loads.peak) if start else stepping.settling
+        settled, stepping = self._settled, self._stepping
+        divisions = stepping.advance(self._loads.peak) if settled else stepping.settling
         thorough = self._steps % self._check_every == 0
         for part in range(1, divisions + 1):
             self._time = self._steps + part / divisions
             status = self._advance(divisions, thorough)
             if status != "ok":
                 return status
-            if start and not self._over:
+            if settled and not self._over:
                 self._over = bool(self._referee.watch(self._view))
         self._steps += 1
-        if start:
+        if settled:
             speeds = self._world.speeds(thorough=False) if thorough else self._speeds
-            self._monitor.add_step((self._steps - start) / self._rate, speeds)
+            self._monitor.add_step(self._elapsed / self._rate, speeds)
         if perf_counter() - self._began > self._wall_limit:
             return "timeout"
         return "ok"
@@ -228,7 +229,7 @@ class Play:
         if not loads.finite:
             return "diverged"
         self._to_split = tuple(broken)
-        if self._start_step:
+        if self._settled:
             self._view.time = seconds = (self._time - self._start_step) / self._rate
             self._monitor.add_part(seconds)
         if loads.near or broken:
@@ -242,7 +243,7 @@ class Play:
         for joint, load in broken.items():
             self._broken.append((self._time, joint, load))
             self._wrenches[joint] = self._loads.wrench(self._loads.failed[joint], joint)
-            self._monitor.recorder.lose(joint, self._view.time if self._start_step else -inf)
+            self._monitor.recorder.lose(joint, self._view.time if self._settled else -inf)
             self._monitor.look_closely()
 
     @property
@@ -312,7 +313,7 @@ class Play:
                 stalls = stalled_motors(self._machine, trace.even, switches)
                 verdict = replace(verdict, events=(*verdict.events, *stalls))
             return trace, verdict, self._task.feedback(self._machine, trace, broken, verdict)
-        recorded = self._start_step and status != "timeout"
+        recorded = self._settled and status != "timeout"
         states = self._monitor.trace() if recorded else None
         seconds = self._elapsed / self._rate
         if status == "diverged":

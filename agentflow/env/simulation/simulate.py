@@ -16,7 +16,7 @@ from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine.problems import LATER_RULES
 from agentflow.machine.tree import Machine
-from agentflow.machine.validity import check
+from agentflow.machine.validity import problems_of
 
 RATES = (30, 1000)
 """Hz: below them contacts and load windows are not resolved, above them rollouts take too long."""
@@ -69,7 +69,7 @@ def simulate(
     if engine is not None:
         task = replace(task, engine=engine.identity.name)
     later = LATER_RULES if recorded else frozenset()
-    problems = [item for item in check(machine, task.brief).problems if item.code not in later]
+    problems = [item for item in problems_of(machine, task.brief) if item.code not in later]
     if problems:
         return invalid_rollout(problems)
     chosen = engine or _own_engine(task.engine)

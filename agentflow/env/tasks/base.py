@@ -9,10 +9,10 @@ from typing import ClassVar, Protocol
 
 from pydantic import BaseModel, ConfigDict
 
-from agentflow.env.physics.engines import AUTO
+from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
-from agentflow.env.scene import Scene
+from agentflow.env.scene import Body, Scene
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
 from agentflow.env.tasks.guard import guard_family
 from agentflow.machine.brief import Brief
@@ -22,10 +22,6 @@ from agentflow.machine.tree import Machine
 
 ROUNDING = 1e-6
 """Tolerance for the rounding error of summed time steps, s."""
-
-
-Body = int | str
-"""A block id, the name of a scene object, or "ground"."""
 
 
 Switch = tuple[float, Entry, float]

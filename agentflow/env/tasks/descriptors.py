@@ -91,6 +91,11 @@ def wheelbase(machine: Machine, rollout: Rollout) -> float:  # noqa: ARG001
     return max(along) - min(along) if along else 0.0
 
 
+ON_WHEELS = (
+    Descriptor(Axis("number of powered wheels", "", -0.5, 11.5, 12), count_driven_wheels),
+    Descriptor(Axis("wheelbase", "m", 0.0, 16.0, 8), wheelbase),
+)
+"""For families whose machines drive."""
 GENERAL = (
     Descriptor(Axis("number of blocks", "", 0.0, 40.0, 8), count_blocks),
     Descriptor(Axis("mass", "kg", 0.0, 40.0, 8), weigh),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from abc import abstractmethod
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from math import cos, sin
@@ -19,7 +19,7 @@ from agentflow.env.tasks.base import Parameters, Schedule, Task
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import BRACE, library
 from agentflow.machine.blocks.types import Group
-from agentflow.machine.brief import Limits
+from agentflow.machine.brief import Brief, Limits
 from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.vectors import Vec3, about_axis
 
@@ -218,9 +218,29 @@ def tilted_plate(
 
 @dataclass(frozen=True)
 class Family(Task):
-    """A task whose parameters include the common knobs."""
+    """A task whose parameters include the common knobs.
+
+    A family sets `family`, `knobs` and its parameters. What else other parts of the package need
+    to know of it has a default.
+    """
 
     knobs: ClassVar[type[CommonKnobs]]
+    drives: ClassVar[bool] = False
+    """Whether its machines drive along z: powered wheels must then turn about x."""
+    stays: ClassVar[bool] = False
+    """Whether its machines stay in place, so that one that does not move is no failure."""
+    performance: ClassVar[str | None] = None
+    """Term of its score that is the reward of reinforcement learning; None: the score over the
+    level's good score."""
+    ranked: ClassVar[bool] = False
+    """Whether comparisons of engines rank machines of the procedural model, whose mechanisms for
+    the family should then have many dimensions."""
+    diagnosed: ClassVar[bool] = False
+    """Whether questions about machines are asked about designs for its first level; questions are
+    drawn from all such families, so one more changes them."""
+    similar: ClassVar[float] = 0.52
+    """A text whose TF-IDF cosine with a sentence of its briefs is this or more says the same:
+    paraphrases of our briefs reach 0.53 to 0.85, our own design objectives at most 0.50."""
     parameters: CommonKnobs
 
     @property
@@ -230,6 +250,36 @@ class Family(Task):
         limits = replace(engine_limits(self.engine), blocks=self.parameters.blocks.max or None)
         window = self.window if self.schedule.designed else None
         return replace(limits, controls=window, trials=self.schedule.trials)
+
+    def describe(
+        self,
+        blocks: Collection[int],
+        objective: str,
+        scene: Iterable[str],
+        score: Iterable[str],
+        schedule: Iterable[str] | None = None,
+    ) -> Brief:
+        """The brief of a level: its sentences with the types, limits and schedule that it allows.
+
+        Args:
+            blocks: Types that the family allows.
+            objective: As in `Brief`.
+            scene: As in `Brief`.
+            score: As in `Brief`.
+            schedule: As in `Brief`; by default, when motors, springs and steering hinges start.
+        """
+        allowed = self.allow(blocks)
+        if schedule is None:
+            schedule = schedule_sentences(self.schedule, self.window, allowed)
+        return Brief(
+            name=self.name,
+            objective=objective,
+            scene=tuple(scene),
+            schedule=tuple(schedule),
+            score=tuple(score),
+            blocks=tuple(sorted(allowed)),
+            limits=self.limits,
+        )
 
     def allow(self, blocks: Collection[int]) -> tuple[int, ...]:
         """The block types of a family that the level allows."""

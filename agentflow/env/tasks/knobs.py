@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 from pydantic import Field, ValidationError
 from pydantic.fields import FieldInfo
 
-from agentflow.config.yaml import find_bool_as_number
 from agentflow.env.tasks.base import Parameters
 from agentflow.errors import ConfigError
+from agentflow.files.faults import find_bool_as_number
 
 P = TypeVar("P", bound=Parameters)
 
@@ -95,24 +95,3 @@ def _explain(kind: type[Parameters], error: ValidationError, source: str) -> str
         rest = ", ..." if len(known) > SUGGESTIONS else ""
         return f"unknown knob {name!r} of {source}; known: {listed}{rest}"
     return f"{name} of {source} must be {found.range}, not {first['input']!r}"
-
-
-def nest_keys(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Turn dotted keys into nested mappings: {"wall.height": 2} -> {"wall": {"height": 2}}."""
-    tree: dict[str, Any] = {}
-    for key, value in values.items():
-        branch: Any = value
-        for part in reversed(key.split(".")):
-            branch = {part: branch}
-        tree = deep_merge(tree, branch)
-    return tree
-
-
-def deep_merge(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
-    """Merge nested mappings; values of `top` win."""
-    result = dict(base)
-    for key, value in top.items():
-        under = result.get(key)
-        both = isinstance(under, Mapping) and isinstance(value, Mapping)
-        result[key] = deep_merge(under, value) if both else value  # type: ignore[arg-type]
-    return result

@@ -14,7 +14,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from agentflow.env.physics.engines import AUTO, default_engine
+from agentflow.env.physics.engine import AUTO
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.blocks.library import library

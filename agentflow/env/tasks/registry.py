@@ -17,17 +17,18 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from operator import attrgetter
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from agentflow.config.yaml import NOT_YAML, describe_fault, first_fault, read_yaml
-from agentflow.env.physics.engines import AUTO, choose_engine
+from agentflow.env.physics.engine import AUTO
+from agentflow.env.physics.engines import choose_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.family import Family
-from agentflow.env.tasks.knobs import Knob, deep_merge, knobs_of, nest_keys, read_knobs
-from agentflow.errors import ConfigError, UnknownNameError, yaml_problem
+from agentflow.env.tasks.knobs import Knob, knobs_of, read_knobs
+from agentflow.errors import ConfigError, UnknownNameError
+from agentflow.files.faults import tell_fault
+from agentflow.files.yaml import deep_merge, nest_keys, parse_yaml, read_yaml_file
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import ROOT
 from agentflow.registry import Registry, subclass_of
@@ -130,7 +131,9 @@ def _levels(name: str) -> dict[str, Level]:
     levels = {}
     for number, file in _level_files(name).items():
         level = name if number == 1 else f"{name}/{number}"
-        levels[level] = Level(level, number, _read(file.read_text(encoding="utf-8"), level))
+        levels[level] = Level(
+            level, number, _validate(parse_yaml(file.read_text("utf-8"), level), level)
+        )
     return levels
 
 
@@ -143,25 +146,13 @@ def recorded_level(record: Mapping[str, Any], source: str) -> Level:
     return Level(name, number, _validate(content, source))
 
 
-def _read(text: str, source: str) -> LevelFile:
-    try:
-        return _validate(read_yaml(text), source)
-    except NOT_YAML as error:
-        raise ConfigError(f"{source} is not YAML: {yaml_problem(error)}") from None
-
-
 def _validate(document: object, source: str) -> LevelFile:
     if not isinstance(document, dict):
         raise ConfigError(f"{source} must be a mapping with family, title, good and parameters")
     try:
         return LevelFile.model_validate(document)
     except ValidationError as error:
-        first = first_fault(error)
-        key = ".".join(str(part) for part in first["loc"]) or "the file"
-        if first["type"] == "extra_forbidden":
-            problem = UnknownNameError("key", key, LevelFile.model_fields)
-            raise ConfigError(f"{source}: {problem}") from None
-        raise ConfigError(f"{source}: {key}: {describe_fault(first)}") from None
+        raise ConfigError(f"{source}: {tell_fault(error, 'the file', LevelFile)}") from None
 
 
 def task_names() -> tuple[str, ...]:
@@ -180,13 +171,7 @@ def get_level(name: str) -> Level:
         ConfigError: The file cannot be read or is not a level.
     """
     if name.endswith((".yaml", ".yml")):
-        try:
-            text = Path(name).read_text(encoding="utf-8")
-        except OSError as error:
-            raise ConfigError(f"cannot read the level {name}: {error.strerror}") from None
-        except UnicodeDecodeError:
-            raise ConfigError(f"the level {name} is not UTF-8 text") from None
-        return Level(name, 0, _read(text, name))
+        return Level(name, 0, _validate(read_yaml_file(name, "the level "), name))
     kind = name.partition("/")[0]
     level = _levels(kind).get(name.removesuffix("/1")) if kind in FAMILIES else None
     if level is None:

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agentflow.errors import AgentflowError
-from agentflow.integrations.external.output import BoundedOutput
 
 GRACE = 5.0
 """Seconds to end by itself: enough to write a file, short enough to wait for."""
@@ -22,6 +21,10 @@ REST = 1.0
 """Seconds to wait for the rest of an output once everything known has been killed."""
 KILL_ROUNDS = 20
 """Most attempts to kill everything: a child may start another one between two looks."""
+HEAD = 1 << 20
+"""Bytes kept of the beginning of an output."""
+TAIL = 1 << 16
+"""Bytes kept of its end."""
 
 
 @dataclass(frozen=True)
@@ -190,3 +193,31 @@ def _marked(mark: str) -> Iterator[int]:
         with suppress(OSError):  # another user's, or it has ended
             if sought in b"\0" + (folder / "environ").read_bytes():
                 yield int(folder.name)
+
+
+class BoundedOutput:
+    """Writes the beginning of an output as it comes, and the end of a long one when it closes."""
+
+    def __init__(self, write: Callable[[bytes], None]) -> None:
+        self._write = write
+        self._room = HEAD
+        self._tail = b""
+        self._left_out = 0
+
+    def add(self, chunk: bytes) -> None:
+        """Take in the next bytes."""
+        head = chunk[: self._room]
+        if head:
+            self._write(head)
+            self._room -= len(head)
+        rest = self._tail + chunk[len(head) :]
+        self._tail = rest[-TAIL:]
+        self._left_out += len(rest) - len(self._tail)
+
+    def close(self) -> None:
+        """Write the end of an output that did not fit, and how much is missing before it."""
+        if self._left_out:
+            self._write(f"\n[{self._left_out:,} bytes of output left out here]\n".encode())
+        if self._tail:
+            self._write(self._tail)
+        self._tail = b""

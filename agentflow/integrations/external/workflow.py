@@ -12,14 +12,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from agentflow.errors import ConfigError, RunError
+from agentflow.extras import needs_extra
 from agentflow.integrations.external.command import command_words, program_environment
-from agentflow.integrations.external.files import MachineFile, read_machine_files
 from agentflow.integrations.external.folder import (
     MACHINES,
     TASK,
     TOKEN,
     URL,
     Assignment,
+    MachineFile,
+    read_machine_files,
     write_folder,
 )
 from agentflow.integrations.external.process import Command, Ending, run_program
@@ -144,12 +146,8 @@ def require_program(settings: WorkflowSettings) -> None:
     """Raise ConfigError unless the program can be run and the tools can be served to it."""
     command_words(settings.external)
     program_environment(settings.external, os.environ, {})
-    try:
+    with needs_extra("mcp"):
         import agentflow.integrations.mcp.http  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            f"{error.name} is not installed; install it with: pip install 'agentflow[mcp]'"
-        ) from None
 
 
 def _author(settings: WorkflowSettings) -> str:
@@ -172,5 +170,6 @@ EXTERNAL = Workflow(
     adapt=submit_each,
     author=_author,
     require=require_program,
+    runs_program=True,
     has_rollout_limit=True,
 )

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-import secrets
 import socket
 import stat
 from dataclasses import dataclass
 from pathlib import Path
 
 from agentflow.errors import UsageError
+from agentflow.listening import make_token
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 SHORTEST_TOKEN = 16
@@ -56,20 +56,6 @@ class HttpAddress:
         """Whether it stands for every network interface."""
         return self.host in ("0.0.0.0", "[::]")
 
-    def listen(self) -> socket.socket:
-        """A socket that listens here.
-
-        Raises:
-            UsageError: The address is not this machine's, or the port is in use.
-        """
-        host = self.host.strip("[]")
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        try:
-            return socket.create_server((host, self.port), family=family)
-        except OSError as error:
-            why = str(error.strerror or error).partition(" (while")[0]
-            raise UsageError(f"cannot listen on {self.host}:{self.port}: {why}") from None
-
 
 def _own_addresses() -> list[str]:
     try:
@@ -78,11 +64,6 @@ def _own_addresses() -> list[str]:
         return []
     addresses = {str(item[4][0]) for item in found}
     return [f"[{address}]" if ":" in address else address for address in addresses]
-
-
-def make_token() -> str:
-    """A token that nobody can guess."""
-    return secrets.token_urlsafe(32)
 
 
 def read_token(path: Path) -> str:

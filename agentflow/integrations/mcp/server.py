@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Any, Final, Protocol
 
 from mcp import types
 from mcp.server.context import CallNext, HandlerResult, ServerRequestContext
@@ -14,11 +15,10 @@ from mcp.server.models import InitializationOptions
 from mcp.shared.exceptions import MCPError
 from mcp.types.version import HANDSHAKE_PROTOCOL_VERSIONS, MODERN_PROTOCOL_VERSIONS
 
-from agentflow import __version__
 from agentflow.errors import AgentflowError
 from agentflow.integrations.mcp import content
-from agentflow.integrations.mcp.session import Session, Sessions, call
 from agentflow.tools import Bench, ToolResult
+from agentflow.version import __version__
 
 BEAT: Final = 1.0
 """Seconds between progress notifications."""
@@ -26,6 +26,48 @@ LONGEST_NAME: Final = 60
 """Characters of a client's name that are kept."""
 _SESSION: Final = "agentflow"
 Context = ServerRequestContext[Any, Any]
+
+
+class Session(Protocol):
+    """The work of one client, from its first call until it leaves."""
+
+    async def bench(self) -> Bench | None:
+        """The bench of the current stage, once it is ready; None after the last stage.
+
+        Raises:
+            AgentflowError: The work cannot begin or go on.
+        """
+
+    @property
+    def farewell(self) -> str:
+        """What a client is told once there is no further bench."""
+
+    @property
+    def events(self) -> str:
+        """What has been recorded so far, one JSON object per line."""
+
+    def leave(self) -> None:
+        """The client has gone; nothing further is expected of it."""
+
+
+Sessions = Callable[[str], Session]
+"""Opens the session of a client with this name and version."""
+
+
+@dataclass(frozen=True)
+class OneBench:
+    """A session at a bench that belongs to somebody else, who also records what happens."""
+
+    only: Bench
+    farewell: str = "This stage has ended; there is nothing more to do here."
+    events: str = ""
+
+    async def bench(self) -> Bench | None:
+        """The bench, until its stage ends."""
+        return None if self.only.ended else self.only
+
+    def leave(self) -> None:
+        """The stage goes on: other clients may come."""
 
 
 def build_server(sessions: Sessions) -> Server[Any]:
@@ -120,7 +162,7 @@ class _Answers:
         session = self._session(ctx)
         async with _progress(ctx):
             try:
-                result = await call(session, params.name, params.arguments, tell_of_tools)
+                result = await _call(session, params.name, params.arguments, tell_of_tools)
             except AgentflowError as error:
                 result = ToolResult(str(error), {"refused": str(error)}, refused=True)
         return content.tool_result(result)
@@ -155,6 +197,32 @@ class _Answers:
         self, ctx: Context, params: types.GetPromptRequestParams
     ) -> types.GetPromptResult:
         return await content.prompt(await self._bench(ctx), params.name, params.arguments or {})
+
+
+async def _call(
+    session: Session, name: str, arguments: object, on_change: Callable[[], Awaitable[None]]
+) -> ToolResult:
+    """Call a tool at the session's bench; a call that ends the stage also tells what follows.
+
+    Args:
+        session: Where the call came.
+        name: Name of the tool.
+        arguments: As the client sent them.
+        on_change: Is called if the next stage has other tools.
+    """
+    bench = await session.bench()
+    if bench is None:
+        return ToolResult(session.farewell, {"refused": session.farewell}, refused=True)
+    result = await bench.call(name, arguments)
+    if not bench.ended:
+        return result
+    following = await session.bench()
+    if following is None:
+        return replace(result, text=f"{result.text}\n\n{session.farewell}")
+    if following.tools != bench.tools:
+        await on_change()
+    tools = ", ".join(tool.name for tool in following.tools)
+    return replace(result, text=f"{result.text}\n\nThe next stage begins. Its tools: {tools}.")
 
 
 def _client_name(ctx: Context) -> str:

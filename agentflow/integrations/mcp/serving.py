@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 import signal
 from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 from mcp.server.lowlevel import Server
+from mcp.server.runner import serve_loop
+from mcp.server.stdio import stdio_server
 
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.sessions import ClientRuns
@@ -18,7 +20,7 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.integrations.mcp.addresses import HttpAddress
 from agentflow.integrations.mcp.http import serve_http
 from agentflow.integrations.mcp.server import build_server
-from agentflow.integrations.mcp.stdio import serve_stdio
+from agentflow.listening import end_is_asked_for
 from agentflow.runs import Notify
 from agentflow.runs.places import StageName
 
@@ -50,12 +52,12 @@ def serve(
 
     async def serve_one() -> None:
         async with prepare() as server:
-            await serve_stdio(server)
+            await _serve_stdio(server)
 
     async def serve_many(address: HttpAddress) -> None:
         async with prepare() as server, serve_http(server, address, token) as url:
             notify(f"listening on {url}; Ctrl-C ends it")
-            await _end_is_asked_for()
+            await end_is_asked_for()
 
     if address is not None:
         asyncio.run(serve_many(address))
@@ -64,15 +66,7 @@ def serve(
     asyncio.run(serve_one())
 
 
-async def _end_is_asked_for() -> None:
-    """Wait for Ctrl-C or SIGTERM; a second one ends the process at once."""
-    asked, loop = asyncio.Event(), asyncio.get_running_loop()
-    with suppress(NotImplementedError):  # Windows, where Ctrl-C cancels the main task
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, asked.set)
-    try:
-        await asked.wait()
-    finally:
-        with suppress(NotImplementedError):
-            for number in (signal.SIGINT, signal.SIGTERM):
-                loop.remove_signal_handler(number)
+async def _serve_stdio(server: Server[Any]) -> None:
+    """Serve until the client closes our stdin; other output to stdout goes to stderr meanwhile."""
+    async with stdio_server() as (incoming, outgoing):
+        await serve_loop(server, incoming, outgoing, lifespan_state={})

@@ -6,13 +6,15 @@ from collections.abc import Iterator
 
 import verifiers.v1 as vf
 
-import agentflow
+from agentflow.agents.designer import Designer
+from agentflow.agents.tool_agent import Agent
+from agentflow.api import design_prompt
 from agentflow.env.archive import rollout_json
 from agentflow.env.tasks.registry import FAMILIES, get_level, task_names
 from agentflow.errors import NoScoreError
 from agentflow.integrations.verifiers.bench import BenchConfig, BenchTools, DesignData, DesignState
 from agentflow.rewards.scoring import Sample, shared_scorer
-from agentflow.workflows.tools.conversation import MOST_CALLS
+from agentflow.workflows.tools.workflow import MOST_CALLS
 
 ID = "agentflow-verifiers"
 """Name of the task set, which verifiers imports as a top-level module."""
@@ -83,11 +85,11 @@ class DesignTaskset(vf.Taskset[DesignTask, DesignTasksetConfig]):
         """Build the tasks, level by level."""
         config, tools = self.config, self.config.task.tools
         for level in _levels(config.tasks):
-            system, user = agentflow.design_prompt(
+            system, user = design_prompt(
                 level,
                 engine=config.engine,
                 prompts=config.prompts,
-                role="agent" if tools else "designer",
+                role=(Agent if tools else Designer).name,
             )
             budget = f"\nSubmit one machine. You have {config.task.bench.rollouts} simulations.\n"
             for seed in range(config.seeds):

@@ -40,7 +40,7 @@ class ErrorObjectError(Exception):
         self.content = content
 
 
-def decode(data: bytes) -> Mapping[str, object]:
+def decode(answer: str) -> Mapping[str, object]:
     """Parse one JSON object of an answer.
 
     Raises:
@@ -48,7 +48,7 @@ def decode(data: bytes) -> Mapping[str, object]:
         NotACompletionError: It is not a JSON object.
         ErrorObjectError: It is an error object.
     """
-    text = data.decode("utf-8", "replace").strip("\ufeff \t\r\n")
+    text = answer.strip("\ufeff \t\r\n")
     try:
         content = json.loads(text)
     except (ValueError, RecursionError):

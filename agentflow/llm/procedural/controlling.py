@@ -8,7 +8,7 @@ from typing import Any
 
 from agentflow.machine import Machine
 from agentflow.machine.controls import control_text, driven_blocks
-from agentflow.machine.edits.control_moves import random_control, with_random_program
+from agentflow.machine.edits.moves import random_control, with_random_program
 from agentflow.machine.tree import Control
 
 BY_THEMSELVES = ("grabbers", "decouplers")

@@ -1,11 +1,15 @@
-"""Read a prompt: its sections by heading, the task, the block types, the current machine."""
+"""Read a prompt: its sections by heading, the task, the block types, the current machine.
+
+`Script` is how a role says which prompts are its own, and how the procedural model answers them.
+"""
 
 from __future__ import annotations
 
 import json
+import random
 import re
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from operator import itemgetter
@@ -110,3 +114,20 @@ def _read_brief(task: str, types: frozenset[int], controls: str) -> Brief:
     objective = task.partition("Task:")[2].partition("\n")[2].partition("\n")[0]
     blocks = (0, *sorted(types - {0}))
     return Brief(value_of(task, "Task"), objective, (), (), (), blocks, required, limits)
+
+
+@dataclass(frozen=True)
+class Script:
+    """A function that answers the prompts of a role."""
+
+    answer: Callable[[Prompt, random.Random], str]
+    """The text of the reply; all random choices are from the generator."""
+    asked: str
+    """Words in the section "Your reply" by which the role's prompts are known."""
+    needs_machine: bool = True
+    """Whether prompts without a machine cannot be answered."""
+
+    def fits(self, prompt: Prompt) -> bool:
+        """Whether it can answer a prompt."""
+        known = self.asked in prompt.sections["Your reply"]
+        return known and (prompt.has_machine or not self.needs_machine)

@@ -1,15 +1,42 @@
-"""Limit the calls, tokens and cost of a run."""
+"""Limit the calls, tokens and cost of a run.
+
+No prices are built in, because they would go out of date.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from pydantic import BaseModel, Field
 
 from agentflow.errors import BudgetSpentError
 from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.messages import Reply, Request, Usage
-from agentflow.llm.wrappers.prices import Price
+
+_MILLION = 1_000_000
+
+
+class Price(BaseModel, frozen=True, extra="forbid"):
+    """Prices of one model per million tokens, in the currency of the budget."""
+
+    input: float = Field(ge=0)
+    """Price of prompt tokens."""
+    output: float = Field(ge=0)
+    """Price of completion tokens, including reasoning."""
+    cached: float | None = Field(default=None, ge=0)
+    """Price of cached prompt tokens; None uses the price of other prompt tokens."""
+
+    def of(self, usage: Usage) -> float:
+        """Cost of one call; prompt tokens include cached ones."""
+        cached = min(usage.cached, usage.prompt)
+        rate = self.input if self.cached is None else self.cached
+        spent = (usage.prompt - cached) * self.input + cached * rate
+        return (spent + usage.completion * self.output) / _MILLION
+
+
+FREE = Price(input=0.0, output=0.0)
+"""Price of models that run in this process."""
 
 
 class BudgetSettings(BaseModel, frozen=True, extra="forbid"):
@@ -40,6 +67,11 @@ class Budget:
         """Cost of those calls; None once one has no price or no reported tokens."""
         self._tokens = 0
         self._money = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """What was used, for results: `calls`, `tokens` and `cost`."""
+        cost = None if self.cost is None else round(self.cost, 6)
+        return {"calls": self.calls, "tokens": self.usage.total, "cost": cost}
 
     def begin(self) -> None:
         """Count one call.

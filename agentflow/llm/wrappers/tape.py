@@ -11,7 +11,9 @@ from typing import Literal
 from pydantic import BaseModel, ValidationError
 
 from agentflow.errors import RunError
-from agentflow.files import LineFile, is_whole
+from agentflow.files.atomic import os_errors
+from agentflow.files.faults import locate_fault
+from agentflow.files.lines import LineFile, read_lines
 from agentflow.llm.messages import Reply, Request
 
 
@@ -51,11 +53,10 @@ class Tape:
         self._offsets: dict[str, int] = {}
         self._lines: LineFile | None = None
         try:
-            if writable:
-                self._lines = LineFile(path)
-            dropped = self._read_index() or (self._lines.dropped if self._lines else 0)
-        except OSError as problem:
-            raise RunError(f"cannot open {path}: {problem.strerror}") from None
+            with os_errors(f"cannot open {path}"):
+                if writable:
+                    self._lines = LineFile(path)
+                dropped = self._read_index() or (self._lines.dropped if self._lines else 0)
         except BaseException:
             self.close()
             raise
@@ -92,10 +93,7 @@ class Tape:
             RunError: The line could not be written; a partial line is removed.
         """
         assert self._lines is not None, "the tape is read-only"
-        try:
-            offset = self._lines.append(call.model_dump_json().encode())
-        except OSError as problem:
-            raise RunError(f"cannot write {self.path}: {problem.strerror}") from None
+        offset = self._lines.append(call.model_dump_json().encode())
         self._offsets.setdefault(call.key, offset)
 
     def close(self) -> None:
@@ -111,19 +109,17 @@ class Tape:
     def _read_index(self) -> int:
         """Note where each line begins; the size of a half-written last line in bytes."""
         end = 0
-        with self.path.open("rb") as file:
-            for number, line in enumerate(file, start=1):
-                if not is_whole(line):
-                    return len(line)
-                self._offsets.setdefault(self._key_in(line, number), end)
-                end += len(line)
-        return 0
+        for key, size in read_lines(self.path, _key_and_size, _damaged):
+            self._offsets.setdefault(key, end)
+            end += size
+        return self.path.stat().st_size - end
 
-    def _key_in(self, line: bytes, number: int) -> str:
-        try:
-            return RecordedCall.model_validate_json(line).key
-        except ValidationError as problem:
-            where = ".".join(str(part) for part in problem.errors()[0]["loc"])
-            raise RunError(
-                f"{self.path}, line {number} is damaged ({where or 'not JSON'})"
-            ) from None
+
+def _key_and_size(line: bytes) -> tuple[str, int]:
+    return RecordedCall.model_validate_json(line).key, len(line)
+
+
+def _damaged(file: Path, number: int, why: ValueError) -> RunError:
+    assert isinstance(why, ValidationError)
+    where, _ = locate_fault(why, "not JSON")
+    return RunError(f"{file}, line {number} is damaged ({where})")

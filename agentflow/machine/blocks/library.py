@@ -29,6 +29,8 @@ from agentflow.machine.geometry.vectors import Vec3
 
 STARTING_BLOCK = 0
 """Type of the first block of every machine that is not built on a plate."""
+EXAMPLE = 15
+"""Type used in examples of formats, if the task allows it."""
 BRACE, GRABBER, CONTAINER, BOULDER = 7, 27, 30, 36
 """Types that task rules refer to."""
 STEERING = frozenset({13, 28})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby, pairwise
 
 from agentflow.machine.blocks.library import library
@@ -243,7 +243,7 @@ def _block_line(geometry: Geometry, frame: GroundFrame, placed: Placed, *, short
         parts.append("on ground")
     free = [face for face in _free_faces(geometry, placed) if not _is_grounded(face, placed, frame)]
     if free:
-        ids = _ids([face.id for face in free])
+        ids = ranges(face.id for face in free)
         parts.append(f"free {ids if short else _face_positions(placed, frame, free)}")
     return f"{placed.id} {placed.name}: {', '.join(parts)}"
 
@@ -259,7 +259,7 @@ def _face_positions(placed: Placed, frame: GroundFrame, free: Sequence[ShapeFace
     for facing, group in groupby(free, key=lambda face: face.facing.name):
         faces = list(group)
         points = _points([frame.point(add(placed.at, face.offset)) for face in faces])
-        groups.append(f"{facing} {_ids([face.id for face in faces])} {points}")
+        groups.append(f"{facing} {ranges(face.id for face in faces)} {points}")
     return "; ".join(groups)
 
 
@@ -282,15 +282,11 @@ def _in_row(values: Sequence[float]) -> str:
     return f"{values[0]:g}..{values[-1]:g}"
 
 
-def _ids(numbers: Sequence[int]) -> str:
-    """Face ids, rows of them as ranges: "0 2-5"."""
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and runs[-1][-1] == number - 1:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
-    return " ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs)
+def ranges(ids: Iterable[int]) -> str:
+    """Ids, rows of them as ranges: "0 2-5"."""
+    runs = groupby(enumerate(ids), key=lambda item: item[1] - item[0])
+    rows = [[number for _, number in run] for _, run in runs]
+    return " ".join(f"{row[0]}-{row[-1]}" if len(row) > 1 else str(row[0]) for row in rows)
 
 
 def _vector(values: Sequence[float]) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import groupby
 
 from agentflow.machine.blocks.library import library
+from agentflow.machine.description.geometry_info import ranges
 from agentflow.machine.geometry.balance import centre_of_mass, mass, stands, support_polygon
 from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.geometry.statics import GRAVITY, Load, thrust, tree_loads
@@ -64,7 +64,7 @@ def _from_edge(
 
 def _joint_line(geometry: Geometry, load: Load) -> str:
     placed = geometry[load.bond.block]
-    carried = _ranges(load.blocks - {placed.id})
+    carried = ranges(sorted(load.blocks - {placed.id}))
     parts = [
         f"{placed.id} {placed.name} carries {carried}: {load.mass:.2f} kg with itself, inertia "
         f"{_three(load.inertia)} kg m2 about its axis, reach {_three(load.reach)} m "
@@ -142,13 +142,6 @@ def _thrust_lines(geometry: Geometry) -> list[str]:
         f"of mass is {_vector(moment)} N m, so its line passes "
         f"{_three(length(moment) / length(force))} m from it."
     ]
-
-
-def _ranges(blocks: Iterable[int]) -> str:
-    """Ids as ranges: "3-5 8"."""
-    runs = groupby(enumerate(sorted(blocks)), key=lambda item: item[1] - item[0])
-    ids = [[block for _, block in run] for _, run in runs]
-    return " ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in ids)
 
 
 def _vector(values: Vec3) -> str:

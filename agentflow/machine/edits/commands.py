@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 GRAMMAR = (
@@ -98,6 +99,11 @@ def script_lines(script: str) -> list[str]:
     """The lines that should be commands: not empty, no code fence, no `//` comment."""
     lines = (line.strip() for line in script.splitlines())
     return [line for line in lines if line and not line.startswith(("```", "~~~", "//"))]
+
+
+def is_machine(lines: Sequence[str]) -> bool:
+    """Whether lines that should be commands are a whole machine instead."""
+    return any("{" in line for line in lines) and not any(map(read_command, lines))
 
 
 def read_command(line: str) -> Command | None:

@@ -8,7 +8,7 @@ from random import Random
 
 from agentflow.errors import UsageError
 from agentflow.machine.brief import Brief
-from agentflow.machine.tree import Machine, Step, rename_blocks, renumber
+from agentflow.machine.tree import Machine, Step, carried_by, rename_blocks, renumber
 from agentflow.machine.validity import check
 
 MAX_TRIES = 100
@@ -36,8 +36,11 @@ def cross(machine: Machine, donor: Machine, rng: Random, brief: Brief | None = N
     places, parts = list(_parts(machine, given)), list(_parts(donor, given))
     for _ in range(MAX_TRIES if places and parts else 0):
         crossed = _graft(machine, rng.choice(places), donor, rng.choice(parts))
-        if crossed not in (machine, donor) and check(crossed, brief).task_valid:
-            return crossed
+        if crossed in (machine, donor):
+            continue
+        report = check(crossed, brief)
+        if report.task_valid and report.machine is not None:
+            return report.machine
     raise UsageError("no part of the donor fits in place of a part of this machine")
 
 
@@ -47,7 +50,8 @@ def _parts(machine: Machine, given: int) -> Iterator[Step]:
 
 
 def _graft(machine: Machine, place: Step, donor: Machine, part: Step) -> Machine:
-    removed, brought = _carried(machine, place.id), _carried(donor, part.id, whole=True)
+    removed = {*carried_by(machine, place.id)}
+    brought = {*carried_by(donor, part.id, alone=True)}
     moved = [_shifted(step, len(machine)) for step in donor if step.id in brought]
     moved[0] = replace(moved[0], parent=place.parent, face_id=place.face_id)
     driving = (each for each in donor.controls if isinstance(each.target, tuple))
@@ -55,15 +59,6 @@ def _graft(machine: Machine, place: Step, donor: Machine, part: Step) -> Machine
     controls = (*machine.controls, *rename_blocks(driving, ids))
     kept = (step for step in machine if step.id not in removed)
     return renumber([*kept, *moved], controls)[0]
-
-
-def _carried(machine: Machine, block: int, *, whole: bool = False) -> set[int]:
-    """A block and what is attached to it; with `whole`, only what is attached to nothing else."""
-    carried, attached = {block}, all if whole else any
-    for step in machine.steps[block + 1 :]:
-        if attached(parent in carried for parent in step.parents):
-            carried.add(step.id)
-    return carried
 
 
 def _shifted(step: Step, by: int) -> Step:

@@ -1,4 +1,4 @@
-"""A machine while a script edits it: applies commands, or refuses them with a reason."""
+"""A machine while it is changed: makes single changes, or refuses them with a reason."""
 
 from __future__ import annotations
 
@@ -8,216 +8,216 @@ from dataclasses import replace
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import Group
 from agentflow.machine.brief import Brief
-from agentflow.machine.controls import GROUPS
-from agentflow.machine.edits.commands import (
-    CONTROL_GRAMMAR,
-    GRAMMAR,
-    NAMING,
-    Add,
-    AddControl,
-    Command,
-    Move,
-    Ref,
-    Remove,
-    RemoveControl,
+from agentflow.machine.controls import (
+    MAX_CONTROLS,
+    entry_problems,
+    window_problem,
 )
-from agentflow.machine.edits.names import Names, Refused
-from agentflow.machine.edits.program import NO_CONTROLS, Program
+from agentflow.machine.edits.commands import AddControl
+from agentflow.machine.formats.control_json import to_precision
 from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.placement import Geometry, place
-from agentflow.machine.problems import block_label, comma_list, face_problem, type_problem
+from agentflow.machine.problems import (
+    Problem,
+    Refused,
+    block_label,
+    comma_list,
+    face_problem,
+    type_problem,
+)
 from agentflow.machine.space import ANYWHERE, spatial_problems
-from agentflow.machine.tree import Machine, Step, renumber
+from agentflow.machine.tree import Control, Machine, Step, carried_by, renumber
 from agentflow.machine.validity import budget_problems
 
+NO_CONTROLS = "this task switches all blocks by its own schedule; remove the line"
+End = tuple[int, int]
+"""A block and one of its faces."""
 
-def _bad_format(*more: str) -> Refused:
-    """The refusal of a line that is no command; `more` are the commands besides those for all."""
-    commands = "; ".join((*GRAMMAR, *more))
-    return Refused("bad_format", f"not a command; the commands are: {commands}; {NAMING}")
+
+class Program:
+    """Entries by their number in the given machine; new ones get the numbers that follow."""
+
+    def __init__(self, controls: tuple[Control, ...]) -> None:
+        self._entries = dict(enumerate(controls))
+        self._given = self._next = len(controls)
+
+    @property
+    def controls(self) -> tuple[Control, ...]:
+        """The entries in order."""
+        return tuple(self._entries.values())
+
+    def add(
+        self,
+        target: tuple[int, ...] | Group,
+        command: AddControl,
+        steps: Collection[Step],
+        window: float | None,
+    ) -> None:
+        """Add an entry; raise `Refused` if it is wrong.
+
+        Args:
+            target: The blocks or the group that the command names.
+            command: The rest of the entry.
+            steps: The machine as it is now.
+            window: Latest end of a control, s; None: any.
+        """
+        target = target if isinstance(target, str) else tuple(dict.fromkeys(target))
+        numbers = map(to_precision, (command.at, command.lasts, command.level))
+        control = Control(target, *numbers)
+        if len(self._entries) >= MAX_CONTROLS:
+            reason = f"a machine can have at most {MAX_CONTROLS} controls: Uncontrol others first"
+            raise Refused("too_many_controls", reason)
+        problems = list(entry_problems(self._next, control, steps))
+        problems += window_problem(self._next, control, window)
+        for problem in problems[:1]:
+            raise Refused(problem.code, problem.message)
+        self._entries[self._next] = control
+        self._next += 1
+
+    def remove(self, number: int) -> None:
+        """Remove an entry of the given machine; raise `Refused` if it is not there."""
+        if not 0 <= number < self._given:
+            known = f"the controls are 0 to {self._given - 1}" if self._given else "it has none"
+            raise Refused("control_not_found", f"the machine has no control {number}; {known}")
+        if number not in self._entries:
+            reason = f"control {number} was removed earlier in this script"
+            raise Refused("control_not_found", reason)
+        del self._entries[number]
+
+    def forget(self, block: int) -> None:
+        """Let no entry name a removed block; one that names no other goes with it."""
+        for number, control in list(self._entries.items()):
+            if isinstance(control.target, tuple) and block in control.target:
+                left = tuple(other for other in control.target if other != block)
+                self._entries[number] = replace(control, target=left)
+                if not left:
+                    del self._entries[number]
+
+    def require_groups(self, removed: int, steps: Collection[Step]) -> None:
+        """Raise `Refused` if a group that an entry drives lost its last block just now."""
+        for number, control in self._entries.items():
+            if isinstance(control.target, str) and any(entry_problems(number, control, steps)):
+                reason = (
+                    f"control {number} drives {control.target}, of which block {removed} is the "
+                    f"last: first Uncontrol {number}"
+                )
+                raise Refused("control_group", reason)
 
 
 class Draft:
-    """A machine being edited: ids may have gaps, and additions get new ids at the end."""
+    """A machine being changed: ids may have gaps, and new blocks get new ids at the end.
 
-    def __init__(
-        self, machine: Machine, brief: Brief | None, commands: Sequence[Command | None]
-    ) -> None:
-        """Begin with a machine; `commands` are those of the whole script, for messages."""
-        self._original = len(machine)
-        self._steps = {step.id: step for step in machine}
+    A change raises `Refused` for what it names: types, faces, blocks that stay. What is wrong with
+    the whole machine, such as overlaps, is in `problems`: whoever changes it decides when to look.
+    """
+
+    def __init__(self, machine: Machine, brief: Brief | None = None) -> None:
+        """Begin with a machine; without a task, the core types and the standard volume hold."""
+        self.original = len(machine)
+        self.steps = {step.id: step for step in machine}
         """In building order: parents come first."""
-        self._program = Program(machine.controls)
-        self._names = Names(commands)
-        self._next_id = self._original
-        self._brief = brief
+        self.program = Program(machine.controls)
+        self.next_id = self.original
+        self.brief = brief
+        self.limits = ANYWHERE if brief is None else brief.limits
         self._given = 1 if brief is None else len(brief.given)
         self._allowed: Collection[int] = library().core if brief is None else brief.blocks
-        self._limits = ANYWHERE if brief is None else brief.limits
 
-    def apply(self, command: Command | None) -> None:
-        """Apply one command; raise `Refused` if that is impossible."""
-        if isinstance(command, Add):
-            self._add(command)
-        elif isinstance(command, Remove):
-            self._remove(command)
-        elif isinstance(command, Move):
-            self._move(command)
-        elif command is not None and self._controlled:
-            self._control(command)
-        elif isinstance(command, AddControl | RemoveControl):
-            raise Refused("controls_not_allowed", NO_CONTROLS)
-        else:
-            raise _bad_format(*(CONTROL_GRAMMAR if self._brief and self._controlled else ()))
-
-    def finish(self) -> tuple[Machine, dict[int, int | None], dict[str, int | None]]:
-        """The renumbered machine, and the maps from original ids and from names to its ids."""
-        edited, new_ids = renumber(self._steps.values(), self._program.controls)
-        id_map = {old: new_ids.get(old) for old in range(self._original)}
-        return edited, id_map, {name: new_ids.get(id_) for name, id_ in self._names.given.items()}
-
-    def _add(self, command: Add) -> None:
-        two_ended = len(command.ends) == 2
-        fault = type_problem(command.type, self._allowed, two_ended=two_ended)
+    def attach(self, kind: int, ends: Sequence[End]) -> Step:
+        """Add a block on one face, or between two."""
+        two_ended = len(ends) == 2
+        fault = type_problem(kind, self._allowed, two_ended=two_ended)
         if fault is not None:
             raise Refused(*fault)
-        ends = [(self._parent(ref), face) for ref, face in command.ends]
-        for parent, face in ends:
-            self._require_face(parent, face)
+        for end in ends:
+            self._require_face(end)
         if not two_ended:
-            self._require_free(*ends[0])
-        self._require_budget(len(self._steps) + 1)
-        added = Step(self._next_id, command.type, *(part for end in ends for part in end))
-        self._next_id += 1
-        if command.name:
-            self._names.give(command.name, added.id)
-        self._steps[added.id] = added
-        label = f"{added.id} ({command.name})" if command.name else added.id
-        self._require_space(f"with {library()[command.type].name} as new block {label}: ")
+            self._require_free(ends[0])
+        if len(self.steps) >= MAX_BLOCKS:
+            raise Refused("too_many_blocks", f"a machine can have at most {MAX_BLOCKS} blocks")
+        added = Step(self.next_id, kind, *(part for end in ends for part in end))
+        self.next_id += 1
+        self.steps[added.id] = added
+        return added
 
-    def _remove(self, command: Remove) -> None:
-        removed = self._editable(command.block, "removed")
-        carried = [step.id for step in self._steps.values() if removed.id in step.parents]
+    def detach(self, block: int) -> None:
+        """Remove a block that carries nothing; controls no longer name it."""
+        removed = self.editable(block, "removed")
+        carried = [step.id for step in self.steps.values() if block in step.parents]
         if carried:
-            what = f"{block_label(removed.id, removed.type)} still carries {comma_list(carried)}"
+            what = f"{block_label(block, removed.type)} still carries {comma_list(carried)}"
             raise Refused("has_children", f"{what}; remove the blocks it carries first")
-        del self._steps[removed.id]
-        self._program.forget(removed.id, self._steps.values())
-        self._require_space("")
+        del self.steps[block]
+        self.program.forget(block)
 
-    def _move(self, command: Move) -> None:
-        moved = self._editable(command.block, "moved")
-        if moved.two_ended:
-            what = f"{block_label(moved.id, moved.type)} is two-ended and cannot be moved"
-            raise Refused("two_ended", f"{what}; remove it and add a new one")
-        parent, face = self._parent(command.parent), command.face
-        carried = self._carried_by(moved)
-        self._require_order(moved.id, parent, carried)
-        self._require_face(parent, face)
-        if (parent, face) == (moved.parent, moved.face_id):
-            reason = f"block {moved.id} is already on face {face} of block {parent}"
+    def reattach(self, block: int, to: End) -> None:
+        """Attach a block, with everything attached to it, to another face."""
+        moved = self.movable(block)
+        parent, face = to
+        carried = carried_by(self.steps.values(), block)
+        if parent in carried:
+            reason = f"block {block} carries block {parent}; choose a parent that it does not carry"
+            raise Refused("parent_not_earlier", reason)
+        self._require_face(to)
+        if to == (moved.parent, moved.face_id):
+            reason = f"block {block} is already on face {face} of block {parent}"
             raise Refused("no_change", reason)
-        self._require_free(parent, face)
-        self._steps[moved.id] = replace(moved, parent=parent, face_id=face)
-        order = list(self._steps)
-        if order.index(parent) > order.index(moved.id):
+        self._require_free(to)
+        self.steps[block] = replace(moved, parent=parent, face_id=face)
+        order = list(self.steps)
+        if order.index(parent) > order.index(block):
             for id_ in carried:  # to the end, so that parents come first
-                self._steps[id_] = self._steps.pop(id_)
-        self._require_space("")
+                self.steps[id_] = self.steps.pop(id_)
+
+    def editable(self, block: int, done: str) -> Step:
+        """A block that can be `done` (removed or moved); refuses those that stay."""
+        if block == 0:
+            raise Refused("starting_block", f"block 0, the Starting Block, cannot be {done}")
+        if block < self._given:
+            raise Refused("given_altered", f"block {block} is given and cannot be {done}")
+        return self.steps[block]
+
+    def movable(self, block: int) -> Step:
+        """A block that can be attached elsewhere; refuses others."""
+        moved = self.editable(block, "moved")
+        if moved.two_ended:
+            what = f"{block_label(block, moved.type)} is two-ended and cannot be moved"
+            raise Refused("two_ended", f"{what}; remove it and add a new one")
+        return moved
 
     @property
-    def _controlled(self) -> bool:
-        """Whether the machine may have controls: without a task it may."""
-        return self._brief is None or self._limits.controls is not None
+    def geometry(self) -> Geometry:
+        """Where the blocks are now."""
+        return place(self.steps.values())
 
-    def _control(self, command: AddControl | RemoveControl) -> None:
-        if isinstance(command, RemoveControl):
-            self._program.remove(command.number)
-            return
-        group = self._group_of(command.target)
-        target = group or tuple(self._find(ref, "block", "controlled") for ref in command.target)
-        self._program.add(target, command, self._steps.values(), self._limits.controls)
+    @property
+    def crowding(self) -> list[Problem]:
+        """The problem of more blocks than the task allows, if so."""
+        return budget_problems(len(self.steps), self.brief) if self.brief else []
 
-    def _group_of(self, target: Sequence[Ref]) -> Group | None:
-        """The group that words name; None if they name blocks."""
-        words = "_".join(map(str, target))
-        named = len(target) == 1 and target[0] in self._names.given
-        return next((group for group in GROUPS if group == words and not named), None)
+    @property
+    def problems(self) -> list[Problem]:
+        """What makes the machine invalid as it is now, except the number of its blocks."""
+        return spatial_problems(self.geometry, self.limits)
 
-    def _carried_by(self, block: Step) -> list[int]:
-        """Ids of a block and of everything attached to it, in building order."""
-        carried = [block.id]
-        for step in self._steps.values():
-            if not set(carried).isdisjoint(step.parents):
-                carried.append(step.id)
-        return carried
+    def finish(self) -> tuple[Machine, dict[int, int]]:
+        """The renumbered machine, and the map from ids to its ids."""
+        return renumber(self.steps.values(), self.program.controls)
 
-    def _editable(self, ref: Ref, done: str) -> Step:
-        """A block that may be removed or moved."""
-        block_id = self._find(ref, "block", done)
-        if block_id == 0:
-            raise Refused("starting_block", f"block 0, the Starting Block, cannot be {done}")
-        if block_id < self._given:
-            raise Refused("given_altered", f"block {block_id} is given and cannot be {done}")
-        return self._steps[block_id]
-
-    def _parent(self, ref: Ref) -> int:
-        return self._find(ref, "parent", "used as a parent")
-
-    def _find(self, ref: Ref, what: str, use: str) -> int:
-        """The id of a block that is still there; `what` begins the codes of refusals."""
-        block_id = self._names.find(ref) if isinstance(ref, str) else ref
-        if isinstance(ref, int) and not 0 <= ref < self._original:
-            raise Refused(f"{what}_not_found", self._absent(ref, use))
-        if block_id not in self._steps:
-            label = ref if isinstance(ref, str) else f"block {ref}"
-            raise Refused(f"{what}_removed", f"{label} was removed earlier in this script")
-        return block_id
-
-    def _absent(self, block_id: int, use: str) -> str:
-        if self._original <= block_id < self._next_id:
-            name = self._names.name_of(block_id)
-            how = f"use its name, {name}" if name else "name it, as in 'Add 15 to 0 in 4 as a'"
-            return f"block {block_id} is added by this script; it can be {use} by name only: {how}"
-        return f"block {block_id} does not exist; the blocks are 0 to {self._original - 1}"
-
-    def _require_order(self, moved: int, parent: int, carried: Sequence[int]) -> None:
-        """Refuse a later block of the machine, and one that the moved block carries, as parent."""
-        if moved <= parent < self._original:
-            reason = f"new parent {parent} does not come before block {moved}"
-            rule = "a parent must have a smaller id or be added by this script"
-            raise Refused("parent_not_earlier", f"{reason}; {rule}")
-        if parent in carried:
-            reason = f"block {moved} carries block {parent}; choose a parent that it does not carry"
-            raise Refused("parent_not_earlier", reason)
-
-    def _require_face(self, parent: int, face: int) -> None:
-        fault = face_problem(parent, self._steps[parent].type, face)
+    def _require_face(self, end: End) -> None:
+        parent, face = end
+        fault = face_problem(parent, self.steps[parent].type, face)
         if fault is not None:
             raise Refused("face_not_found", fault)
 
-    def _require_free(self, parent: int, face: int) -> None:
-        for step in self._steps.values():
-            if (step.parent, step.face_id) == (parent, face) and not step.two_ended:
-                carrier = block_label(parent, self._steps[parent].type)
+    def _require_free(self, end: End) -> None:
+        parent, face = end
+        for step in self.steps.values():
+            if (step.parent, step.face_id) == end and not step.two_ended:
+                carrier = block_label(parent, self.steps[parent].type)
                 reason = (
                     f"face {face} of {carrier} is already taken by "
                     f"{block_label(step.id, step.type)}; free faces of block {parent}: "
-                    f"{comma_list(self._geometry().free_faces(parent))}"
+                    f"{comma_list(self.geometry.free_faces(parent))}"
                 )
                 raise Refused("face_occupied", reason)
-
-    def _require_budget(self, total: int) -> None:
-        """Refuse a machine of `total` blocks if they are too many."""
-        if total > MAX_BLOCKS:
-            raise Refused("too_many_blocks", f"a machine can have at most {MAX_BLOCKS} blocks")
-        for problem in budget_problems(total, self._brief) if self._brief else ():
-            raise Refused(problem.code, f"with this block {problem.message} in an earlier line")
-
-    def _require_space(self, prefix: str) -> None:
-        """Refuse if the current machine is spatially invalid."""
-        for problem in spatial_problems(self._geometry(), self._limits)[:1]:
-            raise Refused(problem.code, prefix + problem.message)
-
-    def _geometry(self) -> Geometry:
-        return place(self._steps.values())

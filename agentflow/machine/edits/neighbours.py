@@ -41,8 +41,9 @@ def all_neighbours(machine: Machine, brief: Brief, rng: Random) -> Iterator[Neig
             if edited is None or edited in seen:
                 continue
             seen.add(edited)
-            if not check(edited, brief).problems:
-                yield _locate(machine, edited)
+            valid = check(edited, brief)
+            if valid.machine is not None and not valid.problems:
+                yield _locate(machine, valid.machine)
 
 
 def sample_neighbours(machine: Machine, brief: Brief, rng: Random, count: int) -> list[Neighbour]:

@@ -10,20 +10,28 @@ from typing import TypeVar
 from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits.control_moves import control_moves, with_random_program
-from agentflow.machine.edits.moves import MOVES, Kinds, Move, additions
+from agentflow.machine.edits.moves import (
+    MOVES,
+    Kinds,
+    Move,
+    additions,
+    control_moves,
+    with_random_program,
+)
 from agentflow.machine.tree import ROOT, Machine
 from agentflow.machine.validity import check
 
 MAX_TRIES = 1000
 """Maximum number of machines that `random_machine` starts before it gives up."""
+BLOCKS = (5, 20)
+"""Least and most blocks of random machines, unless they are told otherwise."""
 
 _T = TypeVar("_T")
 _U = TypeVar("_U")
 
 
 def random_machine(
-    rng: Random, brief: Brief | None = None, size: tuple[int, int] = (5, 20)
+    rng: Random, brief: Brief | None = None, size: tuple[int, int] = BLOCKS
 ) -> Machine:
     """Grow a random valid machine, with the blocks that the task requires, block by block.
 
@@ -112,9 +120,10 @@ def _grow(rng: Random, types: Sequence[int], brief: Brief | None, count: int) ->
 def _apply_if_valid(rng: Random, brief: Brief | None, move: Move) -> Machine | None:
     """The machine that a move makes; None if it is invalid."""
     edited = move(rng)
-    if edited is None or check(edited, brief).lasting_problems:
+    if edited is None:
         return None
-    return edited
+    report = check(edited, brief)
+    return None if report.lasting_problems else report.machine
 
 
 def _draw_first_success(

@@ -2,18 +2,83 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Literal
 
+from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.types import Group
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits.commands import read_command, script_lines
-from agentflow.machine.edits.draft import Draft
-from agentflow.machine.edits.names import Refused
+from agentflow.machine.controls import GROUPS
+from agentflow.machine.edits.commands import (
+    CONTROL_GRAMMAR,
+    GRAMMAR,
+    NAMING,
+    Add,
+    AddControl,
+    Command,
+    Move,
+    Ref,
+    Remove,
+    RemoveControl,
+    read_command,
+    script_lines,
+)
+from agentflow.machine.edits.draft import NO_CONTROLS, Draft
+from agentflow.machine.problems import Refused, comma_list
 from agentflow.machine.tree import Machine
 
+MAX_NAME = 32
+"""Most characters of a name."""
+_WORDS = frozenset({"add", "remove", "move", "to", "in", "as"})
+"""Words of the commands, which cannot be names."""
+_EXAMPLE = "Add 63 to 3 in 0 as a"
 MAX_COMMANDS = 500
 """Most commands of a script: enough to replace every block of a machine several times."""
 NO_CHANGE = "the script has no commands, so the machine stays as it is"
+
+
+class _Names:
+    """Name -> id of the blocks that the script has named so far."""
+
+    def __init__(self, commands: Sequence[Command | None]) -> None:
+        """Take all commands of the script, to tell names of later lines from unknown ones."""
+        self.given: dict[str, int] = {}
+        self._all = {command.name for command in commands if isinstance(command, Add)} - {""}
+
+    def give(self, name: str, block_id: int) -> None:
+        """Name a block; raise `Refused` if the name is not allowed or taken."""
+        if re.fullmatch(r"[+-]?[\d.]+", name):
+            better = "b" + re.sub(r"\D", "", name)
+            reason = f"the name {name} looks like an id; give it a letter, as in 'as {better}'"
+            raise Refused("bad_name", reason)
+        if name in _WORDS:
+            raise Refused("bad_name", f"{name} is a word of the commands; choose another name")
+        if not re.fullmatch(r"[a-z0-9_]+", name) or len(name) > MAX_NAME:
+            rule = f"at most {MAX_NAME} letters, digits and underscores"
+            raise Refused("bad_name", f"the name {name} is not allowed; use {rule}")
+        if name in self.given:
+            taken = f"the name {name} is already taken by new block {self.given[name]}"
+            raise Refused("name_taken", f"{taken}; choose another name")
+        self.given[name] = block_id
+
+    def find(self, name: str) -> int:
+        """The id of the block with a name; raise `Refused` if there is none."""
+        if name in self.given:
+            return self.given[name]
+        if name in self._all:
+            reason = f"the name {name} is given only in a later line; move that line up"
+            raise Refused("name_not_yet_given", reason)
+        if not self._all:
+            reason = f"no block has the name {name}; use an id, or give the name: '{_EXAMPLE}'"
+            raise Refused("unknown_name", reason)
+        known = comma_list(sorted(self._all))
+        raise Refused("unknown_name", f"no block has the name {name}; the names are: {known}")
+
+    def name_of(self, block_id: int) -> str:
+        """The name of a block; "" if it has none."""
+        return next((name for name, id_ in self.given.items() if id_ == block_id), "")
 
 
 @dataclass(frozen=True)
@@ -81,17 +146,17 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
     if len(lines) > MAX_COMMANDS:
         return EditOutcome(False, (_too_long(len(lines)),), machine, same)
     commands = [read_command(line) for line in lines]
-    draft = Draft(machine, brief, commands)
+    work = _Application(Draft(machine, brief), commands)
     verdicts: list[StepVerdict] = []
     for line, command in zip(lines, commands, strict=True):
         try:
-            draft.apply(command)
+            work.apply(command)
         except Refused as refused:
             verdicts.append(StepVerdict(line, "Error", refused.code, refused.reason))
             verdicts += [StepVerdict(rest, "Unverified") for rest in lines[len(verdicts) :]]
             return EditOutcome(False, tuple(verdicts), machine, same)
         verdicts.append(StepVerdict(line, "Success"))
-    return EditOutcome(True, tuple(verdicts), *draft.finish())
+    return EditOutcome(True, tuple(verdicts), *work.finish())
 
 
 def _too_long(count: int) -> StepVerdict:
@@ -100,3 +165,111 @@ def _too_long(count: int) -> StepVerdict:
         "machine"
     )
     return StepVerdict("", "Error", "too_many_commands", reason)
+
+
+def _bad_format(*more: str) -> Refused:
+    """The refusal of a line that is no command; `more` are the commands besides those for all."""
+    commands = "; ".join((*GRAMMAR, *more))
+    return Refused("bad_format", f"not a command; the commands are: {commands}; {NAMING}")
+
+
+class _Application:
+    """Applies commands to a draft: finds the blocks that they name, and checks after each."""
+
+    def __init__(self, draft: Draft, commands: Sequence[Command | None]) -> None:
+        """Begin with a draft; `commands` are those of the whole script, for messages."""
+        self._draft = draft
+        self._names = _Names(commands)
+
+    def apply(self, command: Command | None) -> None:
+        """Apply one command; raise `Refused` if that is impossible."""
+        if isinstance(command, Add):
+            self._add(command)
+        elif isinstance(command, Remove):
+            self._remove(command)
+        elif isinstance(command, Move):
+            self._move(command)
+        elif command is not None and self._controlled:
+            self._control(command)
+        elif isinstance(command, AddControl | RemoveControl):
+            raise Refused("controls_not_allowed", NO_CONTROLS)
+        else:
+            raise _bad_format(*(CONTROL_GRAMMAR if self._draft.brief and self._controlled else ()))
+
+    def finish(self) -> tuple[Machine, dict[int, int | None], dict[str, int | None]]:
+        """The renumbered machine, and the maps from original ids and from names to its ids."""
+        edited, new_ids = self._draft.finish()
+        id_map = {old: new_ids.get(old) for old in range(self._draft.original)}
+        return edited, id_map, {name: new_ids.get(id_) for name, id_ in self._names.given.items()}
+
+    def _add(self, command: Add) -> None:
+        ends = [(self._parent(ref), face) for ref, face in command.ends]
+        added = self._draft.attach(command.type, ends)
+        for problem in self._draft.crowding:
+            raise Refused(problem.code, f"with this block {problem.message} in an earlier line")
+        if command.name:
+            self._names.give(command.name, added.id)
+        label = f"{added.id} ({command.name})" if command.name else added.id
+        self._require_space(f"with {library()[command.type].name} as new block {label}: ")
+
+    def _remove(self, command: Remove) -> None:
+        block = self._find(command.block, "block", "removed")
+        self._draft.detach(block)
+        self._draft.program.require_groups(block, self._draft.steps.values())
+        self._require_space("")
+
+    def _move(self, command: Move) -> None:
+        block = self._draft.movable(self._find(command.block, "block", "moved")).id
+        parent = self._parent(command.parent)
+        if block <= parent < self._draft.original:
+            reason = f"new parent {parent} does not come before block {block}"
+            rule = "a parent must have a smaller id or be added by this script"
+            raise Refused("parent_not_earlier", f"{reason}; {rule}")
+        self._draft.reattach(block, (parent, command.face))
+        self._require_space("")
+
+    @property
+    def _controlled(self) -> bool:
+        """Whether the machine may have controls: without a task it may."""
+        return self._draft.brief is None or self._draft.limits.controls is not None
+
+    def _control(self, command: AddControl | RemoveControl) -> None:
+        draft = self._draft
+        if isinstance(command, RemoveControl):
+            draft.program.remove(command.number)
+            return
+        group = self._group_of(command.target)
+        target = group or tuple(self._find(ref, "block", "controlled") for ref in command.target)
+        draft.program.add(target, command, draft.steps.values(), draft.limits.controls)
+
+    def _group_of(self, target: Sequence[Ref]) -> Group | None:
+        """The group that words name; None if they name blocks."""
+        words = "_".join(map(str, target))
+        named = len(target) == 1 and target[0] in self._names.given
+        return next((group for group in GROUPS if group == words and not named), None)
+
+    def _parent(self, ref: Ref) -> int:
+        return self._find(ref, "parent", "used as a parent")
+
+    def _find(self, ref: Ref, what: str, use: str) -> int:
+        """The id of a block that is still there; `what` begins the codes of refusals."""
+        block_id = self._names.find(ref) if isinstance(ref, str) else ref
+        if isinstance(ref, int) and not 0 <= ref < self._draft.original:
+            raise Refused(f"{what}_not_found", self._absent(ref, use))
+        if block_id not in self._draft.steps:
+            label = ref if isinstance(ref, str) else f"block {ref}"
+            raise Refused(f"{what}_removed", f"{label} was removed earlier in this script")
+        return block_id
+
+    def _absent(self, block_id: int, use: str) -> str:
+        original = self._draft.original
+        if original <= block_id < self._draft.next_id:
+            name = self._names.name_of(block_id)
+            how = f"use its name, {name}" if name else "name it, as in 'Add 15 to 0 in 4 as a'"
+            return f"block {block_id} is added by this script; it can be {use} by name only: {how}"
+        return f"block {block_id} does not exist; the blocks are 0 to {original - 1}"
+
+    def _require_space(self, prefix: str) -> None:
+        """Refuse if the current machine is spatially invalid."""
+        for problem in self._draft.problems[:1]:
+            raise Refused(problem.code, prefix + problem.message)

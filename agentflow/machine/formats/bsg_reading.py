@@ -12,7 +12,7 @@ from agentflow.machine.blocks.library import STARTING_BLOCK, library
 from agentflow.machine.formats.connect import LocatedBlock, connect, facing_of
 from agentflow.machine.formats.parse import MAX_BLOCKS, MAX_COORDINATE, Reading
 from agentflow.machine.geometry.vectors import Quat, Vec3, add, rotate_vector
-from agentflow.machine.problems import Problem, short_repr, type_problem
+from agentflow.machine.problems import Problem, Refused, short_repr, type_problem
 
 START, END, END_TURN = "start-position", "end-position", "end-rotation"
 SCALE_TOLERANCE = 0.001
@@ -82,12 +82,6 @@ def _parse_xml(text: str) -> Element:
     return root
 
 
-class _BadBlock(Exception):
-    def __init__(self, code: str, reason: str) -> None:
-        super().__init__(reason)
-        self.code, self.reason = code, reason
-
-
 @dataclass
 class _Reader:
     """The blocks and problems read from a file so far."""
@@ -106,7 +100,7 @@ class _Reader:
         """Read one block, or add a problem."""
         try:
             located = self._read_block(block, index)
-        except _BadBlock as fault:
+        except Refused as fault:
             message = f"block {index} of the file ({_ids(block)}): {fault.reason}"
             is_root = (block.get("id") or "").strip() == str(STARTING_BLOCK)
             problems = self.loose if fault.code == "scale" and not is_root else self.problems
@@ -145,7 +139,7 @@ class _Reader:
             factors = _point(scale, "xyz", "Scale")
             if any(abs(factor - 1) > SCALE_TOLERANCE for factor in factors):
                 size = " x ".join(f"{factor:g}" for factor in factors)
-                raise _BadBlock("scale", f"it is scaled to {size}; blocks cannot be scaled here")
+                raise Refused("scale", f"it is scaled to {size}; blocks cannot be scaled here")
         if not library()[kind].linear:
             return LocatedBlock(index, kind, position, rotation)
         end = block.find(f"./Data/Vector3[@key='{END}']")
@@ -158,14 +152,14 @@ class _Reader:
     def _type(self, block: Element) -> int:
         text = (block.get("id") or "").strip()
         if not (text.isascii() and text.isdigit() and len(text) < 10):
-            raise _BadBlock("not_a_number", f"its id is {short_repr(text)}, expected a block type")
+            raise Refused("not_a_number", f"its id is {short_repr(text)}, expected a block type")
         kind = int(text)
         if kind == STARTING_BLOCK and self.root is None:
             return kind
         two_ended = kind in library() and library()[kind].linear
         fault = type_problem(kind, self.allowed, two_ended=two_ended)
         if fault is not None:
-            raise _BadBlock(*fault)
+            raise Refused(*fault)
         return kind
 
 
@@ -182,7 +176,7 @@ def _point(element: Element | None, names: str, what: str) -> Vec3:
 def _numbers(element: Element | None, names: str, what: str) -> list[float]:
     """Numbers in attributes, or in child elements, with these names."""
     if element is None:
-        raise _BadBlock("missing_field", f"it has no {what}")
+        raise Refused("missing_field", f"it has no {what}")
     numbers = []
     for name in names:
         text = element.get(name) or element.findtext(name) or ""
@@ -191,7 +185,7 @@ def _numbers(element: Element | None, names: str, what: str) -> list[float]:
         except ValueError:
             number = math.nan
         if not abs(number) <= MAX_COORDINATE:
-            raise _BadBlock(
+            raise Refused(
                 "not_a_number", f"{name} of its {what} is {short_repr(text)}, {_EXPECTED}"
             )
         numbers.append(number)

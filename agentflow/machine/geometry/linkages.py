@@ -15,7 +15,7 @@ from random import Random
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.machine.geometry.mobility import Loop, MovingJoint
+from agentflow.machine.geometry.joints import Loop, MovingJoint
 from agentflow.machine.geometry.vectors import Vec3, subtract
 
 Array = NDArray[np.float64]
@@ -135,6 +135,8 @@ def _closure(screws: Sequence[_Screw], loops: Sequence[Loop], place: Array) -> t
             rates[row + 3 : row + 6, k] += sign * (turn @ screws[k].moment)
             shift = turn @ own_shift + shift
             turn = turn @ own_turn
+        # The skew part of a rotation by a small angle is that angle's vector: (R21 - R12) / 2, and
+        # so on in turn.
         gap[row : row + 3] = (turn[[2, 0, 1], [1, 2, 0]] - turn[[1, 2, 0], [2, 0, 1]]) / 2.0
         gap[row + 3 : row + 6] = shift
     return gap, rates

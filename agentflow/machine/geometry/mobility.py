@@ -9,43 +9,38 @@ A jammed joint makes one cluster of the two that it connects.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Protocol
 
-from agentflow.machine.geometry.sets import Sets
-from agentflow.machine.geometry.vectors import Vec3, cross, length, scale, subtract
+from agentflow.machine.geometry.joints import Loop, MovingJoint
+from agentflow.machine.geometry.vectors import cross, length, scale, subtract
+
+
+class Sets:
+    """Disjoint sets, each named by its lowest member; at first every member is alone."""
+
+    def __init__(self) -> None:
+        self._up: dict[int, int] = {}
+
+    def find(self, member: int) -> int:
+        """The member that names the set."""
+        up = self._up
+        while (above := up.get(member, member)) != member:
+            up[member] = above = up.get(above, above)
+            member = above
+        return member
+
+    def join(self, one: int, other: int) -> bool:
+        """Unite two sets; False if they already were one."""
+        one, other = self.find(one), self.find(other)
+        if one == other:
+            return False
+        self._up[max(one, other)] = min(one, other)
+        return True
+
 
 APART = 1e-6
 """m, and sine of an angle: pivots and axes at rest are exact except for rounding."""
 JAMMED = "other moving joints hold the same parts"
 """Why a joint cannot move."""
-
-
-class MovingJoint(Protocol):
-    """A joint at rest, between two bodies; fixed ones have no pivot and axis."""
-
-    @property
-    def a(self) -> int:
-        """Body."""
-
-    @property
-    def b(self) -> int:
-        """Body."""
-
-    @property
-    def kind(self) -> str:
-        """`revolute`, `prismatic` or `spherical`."""
-
-    @property
-    def pivot(self) -> Vec3:
-        """m."""
-
-    @property
-    def axis(self) -> Vec3:
-        """Unit vector."""
-
-
-Loop = Sequence[tuple[int, float]]
-"""The joints along a closed way through clusters; 1 where it leads from `a` to `b`, else -1."""
 
 
 def lock(joints: Sequence[MovingJoint], moving: Sequence[int], sets: Sets) -> list[int]:

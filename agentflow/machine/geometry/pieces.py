@@ -1,4 +1,5 @@
-"""What is connected with what: bonds between the ends of blocks, and the pieces that they form."""
+"""What is connected with what: bonds between the ends of blocks, the pieces that they form, and the
+joints that they keep from moving."""
 
 from __future__ import annotations
 
@@ -8,10 +9,10 @@ from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import DIRECTIONS
-from agentflow.machine.geometry.mobility import find_loops
+from agentflow.machine.geometry.mobility import JAMMED, Sets, find_loops, lock
 from agentflow.machine.geometry.placement import Geometry
-from agentflow.machine.geometry.sets import Sets
 from agentflow.machine.geometry.vectors import Vec3
+from agentflow.machine.problems import Problem
 
 
 class Bond(NamedTuple):
@@ -74,3 +75,41 @@ def largest_piece(geometry: Geometry) -> int:
     involved = {i for loop in loops for i, _ in loop if bonds[i].kind != "fixed"}
     moving = Counter(sets.find(bonds[i].a) for i in involved)
     return max(total + min(count[piece], moving[piece]) for piece, total in parts.items())
+
+
+def locked_joints(geometry: Geometry) -> list[Problem]:
+    """One warning (`locked`) for each block of a file-valid machine whose joint cannot move."""
+    sets = Sets()
+    joints: list[Bond] = []
+    for bond in parent_bonds(geometry):
+        if bond.kind == "fixed":
+            sets.join(bond.a, bond.b)
+        else:
+            joints.append(bond)
+    found = []
+    for bridge in extra_bonds(geometry):
+        sets.join(bridge.a, bridge.b)
+        for joint in _within(sets, joints):
+            joints.remove(joint)
+            blocks = tuple(sorted({joint.block, bridge.block}))
+            found.append(_warning(geometry, joint, blocks, _bridges(geometry, bridge)))
+    lock(joints, range(len(joints)), sets)
+    found += [_warning(geometry, joint, (joint.block,), JAMMED) for joint in _within(sets, joints)]
+    return sorted(found, key=lambda problem: problem.blocks)
+
+
+def _within(sets: Sets, joints: list[Bond]) -> list[Bond]:
+    """The joints within one cluster."""
+    return [joint for joint in joints if sets.find(joint.a) == sets.find(joint.b)]
+
+
+def _bridges(geometry: Geometry, bridge: Bond) -> str:
+    holder = geometry[bridge.block]
+    if holder.two_ended:
+        return f"{holder.label} bridges it"
+    return f"the front of {holder.label} also connects to {geometry[bridge.a // 2].label}"
+
+
+def _warning(geometry: Geometry, joint: Bond, blocks: tuple[int, ...], reason: str) -> Problem:
+    text = f"the moving joint of {geometry[joint.block].label} cannot move: {reason}"
+    return Problem("locked", blocks, text)

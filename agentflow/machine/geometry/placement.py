@@ -141,8 +141,8 @@ def place(steps: Machine | Iterable[Step]) -> Geometry:
 def place_step(step: Step, placed: Mapping[int, Placed]) -> Placed:
     """Place one step on blocks that are already placed."""
     if step.parent_b is not None and step.face_id_b is not None:
-        a = _face_at(placed[step.parent], step.face_id)
-        b = _face_at(placed[step.parent_b], step.face_id_b)
+        a = face_at(placed[step.parent], step.face_id)
+        b = face_at(placed[step.parent_b], step.face_id_b)
         lo = (min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2]))
         hi = (max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2]))
         return Placed(step, a, lo, hi, None, b)
@@ -160,7 +160,8 @@ def place_step(step: Step, placed: Mapping[int, Placed]) -> Placed:
     return Placed(step, (x, y, z), (x + x0, y + y0, z + z0), (x + x1, y + y1, z + z1), turned)
 
 
-def _face_at(parent: Placed, face_id: int) -> Units3:
+def face_at(parent: Placed, face_id: int) -> Units3:
+    """Where a face of a block is."""
     assert parent.shape is not None
     return add(parent.at, parent.shape.faces[face_id].offset)
 

@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.balance import centre_of_mass, on_ground
+from agentflow.machine.geometry.mobility import Sets
 from agentflow.machine.geometry.pieces import Bond, extra_bonds, parent_bonds
 from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.geometry.pose import Placed
-from agentflow.machine.geometry.sets import Sets
 from agentflow.machine.geometry.vectors import Vec3, add, cross, dot, length, scale, subtract
 
 GRAVITY = 32.81

@@ -9,8 +9,6 @@ from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent, ToolE
 from agentflow.runs.places import FEEDBACK, Place
 from agentflow.runs.reading import Event
 
-AGENT, EDIT = "agent", "edit"
-"""The role and the tool that makes a machine of another."""
 NAME = 8
 """Characters of a content hash that name a machine to an agent."""
 
@@ -24,7 +22,7 @@ def agent_edits(events: Iterable[RunEvent | Event]) -> Iterator[Edit]:
     """
     family, turn = _Family(), Place()
     for event in events:
-        if isinstance(event, AttemptEvent) and event.role == AGENT:
+        if isinstance(event, AttemptEvent):  # the calls of a reply come after it
             turn = event.place
         elif isinstance(event, ToolEvent):
             family.take_in(event, turn)
@@ -55,7 +53,7 @@ class _Family:
         self.names[made[:NAME]] = made
         sent = event.arguments if isinstance(event.arguments, Mapping) else {}
         parent = self.names.get(str(sent.get("machine")))
-        if event.tool == EDIT and parent and made != parent and made not in self._parents:
+        if parent and made != parent and made not in self._parents:
             self._parents[made] = parent, event.place.name == FEEDBACK
             self.add_turn(made, turn)
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from agentflow.metrics.behaviour.predictions import predicted_score, predicts_success
+from agentflow.metrics.intervals import Rate
 from agentflow.metrics.search import search_roots
-from agentflow.metrics.validity import Rate
 from agentflow.runs.events import EvaluationEvent
 from agentflow.runs.places import INITIAL, Place
 from agentflow.runs.record import RunRecord

@@ -30,16 +30,6 @@ _METRES = (
     re.compile(rf"{_RANGE}\s*m(?:etres)?\s+(?:away|in\s+{_NUMBER}\s*s)\b", re.IGNORECASE),
 )
 
-_SENTENCE = re.compile(r"(?<=[.!?])\s+|\n+")
-_EXPECTED = re.compile(
-    r"\b(?:will|should|would|expect(?:s|ed|ing)?|predict(?:s|ed|ing)?)\b|'ll\b", re.IGNORECASE
-)
-
-
-def expectations(text: str) -> str:
-    """The sentences of a text that say what is expected, as agents have no field for it."""
-    return " ".join(part for part in _SENTENCE.split(text) if _EXPECTED.search(part))
-
 
 def predicts_success(prediction: str) -> bool:
     """Whether a prediction has a word of success that is not denied just before it."""

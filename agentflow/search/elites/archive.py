@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any, Generic, Literal, cast
 
-from agentflow.errors import ConfigError, UsageError
+from agentflow.errors import UsageError
+from agentflow.extras import is_installed, missing
 from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.node import C, Node
 
@@ -25,10 +25,8 @@ so that it belongs to no cell."""
 
 def require_pyribs() -> None:
     """Raise ConfigError unless pyribs is installed; this does not import it."""
-    if find_spec("ribs") is None:
-        raise ConfigError(
-            'pyribs is not installed; install it with: pip install "agentflow[explore]"'
-        )
+    if not is_installed("ribs"):
+        raise missing("pyribs", "explore")
 
 
 @dataclass(frozen=True)

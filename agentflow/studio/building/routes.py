@@ -3,37 +3,100 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any
+from functools import partial
+from typing import Any, Literal
 
+from pydantic import Field
 from starlette.routing import BaseRoute
 
 from agentflow.app.design.plan import task_of_run
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.app.machines.files import list_blocks, read_one
-from agentflow.app.pages.films import Shapes
-from agentflow.app.pages.runs import FINE, ReportedMachine, film_machine
-from agentflow.errors import UsageError
-from agentflow.machine import Machine
+from agentflow.app.pages.runs import FINE, ReportedMachine
+from agentflow.app.tasks import find_task
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import task_names
+from agentflow.errors import UnknownNameError, UsageError
+from agentflow.machine import Machine, check
+from agentflow.machine.edits import changes
+from agentflow.machine.edits.changes import Change, Mending
+from agentflow.machine.edits.draft import End
+from agentflow.machine.formats.detect import read_for
 from agentflow.runs import read_document
-from agentflow.studio.answers import Nothing, get, post
-from agentflow.studio.building import changes
-from agentflow.studio.building.requests import (
-    Asked,
-    Built,
-    Edited,
-    OnTask,
-    Opened,
-    Recorded,
-    read_for_task,
-)
-from agentflow.studio.building.rules import Rules
-from agentflow.studio.building.state import describe_state, spots_json
+from agentflow.studio.answers import Arguments, Nothing, get, post
+from agentflow.studio.building.state import describe_state, find_spots, spots_to_add
 from agentflow.studio.building.workshop import Workshop
-from agentflow.studio.folder import RunFolder
+from agentflow.studio.folder import LONGEST, RunFolder
 from agentflow.studio.simulations import Simulations
+from agentflow.study.session import Written
 
 SEED = 0
 """Of all tests."""
+
+
+class OnTask(Arguments):
+    """A task by name."""
+
+    task: str = Field(max_length=80)
+
+    @property
+    def level(self) -> Task:
+        """The task.
+
+        Raises:
+            UnknownNameError: It is not a known level.
+        """
+        if self.task not in task_names():
+            raise UnknownNameError("task", self.task, task_names())
+        return find_task(self.task)
+
+
+class Built(OnTask):
+    """A machine for a task."""
+
+    machine: Written
+
+    def read(self) -> tuple[Machine, Mending]:
+        """The machine, and the rules for changing it.
+
+        Raises:
+            UsageError: It is not file-valid.
+        """
+        machine = _read_for_task(self.level, self.machine)
+        return machine, Mending(machine, self.level.brief)
+
+
+class Asked(Built):
+    """What to find faces for: a new block, or one to move or copy."""
+
+    add: int | None = None
+    first: list[int] | None = Field(None, min_length=2, max_length=2)
+    """The first end of a two-ended block."""
+    move: int | None = None
+    copy_of: int | None = None
+
+
+class Edited(Built):
+    """A change."""
+
+    do: Literal["add", "remove", "move", "turn", "copy", "mirror"]
+    block: int = Field(0, ge=0)
+    type: int = 0
+    ends: list[list[int]] = Field([], max_length=2)
+
+
+class Opened(OnTask):
+    """The text of a machine file."""
+
+    text: str = Field(max_length=4_000_000)
+    name: str = Field("", max_length=LONGEST)
+
+
+class Recorded(Arguments):
+    """A machine of a run; without a hash, its best one."""
+
+    run: str = Field(max_length=LONGEST)
+    machine: str | None = Field(None, pattern="^[0-9a-f]{16}$")
 
 
 class Building:
@@ -94,12 +157,14 @@ class Building:
     async def edit(self, given: Edited) -> dict[str, Any]:
         """The changed machine, or why it cannot be changed like this."""
         machine, rules = given.read()
-        changed, chosen = rules.make(_change(machine, rules, given))
+        changed, chosen = _changed(machine, rules, given)
         return await asyncio.to_thread(describe_state, changed, rules.brief, chosen)
 
     async def open(self, given: Opened) -> dict[str, Any]:
         """A machine from a file in any format."""
-        machine = read_for_task(given.level, given.text, is_bsg=given.name.lower().endswith(".bsg"))
+        machine = _read_for_task(
+            given.level, given.text, is_bsg=given.name.lower().endswith(".bsg")
+        )
         return await asyncio.to_thread(describe_state, machine, given.level.brief)
 
     async def test(self, given: Built) -> dict[str, Any]:
@@ -108,40 +173,50 @@ class Building:
 
     async def film(self, given: Built) -> dict[str, Any]:
         """The film of a machine."""
-        machine, shapes = given.read()[0], Shapes()
-        item = ReportedMachine(machine, given.level, SEED, None, FINE, None, "")
-        data = await film_machine(item, shapes, await self._simulations.pool(), lambda: None)
-        return {"machine": data, "shapes": shapes.rows, "files": shapes.files}
+        machine, _ = given.read()
+        item = ReportedMachine(machine, given.level, SEED, None, FINE)
+        return await self._simulations.film(item)
 
     async def finish(self, given: OnTask) -> dict[str, Any]:
         """Complete the run of a task."""
         return await self._workshop.finish(given.task)
 
 
-def _find_spots(machine: Machine, rules: Rules, given: Asked) -> list[dict[str, Any]]:
+def _read_for_task(task: Task, source: object, *, is_bsg: bool = False) -> Machine:
+    """The machine in what the page sent; UsageError if it is not file-valid."""
+    report = check(read_for(task.brief, source, "bsg" if is_bsg else "auto"), task.brief)
+    if report.machine is None:
+        raise UsageError(report.problems[0].message)
+    return report.machine
+
+
+def _find_spots(machine: Machine, rules: Mending, given: Asked) -> list[dict[str, Any]]:
     first = None if given.first is None else _end(machine, given.first)
     if given.add is not None:
-        return spots_json(machine, rules.spots_to_add(given.add, first))
+        return list(spots_to_add(rules, given.add, first))
     if given.move is not None:
-        return spots_json(machine, rules.spots_to_move(_block(machine, given.move)))
+        moved = partial(changes.move, block=_block(machine, given.move))
+        return list(find_spots(rules, lambda end: partial(moved, to=end)))
     if given.copy_of is not None:
-        return spots_json(machine, rules.spots_to_copy(_block(machine, given.copy_of)))
+        copied = partial(changes.copy, block=_block(machine, given.copy_of))
+        return list(find_spots(rules, lambda end: partial(copied, to=end)))
     raise UsageError("expected `add`, `move` or `copy_of`")
 
 
-def _change(machine: Machine, rules: Rules, given: Edited) -> changes.Change:
+def _changed(machine: Machine, rules: Mending, given: Edited) -> tuple[Machine, int]:
     block, ends = _block(machine, given.block), [_end(machine, end) for end in given.ends]
-    if len(ends) < {"add": 1, "move": 1, "copy": 1}.get(given.do, 0):
+    if given.do == "turn":
+        return rules.turn(block)
+    if not ends and given.do in ("add", "move", "copy"):
         raise UsageError(f"{given.do} needs a face: give `ends` as [[block, face]]")
-    if given.do == "add":
-        return changes.add(machine, given.type, ends)
-    if given.do == "move":
-        return changes.move(machine, block, ends[0])
-    if given.do == "copy":
-        return changes.copy(machine, block, ends[0])
-    if given.do == "mirror":
-        return changes.mirror(machine, block)
-    return rules.turned(block) if given.do == "turn" else changes.remove(machine, block)
+    made: dict[str, Change] = {
+        "add": lambda draft: changes.add(draft, given.type, ends),
+        "move": lambda draft: changes.move(draft, block, ends[0]),
+        "copy": lambda draft: changes.copy(draft, block, ends[0]),
+        "mirror": lambda draft: changes.mirror(draft, block),
+        "remove": lambda draft: changes.remove(draft, block),
+    }
+    return rules.make(made[given.do])
 
 
 def _block(machine: Machine, block: int) -> int:
@@ -150,7 +225,7 @@ def _block(machine: Machine, block: int) -> int:
     return block
 
 
-def _end(machine: Machine, end: list[int]) -> changes.End:
+def _end(machine: Machine, end: list[int]) -> End:
     if len(end) != 2:
         raise UsageError("an end is [block, face]")
     return _block(machine, end[0]), end[1]

@@ -1,32 +1,35 @@
-"""What the page shows of a machine that is being built."""
+"""What the page shows of a machine that is being built, and where further blocks could go."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.env.drawing.solids import MachineSolids
+from agentflow.errors import UsageError
 from agentflow.machine import Brief, Machine, check, library, place
+from agentflow.machine.edits.changes import Change, Mending, add
+from agentflow.machine.edits.draft import End
 from agentflow.machine.geometry.balance import centre_of_mass, mass, stands, support_polygon
 from agentflow.machine.geometry.placement import Geometry
-from agentflow.studio.building.rules import Spot
+from agentflow.machine.problems import Refused, type_problem
 
 
 def describe_state(machine: Machine, brief: Brief, chosen: int = 0) -> dict[str, Any]:
     """Everything about a machine: picture, tree, problems, balance. Places are in the world, m."""
     report, geometry, shapes = check(machine, brief), place(machine), Shapes()
-    shift = lift_of(machine, geometry)
+    shift = _lift_of(machine, geometry)
     data = machine_data(machine, None, shapes, given=brief.given)
     return {
         "machine": machine.to_json(),
         "digest": machine.digest,
         "chosen": chosen,
         "picture": data,
-        "shapes": shapes.rows,
-        "files": shapes.files,
+        **shapes.data,
         "blocks": [
             {
                 "id": placed.id,
@@ -52,23 +55,54 @@ def describe_state(machine: Machine, brief: Brief, chosen: int = 0) -> dict[str,
     }
 
 
-def spots_json(machine: Machine, spots: Iterable[Spot]) -> list[dict[str, Any]]:
-    """Spots as data, with their places in the world."""
-    shift = lift_of(machine, place(machine))
-    return [
-        {
-            "block": spot.block,
-            "face": spot.face,
-            "name": library()[machine[spot.block].type].name,
-            "position": _moved(spot.position, shift),
-            "facing": spot.facing,
-            "why_not": spot.why_not,
-        }
-        for spot in spots
-    ]
+def spots_to_add(rules: Mending, kind: int, first: End | None = None) -> Iterator[dict[str, Any]]:
+    """Where a new block can go; `first` is the first end of a two-ended one."""
+    linear = kind in library() and library()[kind].linear
+    fault = type_problem(kind, rules.brief.blocks, two_ended=linear)
+    if fault:
+        raise UsageError(fault[1])
+    if not linear:
+        yield from find_spots(rules, lambda end: partial(add, kind=kind, ends=[end]))
+    elif first is None:
+        yield from find_spots(rules, None)
+    else:
+        yield from find_spots(rules, lambda end: partial(add, kind=kind, ends=[first, end]), first)
 
 
-def lift_of(machine: Machine, geometry: Geometry) -> list[float]:
+def find_spots(
+    rules: Mending, change: Callable[[End], Change] | None, first: End | None = None
+) -> Iterator[dict[str, Any]]:
+    """Every face that is free, or every face at all for two-ended blocks.
+
+    Each change is tried before it is made: `why_not` is what forbids it, or "".
+    """
+    geometry = place(rules.machine)
+    shift = _lift_of(rules.machine, geometry)
+    shared = change is None or first is not None
+    for placed in geometry.blocks:
+        faces = library()[placed.type].open_faces
+        for face in faces if shared else geometry.free_faces(placed.id):
+            if (placed.id, face) != first:
+                yield {
+                    "block": placed.id,
+                    "face": face,
+                    "name": placed.name,
+                    "position": _moved(placed.faces[face].position, shift),
+                    "facing": placed.faces[face].facing,
+                    "why_not": "" if change is None else _why_not(rules, change((placed.id, face))),
+                }
+
+
+def _why_not(rules: Mending, change: Change) -> str:
+    """What forbids a change; "" if it is legal."""
+    try:
+        rules.make(change)
+    except Refused as refused:
+        return refused.reason
+    return ""
+
+
+def _lift_of(machine: Machine, geometry: Geometry) -> list[float]:
     """What moves the machine frame to the world, where the machine stands on the ground."""
     rest = MachineSolids(machine).rest
     return [float(v) for v in np.subtract(rest.centre[0], geometry.blocks[0].center)]

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import AsyncExitStack
-from dataclasses import dataclass
 from typing import Any
 
 from agentflow.app.design.config import load_config
-from agentflow.app.design.results import read_finished
 from agentflow.app.sessions import ClientRuns, RunSession
 from agentflow.config.run import PROCEDURAL
 from agentflow.machine import Machine
+from agentflow.runs import read_result
 from agentflow.runs.places import FEEDBACK
 from agentflow.studio.folder import RunFolder
 from agentflow.studio.guard import Refusal
@@ -23,22 +22,14 @@ TESTS = 2000
 """Most tests of one run; a bench keeps as many machines."""
 
 
-@dataclass(frozen=True)
-class _Work:
-    """The run of one task."""
-
-    runs: ClientRuns
-    session: RunSession
-
-
-class Workshop:
+class Workshop(AsyncExitStack):
     """Tests machines and records each test in a run; leaving the context completes all runs."""
 
     def __init__(self, folder: RunFolder, simulations: Simulations) -> None:
         """Prepare; the first test of a task begins its run."""
+        super().__init__()
         self._folder, self._simulations = folder, simulations
-        self._stack = AsyncExitStack()
-        self._open: dict[str, _Work] = {}
+        self._open: dict[str, RunSession] = {}
         self._turn = asyncio.Lock()
 
     async def test(self, task: str, machine: Machine) -> dict[str, Any]:
@@ -47,8 +38,8 @@ class Workshop:
         Raises:
             Refusal: It is not valid for the task, or the run has no test left.
         """
-        work = await self._work(task)
-        bench = await work.session.bench()
+        session = await self._session(task)
+        bench = await session.bench()
         if bench is None:
             del self._open[task]
             raise Refusal(409, "this run has ended; test again to begin another one")
@@ -59,7 +50,7 @@ class Workshop:
         if told.refused:
             raise Refusal(400, told.text)
         kept = ("score", "status", "feedback")
-        return {key: told.data[key] for key in kept} | {"run": self._name(work.session)}
+        return {key: told.data[key] for key in kept} | {"run": self._name(session)}
 
     async def finish(self, task: str) -> dict[str, Any]:
         """Complete the run of a task; its best machine is the result.
@@ -67,14 +58,14 @@ class Workshop:
         Raises:
             Refusal: Nothing has been tested.
         """
-        work = self._open.pop(task, None)
-        if work is None:
+        session = self._open.pop(task, None)
+        if session is None:
             raise Refusal(400, f"nothing has been tested on {task}, so there is nothing to finish")
-        await work.session.finish()
-        result = read_finished(self._folder.run(self._name(work.session)))
-        return {"run": self._name(work.session), "score": result["score"]}
+        await session.finish()
+        result = read_result(self._folder.run(self._name(session)))
+        return {"run": self._name(session), "score": result.score}
 
-    async def _work(self, task: str) -> _Work:
+    async def _session(self, task: str) -> RunSession:
         async with self._turn:
             if task not in self._open:
                 options = {"task": task, "settings.rollouts": TESTS}
@@ -83,15 +74,9 @@ class Workshop:
                 runs = ClientRuns(
                     config, self._folder.root, (FEEDBACK,), self._simulations, lambda _: None
                 )
-                await self._stack.enter_async_context(runs)
-                self._open[task] = _Work(runs, runs.open(PERSON))
+                await self.enter_async_context(runs)
+                self._open[task] = runs.open(PERSON)
             return self._open[task]
 
     def _name(self, session: RunSession) -> str:
         return self._folder.name_of(session.path)
-
-    async def __aenter__(self) -> Workshop:
-        return self
-
-    async def __aexit__(self, *_: object) -> None:
-        await self._stack.aclose()

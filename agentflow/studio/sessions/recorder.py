@@ -9,13 +9,12 @@ from datetime import datetime
 from pathlib import Path
 from secrets import token_hex
 from time import monotonic
-from types import TracebackType
 from typing import Annotated, Any, BinaryIO, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from agentflow.config.yaml import describe_fault, first_fault
 from agentflow.errors import AgentflowError, UsageError
+from agentflow.files.faults import tell_fault
 from agentflow.machine import library, read_machine
 from agentflow.machine.tree import MachineJson
 from agentflow.study.session import (
@@ -124,9 +123,7 @@ class Recorder:
         try:
             read = _TOLD.validate_python({**event, **timed, "at": max(at, 0.0)})
         except ValidationError as error:
-            fault = first_fault(error)
-            place = ".".join(map(str, fault["loc"])) or "the event"
-            raise UsageError(f"{place}: {describe_fault(fault)}") from None
+            raise UsageError(tell_fault(error, "the event")) from None
         if isinstance(read, Action | Trial):
             _require_machine(read.machine)
             found.machine = read.machine
@@ -219,12 +216,7 @@ class Recorder:
     def __enter__(self) -> Recorder:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if (found := self._current()) is not None:
             self._close(found, "left")
 

@@ -12,7 +12,7 @@ from starlette.routing import BaseRoute
 
 from agentflow.errors import UsageError
 from agentflow.studio.answers import Arguments, Nothing, get, post
-from agentflow.studio.building.requests import Built
+from agentflow.studio.building.routes import Built
 from agentflow.studio.folder import LONGEST
 from agentflow.studio.sessions.recorder import Recorder
 from agentflow.study.session import Start

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import tempfile
+from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
@@ -16,12 +17,22 @@ from pathlib import Path
 from secrets import token_hex
 from typing import Any
 
-from agentflow.config.run import KEY_VARIABLE
-from agentflow.errors import UsageError
-from agentflow.runs.document import FILE_NAME
-from agentflow.studio.folder import RunFolder
-from agentflow.studio.watching.forms import NewDesign, require_possible
+from pydantic import Field
 
+from agentflow.app.design.config import load_config, urls_with_credentials
+from agentflow.app.design.plan import RunPlan
+from agentflow.config.run import KEY_VARIABLE
+from agentflow.env.tasks.registry import task_names
+from agentflow.errors import UnknownNameError, UsageError
+from agentflow.models.completion import PATH_STARTS
+from agentflow.runs.reading import FILE_NAME
+from agentflow.studio.answers import Arguments
+from agentflow.studio.folder import RunFolder
+from agentflow.study.session import Written
+from agentflow.workflows.registry import WORKFLOWS
+
+USUAL = "hierarchical"
+"""The workflow that the form offers first."""
 START_S, STOP_S = 120.0, 15.0
 """Seconds that a design has to create its run, and to end after it was interrupted."""
 MOST = 8
@@ -31,13 +42,76 @@ KEPT = 4000
 _PROGRAM = "import sys; from agentflow.cli import main; sys.exit(main())"
 
 
+class NewDesign(Arguments):
+    """The form of a design."""
+
+    task: str = Field(max_length=80)
+    workflow: str = Field(USUAL, max_length=40)
+    model: str = Field("", max_length=200)
+    """"" is the default: AGENTFLOW_MODEL, else procedural."""
+    base_url: str = Field("", max_length=400, pattern=r"^(https?://\S+)?$")
+    seed: int = Field(0, ge=0, lt=2**31)
+    trajectories: int | None = Field(None, ge=1, le=64)
+    rounds: int | None = Field(None, ge=0, le=200)
+    calls: int | None = Field(None, ge=1)
+    """Most model calls."""
+    tokens: int | None = Field(None, ge=1)
+    """Most tokens."""
+    machine: Written | None = None
+    """Improve this machine instead of designing one."""
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The configuration keys that are given."""
+        given = {
+            "task": self.task,
+            "workflow": self.workflow,
+            "seed": self.seed,
+            "model.name": self.model or None,
+            "model.base_url": self.base_url or None,
+            "trajectories": self.trajectories,
+            "search.rounds": self.rounds,
+            "model.budget.calls": self.calls,
+            "model.budget.tokens": self.tokens,
+        }
+        return {key: value for key, value in given.items() if value is not None}
+
+
+def workflow_names() -> list[str]:
+    """The workflows that a page may start: none that runs other programs."""
+    names = [name for name, workflow in WORKFLOWS.items() if not workflow.runs_program]
+    return sorted(names, key=lambda name: name != USUAL)
+
+
+def require_possible(form: NewDesign) -> None:
+    """Raise UsageError unless a design with this form can begin, without a path on this machine."""
+    if form.task not in task_names():
+        raise UnknownNameError("task", form.task, task_names())
+    if form.workflow not in workflow_names():
+        raise UnknownNameError("workflow", form.workflow, workflow_names())
+    name = form.model
+    if (
+        name.startswith(PATH_STARTS)
+        or Path(name or "-").is_absolute()
+        or Path(name or "-").is_dir()
+    ):
+        raise UsageError("the studio starts no models in folders; use agentflow design --model")
+    start = {} if form.machine is None else {"settings.start": form.machine}
+    config = load_config(None, (), {**form.options, **start})
+    if urls_with_credentials(config):
+        raise UsageError("the base URL has a user or a query; the key comes from the environment")
+    RunPlan.of(config).require_workflow()
+
+
 @dataclass
 class _Started:
     """A process, and the end of what it has said."""
 
-    process: asyncio.subprocess.Process
-    listening: asyncio.Task[None]
+    process: Process
     said: str = ""
+
+    def __post_init__(self) -> None:
+        self.listening = asyncio.create_task(_listen(self))
 
     @property
     def running(self) -> bool:
@@ -103,7 +177,7 @@ class Designs:
         if name not in self._started:
             raise UsageError(f"this studio has not started {name[:80]!r}, so it cannot stop it")
         started = self._started[name]
-        for ask in (_interrupt, _terminate, _kill):
+        for ask in (_interrupt, Process.terminate, Process.kill):
             if not started.running:
                 break
             with suppress(ProcessLookupError):
@@ -122,14 +196,12 @@ class Designs:
             options.append(f"--start={file}")
         process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-c", _PROGRAM, "design", *options),
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.DEVNULL,
-            stderr=asyncio.subprocess.PIPE,
+            stdin=DEVNULL,
+            stdout=DEVNULL,
+            stderr=PIPE,
             start_new_session=True,
         )
-        started = _Started(process, asyncio.create_task(asyncio.sleep(0)))
-        started.listening = asyncio.create_task(_listen(started))
-        return started
+        return _Started(process)
 
 
 async def _listen(started: _Started) -> None:
@@ -158,13 +230,5 @@ async def _appears(run: Path, started: _Started) -> bool:
     return False
 
 
-def _interrupt(process: asyncio.subprocess.Process) -> None:
+def _interrupt(process: Process) -> None:
     process.send_signal(signal.SIGINT) if sys.platform != "win32" else process.terminate()
-
-
-def _terminate(process: asyncio.subprocess.Process) -> None:
-    process.terminate()
-
-
-def _kill(process: asyncio.subprocess.Process) -> None:
-    process.kill()

@@ -1,24 +1,31 @@
-"""The list of runs, and how the best score of each rose over time."""
+"""The list of runs, how the best score of each rose over time, and what changes, as events."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import asyncio
+import json
+from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from agentflow.app.inspect.overview import run_list
 from agentflow.app.sweeps.folder import is_sweep
-from agentflow.errors import RunError
+from agentflow.errors import AgentflowError, RunError
 from agentflow.runs import find_runs, state_of
-from agentflow.runs.document import FILE_NAME
-from agentflow.runs.events import EvaluationEvent, typed_event
-from agentflow.runs.reading import CALLS, EVENTS, RESULT, Event, read_new_events
+from agentflow.runs.events import EvaluationEvent, RunEvent, read_new_typed_events
+from agentflow.runs.reading import CALLS, EVENTS, FILE_NAME, RESULT, Event
 from agentflow.runs.record import RunRecord
 from agentflow.studio.folder import RunFolder
 
 Row = dict[str, Any]
 Signature = tuple[object, ...]
+EVERY_S = 0.7
+"""Seconds between looks at the files."""
+QUIET = 20
+"""Looks without news after which a comment keeps the connection alive."""
+News = Mapping[str, Any] | None
+"""What one look has found; None without news."""
 
 
 @dataclass
@@ -35,23 +42,19 @@ class Follower:
         Raises:
             RunError: The events are damaged.
         """
-        events, self._offset = read_new_events(self.path, self._offset)
+        events, self._offset = read_new_typed_events(self.path, self._offset)
         return list(self._points(events))
 
-    def _points(self, events: list[Event]) -> Iterator[dict[str, float]]:
+    def _points(self, events: Iterable[RunEvent | Event]) -> Iterator[dict[str, float]]:
         for event in events:
-            try:
-                typed = typed_event(event)
-            except ValueError as error:
-                raise RunError(f"{self.path / EVENTS} is damaged: {error}") from None
-            self.record.add(typed)
-            if isinstance(typed, EvaluationEvent) and typed.score is not None:
+            self.record.add(event)
+            if isinstance(event, EvaluationEvent) and event.score is not None:
                 yield {
                     "at": event.at,
                     "expansions": self.record.steps,
                     "calls": self.record.calls,
                     "tokens": self.record.tokens,
-                    "score": typed.score,
+                    "score": event.score,
                 }
 
 
@@ -132,3 +135,51 @@ def _signature(path: Path) -> Signature:
     except RunError:
         found.append("damaged")
     return tuple(found)
+
+
+async def as_stream(news: AsyncIterator[News]) -> AsyncIterator[str]:
+    """News as text of server-sent events; what goes wrong is told in the last one."""
+    quiet = 0
+    try:
+        async for item in news:
+            quiet = 0 if item is not None else quiet + 1
+            if item is not None:
+                yield _message(item)
+            elif quiet % QUIET == 0:
+                yield ": still here\n\n"
+    except AgentflowError as error:
+        yield _message({"problem": str(error)})
+
+
+async def follow_list(listing: Listing) -> AsyncIterator[News]:
+    """All rows, then those that have changed, and the names of those that are gone."""
+    told: dict[str, dict[str, Any]] | None = None
+    while True:
+        rows = {row["run"]: row for row in await asyncio.to_thread(listing.rows)}
+        before = told or {}
+        changed = [row for name, row in rows.items() if before.get(name) is not row]
+        gone = [name for name in before if name not in rows]
+        is_news = changed or gone or told is None
+        yield {"rows": changed, "gone": gone} if is_news else None
+        told = rows
+        await asyncio.sleep(EVERY_S)
+
+
+async def follow_run(path: Path) -> AsyncIterator[News]:
+    """The scores of one run so far, then each new one, and its state; ends when the run does."""
+    follower, told = Follower(path), ("", -1)
+    while True:
+        state = await asyncio.to_thread(state_of, path)  # first, so that no late event is missed
+        points = await asyncio.to_thread(follower.new_points)
+        record = follower.record
+        now = (state, record.calls)
+        news = {"state": state, "points": points, "best": record.best, "calls": record.calls}
+        yield news if points or now != told else None
+        if state == "done":
+            return
+        told = now
+        await asyncio.sleep(EVERY_S)
+
+
+def _message(data: object) -> str:
+    return f"data: {json.dumps(data, allow_nan=False)}\n\n"

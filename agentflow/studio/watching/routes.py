@@ -14,20 +14,17 @@ from starlette.routing import BaseRoute, Route
 from agentflow.app.design.config import load_config
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.app.pages.compare import Comparison
-from agentflow.app.pages.films import Shapes
-from agentflow.app.pages.runs import FINE, ReportedMachine, film_machine, run_data
+from agentflow.app.pages.runs import FINE, ReportedMachine, run_data
 from agentflow.app.tasks import list_tasks
 from agentflow.config.run import KEY_VARIABLE
 from agentflow.errors import AgentflowError
 from agentflow.runs import read_document
-from agentflow.studio.answers import Arguments, Nothing, get, post, told
+from agentflow.studio.answers import Arguments, Nothing, get, post
 from agentflow.studio.folder import LONGEST, RunFolder
-from agentflow.studio.guard import FOLLOW, Refusal
+from agentflow.studio.guard import FOLLOW, Refusal, told
 from agentflow.studio.simulations import Simulations
-from agentflow.studio.watching.designs import Designs
-from agentflow.studio.watching.forms import WORKFLOWS, NewDesign
-from agentflow.studio.watching.listing import Listing
-from agentflow.studio.watching.streams import News, as_stream, follow_list, follow_run
+from agentflow.studio.watching.designs import Designs, NewDesign, workflow_names
+from agentflow.studio.watching.listing import Listing, News, as_stream, follow_list, follow_run
 
 
 class OneRun(Arguments):
@@ -76,7 +73,7 @@ class Watching:
         """What forms offer: tasks, workflows and the default model; never a key."""
         return {
             "tasks": await asyncio.to_thread(list_tasks),
-            "workflows": list(WORKFLOWS),
+            "workflows": await asyncio.to_thread(workflow_names),
             "model": load_config(None, (), {}).model.name,
             "key_variable": KEY_VARIABLE,
             "runs": str(self._folder.root),
@@ -97,15 +94,13 @@ class Watching:
         path = self._folder.run(given.run)
         machine = recorded_machine(path, given.machine)
         item = ReportedMachine.of(path, read_document(path), machine, None, FINE)
-        shapes = Shapes()
-        data = await film_machine(item, shapes, await self._simulations.pool(), lambda: None)
-        return {"machine": data, "shapes": shapes.rows, "files": shapes.files}
+        return await self._simulations.film(item)
 
     async def pair(self, given: TwoRuns) -> dict[str, Any]:
         """The best machines of two runs, with both films and what differs."""
         paths = (str(self._folder.run(given.a)), str(self._folder.run(given.b)))
         comparison = await asyncio.to_thread(Comparison.of, paths)
-        played = await comparison.play(await self._simulations.pool(), lambda: None)
+        played = await comparison.play(await self._simulations.pool())
         data = comparison.page_data(played)
         for machine, name in zip(data["machines"], (given.a, given.b), strict=True):
             machine["source"] = name

@@ -7,11 +7,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from agentflow.agents.designer import FENCE, MAX_RATIONALE, extract_rationale
 from agentflow.llm.messages import Message, Text
-from agentflow.training.data.folder import read_lines, read_plan
+from agentflow.training.data.folder import read_log, read_plan
 from agentflow.training.data.pairs import ChatMessage
 from agentflow.training.objectives import Objective
 
@@ -19,10 +19,8 @@ ANSWERS = "answers.jsonl"
 COMMAND = "agentflow data generate"
 
 
-class Question(BaseModel):
+class Question(BaseModel, frozen=True, extra="forbid"):
     """An objective, and the prompt that asks for a machine that meets it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     objective: Objective
     prompt: tuple[ChatMessage, ...]
@@ -33,10 +31,8 @@ class Question(BaseModel):
         return tuple(Message(role=item.role, text=item.content) for item in self.prompt)
 
 
-class AnswerPlan(BaseModel):
+class AnswerPlan(BaseModel, frozen=True, extra="forbid"):
     """Everything that decides the answers in a folder, apart from the model's own chance."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Literal["answers"] = "answers"
     format: Literal[1] = 1
@@ -64,10 +60,8 @@ class AnswerPlan(BaseModel):
         return islice(pairs, self.count)
 
 
-class Answer(BaseModel):
+class Answer(BaseModel, frozen=True, extra="forbid"):
     """One answer: rationale and program apart, and machines made from it by random edits."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     objective: str
     sample: int
@@ -102,4 +96,4 @@ def read_answers(folder: Path) -> tuple[AnswerPlan, Iterator[Answer]]:
         RunError: It is not such a folder, or (while iterating) a line is damaged.
     """
     plan = read_plan(folder, AnswerPlan, COMMAND)
-    return plan, read_lines(folder / ANSWERS, Answer)
+    return plan, read_log(folder / ANSWERS, Answer)

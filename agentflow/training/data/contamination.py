@@ -9,23 +9,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agentflow.diversity.topology import tree_text
+from agentflow.env.tasks.family import Family
 from agentflow.env.tasks.records import read_records
-from agentflow.env.tasks.registry import get_task, task_names
+from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, task_names
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, read_machine
+from agentflow.models.local.libraries import require_libraries
 from agentflow.runs import find_runs
 from agentflow.runs.reading import MACHINES
 from agentflow.training.evaluation.record import ABOUT, REPLIES, read_replies
-from agentflow.training.libraries import require_libraries
 
 WORDS = 4
 """Words of an n-gram: shorter ones, such as "as far as", are in many sentences."""
 MOST_SHARED = 0.25
 """A text of which this share of n-grams, or more, is in a level's brief repeats it; so does a long
 prompt that holds this share of the n-grams of a level's objective."""
-MOST_SIMILAR = 0.52
-"""A text whose TF-IDF cosine with a sentence of a brief is this or more says the same: paraphrases
-of briefs reach 0.53 to 0.85, our own objectives at most 0.50; every new family moves these."""
+MOST_SIMILAR = Family.similar
+"""The same for the TF-IDF cosine of a text with a sentence of a brief, of families that have no
+value of their own."""
 _WORD = re.compile(r"[a-z0-9]+")
 
 
@@ -39,12 +40,12 @@ class Likeness:
     """Greatest share of its n-grams that are in the brief of one level, or of the n-grams of a
     level's objective that are in it."""
     cosine: float
-    """Greatest TF-IDF cosine with one sentence of a brief."""
+    """TF-IDF cosine with the sentence of a brief that comes nearest to its family's limit."""
 
     @property
     def contaminated(self) -> bool:
         """Whether a model that learns from the text knows the level."""
-        return self.shared >= MOST_SHARED or self.cosine >= MOST_SIMILAR
+        return self.shared >= MOST_SHARED or self.cosine >= _most_similar(self.level)
 
 
 def compare_texts(texts: Mapping[str, str]) -> dict[str, Likeness]:
@@ -66,6 +67,7 @@ def compare_texts(texts: Mapping[str, str]) -> dict[str, Likeness]:
     vectorizer = TfidfVectorizer(analyzer="char_wb", ngram_range=(3, 5), sublinear_tf=True)
     known = vectorizer.fit_transform([text for _, text in sentences])
     cosines = (vectorizer.transform(texts.values()) @ known.T).toarray()
+    limits = [_most_similar(level) for level, _ in sentences]
     grams = {level: set(_ngrams(" ".join(told))) for level, told in briefs.items()}
     asked = {level: _ngrams(told[0]) for level, told in briefs.items()}
     found = {}
@@ -75,11 +77,16 @@ def compare_texts(texts: Mapping[str, str]) -> dict[str, Likeness]:
             level: max(_share(own, grams[level]), _share(asked[level], set(own)))
             for level in briefs
         }
-        best, nearest = int(row.argmax()), max(shares, key=shares.__getitem__)
+        best, nearest = int((row / limits).argmax()), max(shares, key=shares.__getitem__)
         level = nearest if shares[nearest] >= MOST_SHARED else sentences[best][0]
         cosine = round(float(row[best]), 4)
         found[name] = Likeness(level, round(shares[nearest], 4), cosine)
     return found
+
+
+def _most_similar(level: str) -> float:
+    """The cosine from which on a text says the same as a sentence of a level's brief."""
+    return FAMILIES[get_level(level).file.family].similar
 
 
 def _briefs() -> dict[str, tuple[str, ...]]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import choose_engine
@@ -17,6 +17,7 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import RunError
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.machine import Brief, Machine
+from agentflow.progress import Progress
 from agentflow.training.data.answers import (
     ANSWERS,
     COMMAND,
@@ -25,21 +26,18 @@ from agentflow.training.data.answers import (
     Question,
     read_answers,
 )
-from agentflow.training.data.card import Card, make_card
+from agentflow.training.data.card import Card, make_card, write_set
 from agentflow.training.data.contamination import compare_texts, evaluation_trees
 from agentflow.training.data.folder import work_in
 from agentflow.training.data.gates import Candidate, Judge, Judgement
 from agentflow.training.data.pairs import Pair, clean_text, make_messages, make_reply
 from agentflow.training.data.variants import describe_changes
-from agentflow.training.data.writing import write_set
 
 JUDGED = "judged.jsonl"
 
 
-class FilterPlan(BaseModel):
+class FilterPlan(BaseModel, frozen=True, extra="forbid"):
     """Everything that decides a set."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Literal["set"] = "set"
     format: Literal[1] = 1
@@ -62,7 +60,7 @@ def filter_answers(
     engine: str,
     licence: str | None,
     workers: int,
-    show: Callable[[int, int], None],
+    show: Progress,
     open_pool: OpenPool = RolloutPool,
 ) -> Card:
     """Write a set of the pairs in a folder of answers that pass all gates, with its card.

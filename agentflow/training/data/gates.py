@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from agentflow.env.pool.base import AHEAD, OpenPool, Pool
 from agentflow.env.tasks.base import Task
+from agentflow.files.lines import require_planned
 from agentflow.machine import Brief, Machine, Report, check
+from agentflow.progress import Progress
+from agentflow.search.concurrency import work_in_order
 from agentflow.training.data.answers import Answer, AnswerPlan
 from agentflow.training.data.contamination import Likeness, tree_hash
-from agentflow.training.data.folder import map_in_order, open_log, require_same
+from agentflow.training.data.folder import open_log
 from agentflow.training.data.variants import EDITED
 from agentflow.training.objectives import Objective, works
 
@@ -47,10 +50,8 @@ GATES: Mapping[Gate, str] = MappingProxyType(
 """In their order, cheap ones first: what passes each of them."""
 
 
-class Judgement(BaseModel):
+class Judgement(BaseModel, frozen=True, extra="forbid"):
     """What the gates said about one machine; a line of `judged.jsonl`."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     objective: str
     sample: int
@@ -126,24 +127,27 @@ class Judge:
         log: Path,
         workers: int,
         open_pool: OpenPool,
-        show: Callable[[int, int], None],
+        show: Progress,
     ) -> list[Judgement]:
         """Judge what the log lacks, and note each judgement there."""
         with open_log(log, Judgement) as (lines, judged):
             known = ((item.objective, item.sample, item.variant) for item in judged)
-            require_same(log, known, (candidate.key for candidate in candidates))
+            require_planned(log, known, (candidate.key for candidate in candidates))
             for judgement in judged:
                 self._remember(judgement)
             left = candidates[len(judged) :]
+
+            def keep(judgement: Judgement) -> None:
+                settled = self._settle(judgement)
+                lines.append(settled.model_dump_json(exclude_defaults=True).encode())
+                judged.append(settled)
+                show(len(judged), len(candidates))
+
             async with open_pool(workers) as pool:
                 work = partial(self._simulate, pool)
                 for variants in (False, True):
                     screened = (self._screen(c) for c in left if bool(c.variant) == variants)
-                    async for judgement in map_in_order(screened, work, AHEAD * workers):
-                        settled = self._settle(judgement)
-                        lines.append(settled.model_dump_json(exclude_defaults=True).encode())
-                        judged.append(settled)
-                        show(len(judged), len(candidates))
+                    await work_in_order(screened, work, keep, AHEAD * workers)
         return judged
 
     def _screen(self, candidate: Candidate) -> _Screened:

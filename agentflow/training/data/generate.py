@@ -3,42 +3,37 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 from random import Random
 from typing import Any
 
-from agentflow.app.design.models import charge_budget, choose_models, open_models
-from agentflow.app.prompts import render_prompt
+from agentflow.agents.base import chat_prompt
+from agentflow.agents.designer import Designer
 from agentflow.config.run import DesignConfig
-from agentflow.errors import BudgetSpentError, EndpointError, UsageError
+from agentflow.errors import BudgetSpentError, UsageError
+from agentflow.files.lines import require_planned
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Request, Sampling
-from agentflow.llm.wrappers.budget import Budget
-from agentflow.llm.wrappers.tape import Tape
 from agentflow.machine import Brief, check
+from agentflow.models.asking import recorded_models
+from agentflow.models.choices import choose_models
+from agentflow.progress import Progress
 from agentflow.runs import Notify
+from agentflow.search.concurrency import work_in_order
 from agentflow.training.data.answers import ANSWERS, Answer, AnswerPlan, Question, split_reply
 from agentflow.training.data.folder import (
-    AGAIN,
-    map_in_order,
     open_log,
-    require_same,
     work_in,
 )
 from agentflow.training.data.pairs import make_prompt
 from agentflow.training.data.variants import make_variants
 from agentflow.training.objectives import Objective
 
-CALLS = "calls.jsonl"
-ROLE = "designer"
+ROLE = Designer.name
 USED = frozenset({"model", "prompts", "seed"})
 """Keys of a configuration that decide answers; an objective has everything else."""
-
-Progress = Callable[[int, int], None]
-"""Is told how many are done, of how many."""
 
 
 def plan_answers(
@@ -78,8 +73,7 @@ def plan_answers(
 
 
 def _ask_for(objective: Objective, prompts: str) -> Question:
-    found = render_prompt(prompts, ROLE, objective.task.brief)
-    prompt = make_prompt([{"role": name, "content": found[name]} for name in ("system", "user")])
+    prompt = make_prompt(chat_prompt(Designer, objective.task.brief, prompts))
     return Question(objective=objective, prompt=prompt)
 
 
@@ -105,19 +99,23 @@ def generate(
         EndpointError: The model cannot be used; the same command continues.
         InterruptedRunError: Ctrl-C; the same command continues.
     """
-    with work_in(out, plan, ANSWERS), Tape(out / CALLS, notify) as tape:
-        budget = charge_budget(config.model, tape)
-        work = _Work(plan, config, out, workers, show)
-        stopped = asyncio.run(work.carry_out(tape, budget, notify))
+    with work_in(out, plan, ANSWERS):
+        return asyncio.run(_carry_out(plan, config, out, workers, notify, show))
+
+
+async def _carry_out(
+    plan: AnswerPlan, config: DesignConfig, out: Path, workers: int, notify: Notify, show: Progress
+) -> dict[str, Any]:
+    async with recorded_models(config, out, notify) as models:
+        work = _Work(plan, models.clients[ROLE], show)
+        stopped = await work.complete(out / ANSWERS, workers)
         return {
             "out": str(out),
             "model": plan.model,
             "answers": work.done,
             "planned": plan.count,
             "variants": work.variants,
-            "calls": budget.calls,
-            "tokens": budget.usage.total,
-            "cost": None if budget.cost is None else round(budget.cost, 6),
+            **models.budget.to_json(),
             "stopped": stopped,
         }
 
@@ -125,58 +123,45 @@ def generate(
 class _Work:
     """The answers of one folder."""
 
-    def __init__(
-        self, plan: AnswerPlan, config: DesignConfig, out: Path, workers: int, show: Progress
-    ) -> None:
-        self._plan, self._config, self._workers, self._show = plan, config, workers, show
-        self._file = out / ANSWERS
-        self.done = self.variants = 0
+    def __init__(self, plan: AnswerPlan, client: Client, show: Progress) -> None:
+        self._plan, self._client, self._show = plan, client, show
         self._briefs = {item.objective.name: item.objective.task.brief for item in plan.questions}
+        self.done = self.variants = 0
 
-    async def carry_out(self, tape: Tape, budget: Budget, notify: Notify) -> str | None:
+    async def complete(self, file: Path, workers: int) -> str | None:
         """Record the answers that are missing; why it stopped before the end, or None."""
-        with open_log(self._file, Answer) as (lines, known):
+        with open_log(file, Answer) as (lines, known):
             asked = ((question.objective.name, sample) for question, sample in self._plan.asked())
-            require_same(self._file, ((a.objective, a.sample) for a in known), asked)
+            require_planned(file, ((a.objective, a.sample) for a in known), asked)
             for answer in known:
                 self._count(answer)
-            models = open_models(self._config, tape, budget, notify)
-            asker = _Asker(self._plan, models.clients[ROLE], self._briefs)
+
+            def keep(answer: Answer) -> None:
+                lines.append(answer.model_dump_json().encode())
+                self._count(answer)
+                self._show(self.done, self._plan.count)
+
             left = islice(self._plan.asked(), self.done, None)
             try:
-                async for answer in map_in_order(left, asker.ask, self._workers):
-                    lines.append(answer.model_dump_json().encode())
-                    self._count(answer)
-                    self._show(self.done, self._plan.count)
+                await work_in_order(left, self._ask, keep, workers)
             except BudgetSpentError as error:
                 return str(error)
-            except EndpointError as error:
-                raise type(error)(f"{error}; {AGAIN}") from error
-            finally:
-                await models.aclose()
         return None
 
     def _count(self, answer: Answer) -> None:
         self.done, self.variants = self.done + 1, self.variants + len(answer.variants)
 
-
-@dataclass(frozen=True)
-class _Asker:
-    plan: AnswerPlan
-    client: Client
-    briefs: dict[str, Brief]
-
-    async def ask(self, asked: tuple[Question, int]) -> Answer:
+    async def _ask(self, asked: tuple[Question, int]) -> Answer:
         """One answer, and its variants. Each sample has its own seed."""
         question, sample = asked
-        name, plan = question.objective.name, self.plan
+        name, plan = question.objective.name, self._plan
         seed = plan.seed + sample
         sampling = Sampling.model_validate({**plan.sampling, "seed": seed})
         label = f"data/{name}/sample-{sample}"
         request = Request(role=ROLE, label=label, messages=question.messages, sampling=sampling)
-        reply = await self.client.complete(request)
+        reply = await self._client.complete(request)
         rationale, program = split_reply(reply.text)
-        variants = self._vary(program, self.briefs[name], Random(f"{seed}/variants/{label}"))
+        variants = self._vary(program, self._briefs[name], Random(f"{seed}/variants/{label}"))
         return Answer(
             objective=name,
             sample=sample,
@@ -190,10 +175,10 @@ class _Asker:
     def _vary(
         self, program: str, brief: Brief, rng: Random
     ) -> tuple[tuple[dict[str, int], ...], ...]:
-        if not self.plan.variants:
+        if not self._plan.variants:
             return ()
         report = check(program, brief)
         if report.machine is None or not report.task_valid:
             return ()
-        made = make_variants(report.machine, brief, self.plan.variants, rng)
+        made = make_variants(report.machine, brief, self._plan.variants, rng)
         return tuple(tuple(step.to_json() for step in variant) for variant in made)

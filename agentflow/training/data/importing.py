@@ -11,16 +11,18 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from agentflow.app.machines.files import read_text
-from agentflow.app.prompts import render_prompt
+from agentflow.agents.base import chat_prompt
+from agentflow.agents.designer import Designer
 from agentflow.errors import UsageError
+from agentflow.files.atomic import os_errors
+from agentflow.files.folders import hold_new_folder
 from agentflow.machine import Report, check, library
 from agentflow.machine.brief import Brief, Limits
 from agentflow.machine.formats.detect import read_any
+from agentflow.machine.formats.source import read_text
 from agentflow.training.data.answers import split_reply
-from agentflow.training.data.card import Card, make_card
+from agentflow.training.data.card import Card, make_card, write_set
 from agentflow.training.data.contamination import compare_texts, evaluation_trees, tree_hash
-from agentflow.training.data.folder import hold_new
 from agentflow.training.data.gates import Gate, Judgement
 from agentflow.training.data.pairs import (
     ChatMessage,
@@ -30,7 +32,6 @@ from agentflow.training.data.pairs import (
     make_prompt,
     make_reply,
 )
-from agentflow.training.data.writing import write_set
 
 COMMAND = "agentflow data import"
 ROLES = {"human": "user", "gpt": "assistant", "bot": "assistant"}
@@ -74,7 +75,7 @@ def import_set(
         raise UsageError(f"{source} holds nothing to import")
     trees = evaluation_trees(evaluation)
     likenesses = compare_texts({_name_of(row.text): row.text for row in rows})
-    with hold_new(out):
+    with hold_new_folder(out):
         judged, pairs, kept = [], [], set[str]()
         for number, row in enumerate(rows):
             contaminated = likenesses[_name_of(row.text)].contaminated
@@ -143,9 +144,8 @@ def _whole_text(path: Path) -> str:
     if path.exists() and not path.is_file():
         raise UsageError(f"{path} is neither a file nor a folder")
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise UsageError(f"cannot read {path}: {error.strerror}") from None
+        with os_errors(f"cannot read {path}", UsageError):
+            return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise UsageError(f"{path} is not UTF-8 text") from None
 
@@ -230,8 +230,7 @@ def _prompt_for(text: str, report: Report) -> tuple[ChatMessage, ...]:
     used = {step.type for step in report.machine or ()}
     blocks = tuple(sorted({*library().core, *used}))
     brief = Brief("free design", text, (), (), (), blocks)
-    found = render_prompt("default", "designer", brief)
-    return make_prompt([{"role": name, "content": found[name]} for name in ("system", "user")])
+    return make_prompt(chat_prompt(Designer, brief))
 
 
 def _checked(source: str, bsg: bool = False) -> Report:

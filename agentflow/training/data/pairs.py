@@ -12,11 +12,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError, field_serializer, field_validator
+from pydantic import BaseModel, ValidationError, field_serializer, field_validator
 
-from agentflow.config.yaml import describe_fault, first_fault
 from agentflow.errors import UsageError
-from agentflow.files import write_output
+from agentflow.files.atomic import os_errors, write_output
+from agentflow.files.faults import tell_fault
 from agentflow.llm.messages import Text
 from agentflow.machine import Machine
 
@@ -26,19 +26,15 @@ _SPECIAL = re.compile(r"<\|[^|<>\n]{1,40}\|>|</?s>|\[/?INST\]|<<?/?SYS>>?")
 """Texts that chat templates use for themselves: `<|im_end|>`, `</s>`, `[INST]`."""
 
 
-class ChatMessage(BaseModel):
+class ChatMessage(BaseModel, frozen=True, extra="forbid"):
     """One message, in the form that chat templates take."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     role: Literal["system", "user", "assistant"]
     content: Text
 
 
-class Pair(BaseModel):
+class Pair(BaseModel, frozen=True, extra="forbid"):
     """A prompt and a reply that designs a machine."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     messages: tuple[ChatMessage, ...]
     """The prompt, as designers get it in a run, then the reply: rationale and program."""
@@ -101,13 +97,10 @@ def read_pairs(path: Path) -> Iterator[Pair]:
     Raises:
         UsageError: The file cannot be read, or a line is not a pair; the message names the line.
     """
-    try:
-        with path.open("rb") as lines:
-            for number, line in enumerate(lines, start=1):
-                if line.strip():
-                    yield _read_pair(line, f"{path}, line {number}")
-    except OSError as error:
-        raise UsageError(f"cannot read {path}: {error.strerror}") from None
+    with os_errors(f"cannot read {path}", UsageError), path.open("rb") as lines:
+        for number, line in enumerate(lines, start=1):
+            if line.strip():
+                yield _read_pair(line, f"{path}, line {number}")
 
 
 def write_pairs(path: Path, pairs: Iterable[Pair]) -> int:
@@ -141,6 +134,4 @@ def _read_pair(line: bytes, where: str) -> Pair:
     try:
         return Pair.model_validate_json(line)
     except ValidationError as error:
-        fault = first_fault(error)
-        place = ".".join(map(str, fault["loc"])) or "the line"
-        raise UsageError(f"{where}: {place}: {describe_fault(fault)}") from None
+        raise UsageError(f"{where}: {tell_fault(error, 'the line')}") from None

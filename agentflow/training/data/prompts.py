@@ -7,10 +7,12 @@ from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
-from agentflow.api import design_prompt
+from agentflow.agents.base import chat_prompt
+from agentflow.agents.designer import Designer
+from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
-from agentflow.files import write_output
-from agentflow.training.libraries import require_libraries
+from agentflow.files.atomic import write_output
+from agentflow.models.local.libraries import require_libraries
 
 DATA_SOURCE = "agentflow"
 """By it, verl groups its metrics and chooses its reward function."""
@@ -26,7 +28,7 @@ def prompt_rows(tasks: Sequence[str], count: int, engine: str) -> list[dict[str,
     """
     if not tasks:
         raise UsageError("name at least one task, as in --tasks throwing,movement/3")
-    prompts = {task: design_prompt(task, engine=engine) for task in tasks}
+    prompts = {task: chat_prompt(Designer, get_task(task, engine=engine).brief) for task in tasks}
     return [
         {
             "data_source": DATA_SOURCE,

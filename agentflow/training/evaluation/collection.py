@@ -15,8 +15,7 @@ from agentflow.training.evaluation.record import (
     read_evaluation,
     read_replies,
 )
-from agentflow.training.evaluation.replies import JudgedReply
-from agentflow.training.evaluation.summary import Summary, summarise
+from agentflow.training.evaluation.replies import JudgedReply, Summary, summaries
 from agentflow.training.record import ABOUT as TRAINING
 from agentflow.training.record import TrainingRecord, read_training
 
@@ -45,11 +44,6 @@ class PooledEvaluation:
         )
 
     @property
-    def trained_on(self) -> tuple[str, ...]:
-        """The tasks of the reinforcement learning that made their models, where known."""
-        return self.first.trained_on
-
-    @property
     def missing(self) -> int:
         """Replies that are still to come."""
         planned = sum(member.samples * len(member.tasks) for member in self.members.values())
@@ -58,10 +52,7 @@ class PooledEvaluation:
     @cached_property
     def summaries(self) -> dict[str, Summary]:
         """Task -> its numbers."""
-        return {
-            task: summarise(reply for reply in self.replies if reply.task == task)
-            for task in self.tasks
-        }
+        return summaries(self.replies, self.tasks)
 
 
 @dataclass(frozen=True)

@@ -3,56 +3,42 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from agentflow.api import design_prompt
-from agentflow.app.design.config import find_unused_setting
-from agentflow.app.design.models import charge_budget, choose_models, open_models
-from agentflow.app.design.plan import physics_conditions
-from agentflow.app.prompts import render_prompt
+from agentflow.agents.base import chat_prompt
+from agentflow.agents.designer import Designer
 from agentflow.config.run import DesignConfig
+from agentflow.env.physics.engines import physics_conditions
 from agentflow.env.pool.base import OpenPool
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
-from agentflow.errors import (
-    BudgetSpentError,
-    ConfigError,
-    EndpointError,
-    InterruptedRunError,
-    UsageError,
-)
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.errors import UsageError
 from agentflow.metrics.intervals import missing_scipy
+from agentflow.models.asking import continuable
+from agentflow.models.choices import choose_models
+from agentflow.models.completion import find_unused_setting
+from agentflow.models.local.libraries import require_libraries
+from agentflow.progress import Progress, silent
+from agentflow.prompts.render import PromptSet
 from agentflow.rewards.scoring import Sample, Scorer
 from agentflow.runs import Notify
 from agentflow.training.digests import digest_model
-from agentflow.training.evaluation.models import ClientModel, EvaluatedModel, FolderModel
+from agentflow.training.evaluation.models import ROLE, Answer, open_model
 from agentflow.training.evaluation.record import (
-    CALLS,
     Evaluation,
     EvaluationFolder,
     open_evaluation,
 )
 from agentflow.training.evaluation.replies import judge_async
-from agentflow.training.libraries import require_libraries
 from agentflow.training.record import ABOUT as TRAINING
 from agentflow.training.record import read_training
 
-if TYPE_CHECKING:
-    from agentflow.training.model.loading import Sampler
-
-ROLE = "designer"
-"""The role whose prompt is answered."""
 BATCH = 32
 """Replies that are asked for at once, then judged. A killed evaluation asks a folder's model for
 the replies of its last batch again."""
-Progress = Callable[[int, int], None]
-"""(replies judged, of)."""
-AGAIN = "run the same command again to continue"
 
 
 def evaluate(
@@ -63,7 +49,7 @@ def evaluate(
     *,
     name: str = "",
     notify: Notify = lambda _line: None,
-    say: Progress = lambda _done, _of: None,
+    say: Progress = silent,
     open_pool: OpenPool = RolloutPool,
 ) -> Evaluation:
     """Evaluate the configured model on tasks; continue an interrupted evaluation.
@@ -86,22 +72,17 @@ def evaluate(
         EndpointError: The model cannot be used; what it has answered is kept.
         InterruptedRunError: Ctrl-C.
     """
-    if _folder(config) is not None:
+    if choose_models(config.model)[ROLE].folder is not None:
         require_libraries("torch", "transformers")
     about = _describe(config, tasks, samples, name or out.resolve().name)
     if missing := missing_scipy():
         notify(missing)
-    try:
-        with open_evaluation(out, about) as folder:
-            if folder.about.results is not None:
-                return folder.about
-            if folder.missing:
-                asyncio.run(_carry_out(folder, config, open_pool, notify, say))
-            return folder.finish()
-    except KeyboardInterrupt:
-        raise InterruptedRunError(f"interrupted; {AGAIN}") from None
-    except EndpointError as error:
-        raise type(error)(f"{error}; {AGAIN}") from error
+    with continuable(), open_evaluation(out, about) as folder:
+        if folder.about.results is not None:
+            return folder.about
+        if folder.missing:
+            asyncio.run(_carry_out(folder, config, open_pool, notify, say))
+        return folder.finish()
 
 
 def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: str) -> Evaluation:
@@ -115,34 +96,29 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
             f"an evaluation has no {key}: it asks for whole machines, each in one reply; set only "
             "keys of model, knobs, prompts and engine"
         )
-    briefs = [get_task(task, config.knobs, config.engine).brief for task in tasks]
-    prompt, folder = render_prompt(config.prompts, ROLE, briefs[0]), _folder(config)
+    for task in tasks:
+        get_task(task, config.knobs, config.engine)  # it exists
+    choice = choose_models(config.model)[ROLE]
     return Evaluation(
         name=name,
-        model=config.model.name,
-        files=None if folder is None else digest_model(folder),
-        label=choose_models(config.model)[ROLE].display_name,
-        trained_on=_trained_on(config),
+        model=choice.model,
+        files=None if choice.folder is None else digest_model(choice.folder),
+        label=choice.display_name,
+        trained_on=() if choice.folder is None else _trained_on(choice.folder),
         tasks=tuple(tasks),
         samples=samples,
         seed=config.seed,
-        sampling=config.model.sampling,
-        prompts=f"{prompt['set']} {prompt['digest']}",
+        sampling=choice.sampling,
+        prompts=f"{config.prompts} {PromptSet(config.prompts).digest}",
         knobs=config.knobs,
         conditions=physics_conditions(config.engine),
     )
 
 
-def _folder(config: DesignConfig) -> Path | None:
-    """The folder of the model, if it is one in a folder."""
-    return None if config.model.label is None else Path(config.model.name)
-
-
-def _trained_on(config: DesignConfig) -> tuple[str, ...]:
+def _trained_on(folder: Path) -> tuple[str, ...]:
     """The tasks of the training run whose directory holds the model, if it names any."""
-    folder = _folder(config)
-    training = None if folder is None else folder.resolve().parent
-    if training is None or not (training / TRAINING).exists():
+    training = folder.resolve().parent
+    if not (training / TRAINING).exists():
         return ()
     return tuple(read_training(training).config.get("tasks", ()))
 
@@ -153,7 +129,7 @@ class _Session:
 
     folder: EvaluationFolder
     config: DesignConfig
-    model: EvaluatedModel
+    answer: Answer
     scorer: Scorer
 
     async def complete(self, say: Progress) -> None:
@@ -170,10 +146,8 @@ class _Session:
 
     async def _ask(self, task: str, first: int, count: int) -> list[str]:
         config = self.config
-        prompt = design_prompt(
-            task, knobs=config.knobs, engine=config.engine, prompts=config.prompts
-        )
-        return await self.model.answer(task, prompt, first, count)
+        brief = get_task(task, config.knobs, config.engine).brief
+        return await self.answer(task, chat_prompt(Designer, brief, config.prompts), first, count)
 
     async def _judge(self, task: str, texts: Sequence[str]) -> None:
         config = self.config
@@ -188,34 +162,6 @@ async def _carry_out(
     notify: Notify,
     say: Progress,
 ) -> None:
-    scorer = Scorer(config.workers, open_pool)
-    try:
-        async with _open_model(folder, config, notify) as model:
-            await _Session(folder, config, model, scorer).complete(say)
-    except BudgetSpentError as error:
-        raise ConfigError(f"{error}: raise the limit in model.budget; {AGAIN}") from None
-    finally:
-        scorer.close()
-
-
-@asynccontextmanager
-async def _open_model(
-    record: EvaluationFolder, config: DesignConfig, notify: Notify
-) -> AsyncIterator[EvaluatedModel]:
-    """The model, ready to answer; the calls of a client are recorded."""
-    sampling, seed = config.model.sampling, config.seed
-    if (folder := _folder(config)) is not None:
-        yield FolderModel(_load_model(folder), sampling, seed)
-        return
-    with Tape(record.path / CALLS, notify) as tape:
-        models = open_models(config, tape, charge_budget(config.model, tape), notify)
-        try:
-            yield ClientModel(models.clients[ROLE], sampling, seed)
-        finally:
-            await models.aclose()
-
-
-def _load_model(folder: Path) -> Sampler:
-    from agentflow.training.model.loading import load_model
-
-    return load_model(folder)
+    with closing(Scorer(config.workers, open_pool)) as scorer:
+        async with open_model(config, folder.path, notify) as answer:
+            await _Session(folder, config, answer, scorer).complete(say)

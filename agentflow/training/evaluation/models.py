@@ -2,75 +2,81 @@
 
 from __future__ import annotations
 
-import asyncio
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
+from agentflow.agents.designer import Designer
+from agentflow.config.run import DesignConfig
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Message, Request, Sampling
-from agentflow.training.model.folder import Messages
+from agentflow.models.asking import recorded_models
+from agentflow.models.choices import choose_models
+from agentflow.models.local.folder import Messages
+from agentflow.runs import Notify
+from agentflow.search.concurrency import work_in_order
 
-if TYPE_CHECKING:
-    from agentflow.training.model.loading import Sampler
-
-
-class EvaluatedModel(Protocol):
-    """Answers a prompt again and again."""
-
-    async def answer(self, task: str, messages: Messages, first: int, count: int) -> list[str]:
-        """The replies with these numbers to the prompt of a task.
-
-        The same numbers give the same replies, as far as the model can repeat itself.
-        """
+ROLE = Designer.name
+"""The role whose prompt is answered."""
 
 
-class ClientModel:
-    """A client's replies, each to a request of its own."""
-
-    def __init__(self, client: Client, sampling: Sampling, seed: int) -> None:
-        self._client, self._sampling, self._seed = client, sampling, seed
-
-    async def answer(self, task: str, messages: Messages, first: int, count: int) -> list[str]:
-        """Ask for all replies at once; an error is raised when every call has ended."""
-        given = tuple(
-            Message.model_validate({"role": message["role"], "text": message["content"]})
-            for message in messages
-        )
-
-        async def ask(number: int) -> str:
-            seed = random_seed(self._seed, task, number)
-            sampling = self._sampling.model_copy(update={"seed": seed})
-            label = f"{task}/sample-{number}"
-            request = Request(role="designer", label=label, messages=given, sampling=sampling)
-            return (await self._client.complete(request)).text
-
-        calls = asyncio.gather(*map(ask, range(first, first + count)), return_exceptions=True)
-        texts: list[str] = []
-        for found in await calls:
-            if isinstance(found, BaseException):
-                raise found
-            texts.append(found)
-        return texts
+Answer = Callable[[str, Messages, int, int], Awaitable[list[str]]]
+"""Returns the replies with these numbers to the prompt of a task: its name, the prompt, the first
+number and their count. The same numbers give the same replies, as far as the model can repeat
+itself."""
 
 
-class FolderModel:
-    """The replies of a model in a folder, a batch at once."""
+@asynccontextmanager
+async def open_model(config: DesignConfig, out: Path, notify: Notify) -> AsyncIterator[Answer]:
+    """The model, ready to answer; the calls of a client are recorded in the folder `out`."""
+    choice, seed = choose_models(config.model)[ROLE], config.seed
+    if choice.folder is not None:
+        yield _answer_from_folder(choice.folder, choice.sampling, seed)
+        return
+    async with recorded_models(config, out, notify) as models:
+        yield partial(_ask_client, models.clients[ROLE], choice.sampling, seed)
 
-    def __init__(self, sampler: Sampler, sampling: Sampling, seed: int) -> None:
-        self._sampler, self._sampling, self._seed = sampler, sampling, seed
 
-    async def answer(self, task: str, messages: Messages, first: int, count: int) -> list[str]:
-        """Sample one batch."""
-        sampling = self._sampling
-        return self._sampler.sample(
-            messages,
-            count,
-            random_seed(self._seed, task, first),
-            sampling.temperature,
-            sampling.top_p,
-            sampling.max_tokens,
-        )
+async def _ask_client(
+    client: Client,
+    sampling: Sampling,
+    seed: int,
+    task: str,
+    messages: Messages,
+    first: int,
+    count: int,
+) -> list[str]:
+    """Ask for all replies at once, each in a request of its own."""
+    given = tuple(
+        Message.model_validate({"role": message["role"], "text": message["content"]})
+        for message in messages
+    )
+
+    async def ask(number: int) -> str:
+        own = sampling.model_copy(update={"seed": random_seed(seed, task, number)})
+        label = f"{task}/sample-{number}"
+        request = Request(role=ROLE, label=label, messages=given, sampling=own)
+        return (await client.complete(request)).text
+
+    texts: list[str] = []
+    await work_in_order(range(first, first + count), ask, texts.append, count)
+    return texts
+
+
+def _answer_from_folder(path: Path, sampling: Sampling, seed: int) -> Answer:
+    """Sample the replies of a model in a folder, a batch at once."""
+    from agentflow.models.local.loading import load_model
+
+    sampler = load_model(path)
+
+    async def answer(task: str, messages: Messages, first: int, count: int) -> list[str]:
+        drawn = sampler.draw(messages, count, random_seed(seed, task, first), sampling)
+        return [found.text for found in drawn]
+
+    return answer
 
 
 def random_seed(seed: int, task: str, number: int) -> int:

@@ -9,27 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ValidationError
 
-from agentflow.app.about import read_about, require_empty, require_same, write_about
-from agentflow.config.yaml import describe_fault, first_fault
 from agentflow.errors import RunError
-from agentflow.files import (
-    LineFile,
-    hold_folder,
-    remove_partial_files,
-    whole_lines,
-)
+from agentflow.files.documents import Difference, Document
+from agentflow.files.faults import locate_fault
+from agentflow.files.folders import hold_folder
+from agentflow.files.lines import LineFile, open_lines, read_lines
 from agentflow.llm.messages import Sampling
-from agentflow.training.evaluation.replies import JudgedReply
-from agentflow.training.evaluation.summary import Summary, summarise
+from agentflow.models.asking import CALLS
+from agentflow.training.evaluation.replies import JudgedReply, summaries
 
-ABOUT, REPLIES, CALLS = "evaluation.json", "samples.jsonl", "calls.jsonl"
-WHAT = "an evaluation"
+ABOUT, REPLIES = "evaluation.json", "samples.jsonl"
 
 
 class Evaluation(BaseModel, frozen=True, extra="forbid"):
@@ -62,15 +56,29 @@ class Evaluation(BaseModel, frozen=True, extra="forbid"):
     """Task -> its numbers; None until the evaluation is finished."""
 
 
+class _EvaluationDocument(Document[Evaluation]):
+    def differs(self, folder: Path, different: Difference) -> RunError:
+        if different.key != "files":
+            return super().differs(folder, different)
+        return RunError(
+            f"the files of {self.read(folder).model} have changed since {folder} was started: "
+            "restore them, or choose another folder with --out"
+        )
+
+
+DOCUMENT = _EvaluationDocument(ABOUT, Evaluation, "an evaluation", outcome=("results",))
+
+
 class EvaluationFolder:
     """The directory of an evaluation, open for writing."""
 
-    def __init__(self, path: Path, about: Evaluation) -> None:
+    def __init__(
+        self, path: Path, about: Evaluation, lines: LineFile, replies: list[JudgedReply]
+    ) -> None:
         """Use `open_evaluation`."""
-        self.path, self.about = path, about
-        self.replies = _expected_replies(path, about)
+        self.path, self.about, self._lines = path, about, lines
+        self.replies = replies
         """All that are judged so far, in order."""
-        self._lines = LineFile(path / REPLIES)  # drops a half-written last line
 
     @property
     def missing(self) -> int:
@@ -85,15 +93,11 @@ class EvaluationFolder:
 
     def finish(self) -> Evaluation:
         """Write the results."""
-        found = summaries(self.replies, self.about.seed)
+        found = summaries(self.replies, self.about.tasks, self.about.seed)
         results = {task: summary.to_json() for task, summary in found.items()}
         self.about = Evaluation.model_validate({**self.about.model_dump(), "results": results})
-        write_about(self.path / ABOUT, self.about)
+        DOCUMENT.write(self.path, self.about)
         return self.about
-
-    def close(self) -> None:
-        """Close the file of replies."""
-        self._lines.close()
 
 
 @contextmanager
@@ -107,17 +111,14 @@ def open_evaluation(path: Path, about: Evaluation) -> Iterator[EvaluationFolder]
             another process, or cannot be written.
     """
     with hold_folder(path):
-        remove_partial_files(path)
-        if (path / ABOUT).exists():
-            about = _continue(path, read_evaluation(path), about)
-        else:
-            require_empty(path / ABOUT, WHAT)
-            write_about(path / ABOUT, about)
-        folder = EvaluationFolder(path, about)
-        try:
-            yield folder
-        finally:
-            folder.close()
+        recorded = DOCUMENT.find(path)
+        if recorded and recorded.files is None and recorded.model == about.model:  # an older one
+            about = about.model_copy(update={"files": None})
+        about = DOCUMENT.begin(path, about, (REPLIES, CALLS))
+        parse = JudgedReply.model_validate_json
+        with open_lines(path / REPLIES, parse, _damaged) as (lines, replies):
+            _require_order(path, about, replies)
+            yield EvaluationFolder(path, about, lines, replies)
 
 
 def read_evaluation(path: Path) -> Evaluation:
@@ -126,7 +127,7 @@ def read_evaluation(path: Path) -> Evaluation:
     Raises:
         RunError: It is not an evaluation directory, or evaluation.json is damaged.
     """
-    return read_about(path / ABOUT, Evaluation, WHAT)
+    return DOCUMENT.read(path)
 
 
 def read_replies(path: Path) -> list[JudgedReply]:
@@ -135,32 +136,17 @@ def read_replies(path: Path) -> list[JudgedReply]:
     Raises:
         RunError: The file cannot be read, or a line is damaged.
     """
-    try:
-        lines = list(whole_lines(path))
-    except OSError as error:
-        raise RunError(f"cannot read {path}: {error.strerror}") from None
-    return [_read_reply(path, number, line) for number, line in lines]
+    return list(read_lines(path, JudgedReply.model_validate_json, _damaged))
 
 
-def _read_reply(path: Path, number: int, line: bytes) -> JudgedReply:
-    try:
-        return JudgedReply.model_validate_json(line)
-    except ValidationError as error:
-        fault = first_fault(error)
-        place = ".".join(map(str, fault["loc"])) or "it"
-        why = describe_fault(fault)
-        raise RunError(f"{path}, line {number} is damaged: {place} {why}") from None
+def _damaged(file: Path, number: int, why: ValueError) -> RunError:
+    assert isinstance(why, ValidationError)
+    told = " ".join(locate_fault(why, "it"))
+    return RunError(f"{file}, line {number} is damaged: {told}")
 
 
-def summaries(replies: list[JudgedReply], seed: int = 0) -> dict[str, Summary]:
-    """Task -> the numbers of its replies, which follow one another."""
-    groups = groupby(replies, lambda reply: reply.task)
-    return {task: summarise(found, seed) for task, found in groups}
-
-
-def _expected_replies(path: Path, about: Evaluation) -> list[JudgedReply]:
-    """The judged replies of an evaluation, which must be to its tasks in their order."""
-    replies = read_replies(path / REPLIES) if (path / REPLIES).exists() else []
+def _require_order(path: Path, about: Evaluation, replies: list[JudgedReply]) -> None:
+    """Refuse replies that are not to the tasks of an evaluation in their order."""
     expected = [task for task in about.tasks for _ in range(about.samples)]
     found = [reply.task for reply in replies]
     if found != expected[: len(found)]:
@@ -168,22 +154,3 @@ def _expected_replies(path: Path, about: Evaluation) -> list[JudgedReply]:
             f"{path / REPLIES} does not hold the replies of this evaluation in their order: "
             "remove the file to evaluate again"
         )
-    return replies
-
-
-def _continue(path: Path, recorded: Evaluation, about: Evaluation) -> Evaluation:
-    """The recorded evaluation, which must be the same; a new one if that has no replies."""
-    before, now = (item.model_dump(mode="json", exclude={"results"}) for item in (recorded, about))
-    if before["files"] is None:  # an older evaluation, or a model that is not in a folder
-        now["files"] = None
-    if before == now:
-        return recorded
-    if any((path / name).exists() and (path / name).stat().st_size for name in (REPLIES, CALLS)):
-        if {**before, "files": now["files"]} == now:
-            raise RunError(
-                f"the files of {about.model} have changed since {path} was started: restore them, "
-                "or choose another folder with --out"
-            )
-        require_same(path, WHAT, before, now)
-    write_about(path / ABOUT, about)
-    return about

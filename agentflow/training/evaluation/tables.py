@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
-from agentflow.errors import RunError, UnknownNameError, UsageError
-from agentflow.metrics.cells import Value
-from agentflow.metrics.intervals import Interval, missing_scipy
+from agentflow.errors import RunError, UsageError
+from agentflow.metrics.formats import interval_text
+from agentflow.metrics.intervals import missing_scipy
 from agentflow.metrics.published import published
 from agentflow.metrics.scores import Scores
-from agentflow.metrics.tables import FORMATS, Column, Row, Table, cell_text
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
 from agentflow.training.curves import OF_SAMPLES, flatten
 from agentflow.training.evaluation.collection import Collection, PooledEvaluation, collect
 from agentflow.training.evaluation.record import read_replies
-from agentflow.training.evaluation.summary import Summary, summarise
+from agentflow.training.evaluation.replies import Summary, summaries
+from agentflow.training.views import COMPARED, CURVES, VIEWS
 
-CURVES = "curves"
-"""Name of the view of training alone."""
 GENERAL, UNCERTAINTY = "post_training", "post_training_ci"
 """Published tables."""
 MAIN = ("valid", "mean", "max")
@@ -82,7 +80,7 @@ def uncertainty_table(found: Collection, *, with_published: bool = False) -> Tab
 def transfer_table(found: Collection, *, with_published: bool = False) -> Table:
     """What models achieve at tasks, beside the tasks of their reinforcement learning."""
     rows = tuple(
-        Row((", ".join(item.trained_on) or "-", task, *_labels(item)), values)
+        Row((", ".join(item.first.trained_on) or "-", task, *_labels(item)), values)
         for task, item in _by_task(found)
         for values in [_numbers(item.summaries[task])]
     )
@@ -114,8 +112,7 @@ def best_table(found: Collection) -> Table:
     for name, run in found.trainings.items():
         for step, path in run.samples.items():
             replies = read_replies(path)
-            for task in dict.fromkeys(reply.task for reply in replies):
-                own = summarise(reply for reply in replies if reply.task == task)
+            for task, own in summaries(replies, dict.fromkeys(r.task for r in replies)).items():
                 scores[task, name, str(step)] = own.scores
     best = {key: own.best_at() for key, own in scores.items()}
     counts = sorted({n for own in best.values() for n in own})
@@ -151,20 +148,6 @@ def curves_table(found: Collection) -> Table:
     )
 
 
-VIEWS: Mapping[str, Callable[..., Table]] = MappingProxyType(
-    {
-        "published": general_table,
-        "scores": uncertainty_table,
-        "transfer": transfer_table,
-        "best": best_table,
-        CURVES: curves_table,
-    }
-)
-"""Name of a view -> function that makes its table."""
-COMPARED = ("published", "scores", "transfer")
-"""Views with published rows."""
-
-
 def format_tables(folders: Sequence[Path], name: str, form: str, *, published: bool) -> str:
     """A view of the evaluations and training runs in folders, as text in one of the `FORMATS`.
 
@@ -173,15 +156,13 @@ def format_tables(folders: Sequence[Path], name: str, form: str, *, published: b
         UsageError: The view has no published rows.
         RunError: A folder holds neither, or something is damaged.
     """
-    if name not in VIEWS:
-        raise UnknownNameError("view of evaluations and training runs", name, VIEWS)
+    make = VIEWS[name]
     if published and name not in COMPARED:
         views = ", ".join(COMPARED)
         raise UsageError(f"only these views have published rows: {views}; not {name!r}")
     found = collect(folders)
     _require_rows(found, name)
-    table = VIEWS[name](found, with_published=True) if published else VIEWS[name](found)
-    return FORMATS[form](table)
+    return FORMATS[form](make(found, with_published=True) if published else make(found))
 
 
 def _require_rows(found: Collection, name: str) -> None:
@@ -217,18 +198,12 @@ def _main(item: PooledEvaluation, task: str) -> tuple[Value, Value, Value]:
 def _numbers(own: Summary) -> tuple[Value, ...]:
     return (
         own.valid if own.replies else None,
-        _format_interval(own.valid.interval, percent=True),
+        interval_text(own.valid.interval, in_percent=True),
         own.mean,
-        _format_interval(own.scores.mean_all_interval(own.seed)),
+        interval_text(own.scores.mean_all_interval(own.seed)),
         own.sd,
         own.scores.max,
     )
-
-
-def _format_interval(interval: Interval | None, *, percent: bool = False) -> str | None:
-    if interval is None:
-        return None
-    return " - ".join(cell_text(end, percent) for end in interval)
 
 
 def _published_general(tasks: Sequence[str]) -> Iterator[Row]:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
-from agentflow.training.config import TrainingConfig
+from agentflow.llm.messages import Sampling
+from agentflow.training.advantages import ADVANTAGES, Advantage
+from agentflow.training.config import ConfigGroup, TrainingConfig
 
 
-class AdvantageConfig(BaseModel):
+class AdvantageConfig(ConfigGroup):
     """How the rewards of a group of replies become advantages."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    name: Literal["pass1", "best", "pkpo", "maxpo"] = "pass1"
+    name: str = "pass1"
     k: int | dict[int, int] = Field(
         4,
         description="for pkpo and maxpo: replies of which the best counts; or a schedule, "
@@ -26,6 +26,14 @@ class AdvantageConfig(BaseModel):
     )
     nearest: int = Field(3, ge=1, description="others to which that distance is measured")
 
+    @field_validator("name")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        if name not in ADVANTAGES:
+            *names, last = map(repr, ADVANTAGES)
+            raise ValueError(f"expected {', '.join(names)} or {last}, not {name!r}")
+        return name
+
     @field_validator("k")
     @classmethod
     def _begins(cls, k: int | dict[int, int]) -> int | dict[int, int]:
@@ -34,10 +42,19 @@ class AdvantageConfig(BaseModel):
         return k
 
     @model_validator(mode="after")
-    def _scales_pass1_alone(self) -> AdvantageConfig:
-        if self.scale and self.name != "pass1":
-            raise ValueError(f"scale is for pass1 only: set advantage.scale=false for {self.name}")
+    def _scales(self) -> AdvantageConfig:
+        if self.scale and "scale" not in self.chosen.takes:
+            scaled = [name for name, each in ADVANTAGES.items() if "scale" in each.takes]
+            raise ValueError(
+                f"scale is for {' and '.join(scaled)} only: set advantage.scale=false for "
+                f"{self.name}"
+            )
         return self
+
+    @property
+    def chosen(self) -> Advantage:
+        """The advantage of this name."""
+        return ADVANTAGES[self.name]
 
     @property
     def ks(self) -> tuple[int, ...]:
@@ -91,14 +108,19 @@ class GrpoConfig(TrainingConfig):
         return self.prompts * self.samples
 
     @property
+    def sampling(self) -> Sampling:
+        """How replies of an evaluation are drawn."""
+        return Sampling(temperature=self.temperature, top_p=self.top_p, max_tokens=self.max_tokens)
+
+    @property
     def part(self) -> int:
         """Replies of an update at a time."""
         return min(self.device_batch or self.batch, self.batch)
 
     @model_validator(mode="after")
     def _fits(self) -> GrpoConfig:
-        most = self.samples - (self.advantage.name == "maxpo")
-        if self.advantage.name in ("pkpo", "maxpo"):
+        most = self.samples - self.advantage.chosen.spare
+        if "k" in self.advantage.chosen.takes:
             for k in self.advantage.ks:
                 if not 1 <= k <= most:
                     raise ValueError(

@@ -7,20 +7,20 @@ from typing import Any
 
 from transformers import TrainerCallback
 
-from agentflow.api import design_prompt
+from agentflow.agents.base import chat_prompt
+from agentflow.agents.designer import Designer
 from agentflow.diversity.measures import diversity
 from agentflow.env.drawing.film import save_film
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine, read_machine
+from agentflow.models.local.folder import ModelFolder
+from agentflow.models.local.loading import Sampler
 from agentflow.rewards.scoring import Sample, Scorer
-from agentflow.training.evaluation import JudgedReply, judge, summarise
+from agentflow.training.evaluation.replies import JudgedReply, judge, summarise
 from agentflow.training.grpo.config import GrpoConfig
-from agentflow.training.model.folder import ModelFolder
-from agentflow.training.model.loading import Sampler
-from agentflow.training.record import SAMPLES
-from agentflow.training.run import TrainingRun
+from agentflow.training.record import SAMPLES, TrainingRun
 
 COMPARED = 20
 """Machines of an evaluation whose differences are measured: 190 pairs."""
@@ -62,15 +62,11 @@ class Evaluations(TrainerCallback):
 
     def _judged(self, task: str, step: int, sampler: Sampler) -> list[JudgedReply]:
         config = self._config
-        texts = sampler.sample(
-            design_prompt(task, engine=config.engine),
-            -(-config.eval_samples // len(config.tasks)),
-            seed=config.seed + step,
-            temperature=config.temperature,
-            top_p=config.top_p,
-            max_tokens=config.max_tokens,
-        )
-        return judge([Sample(task, text, engine=config.engine) for text in texts], self._scorer)
+        prompt = chat_prompt(Designer, get_task(task, engine=config.engine).brief)
+        count = -(-config.eval_samples // len(config.tasks))
+        drawn = sampler.draw(prompt, count, config.seed + step, config.sampling)
+        samples = [Sample(task, found.text, engine=config.engine) for found in drawn]
+        return judge(samples, self._scorer)
 
     def _film_best(self, task: str, step: int, replies: Sequence[JudgedReply]) -> None:
         best = max(replies, key=lambda reply: reply.score or 0.0)

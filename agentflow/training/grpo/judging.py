@@ -1,16 +1,56 @@
-"""Judges replies in worker processes while the model still writes others."""
+"""Rewards of replies, judged in worker processes while the model still writes others."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from math import log1p
+from types import MappingProxyType
 from typing import NamedTuple
 
+from agentflow.env.tasks.registry import FAMILIES, get_level
 from agentflow.machine import Machine
 from agentflow.rewards import Reward
 from agentflow.rewards.scoring import Sample, Scorer
-from agentflow.training.rewards import RewardFunction
+
+RewardFunction = Callable[[str, Reward], float | None]
+"""Takes the level's name and the simulated reply. None means that there is no reward, after a
+time-out or crash: the reply says nothing and is left out of its group."""
+
+
+def performance(task: str, reward: Reward) -> float | None:
+    """The performance of a valid machine, 0 without one.
+
+    It is the term that the family names as its `performance`, else the score over the level's good
+    score.
+    """
+    if reward.value is None:
+        return None
+    level = get_level(task).file
+    term = FAMILIES[level.family].performance
+    if term is not None:
+        return float(reward.rollout.terms.get(term) or 0.0)
+    return reward.value / level.good
+
+
+def shaped(task: str, reward: Reward) -> float | None:  # noqa: ARG001 - as all rewards
+    """0.1 parsed + 0.2 spatially valid + 0.7 valid + 0.3 ln(1 + score).
+
+    For models that rarely write a valid machine: every step towards one counts, and the logarithm
+    keeps a single far throw from outweighing them. The weights were found by trial with a model
+    of 1.9 million parameters; with raw scores, its share of valid machines collapsed.
+    """
+    if reward.value is None:
+        return None
+    steps = 0.1 * reward.parsed + 0.2 * bool(reward.spatial) + 0.7 * reward.valid
+    return steps + 0.3 * log1p(max(0.0, reward.value))
+
+
+REWARDS: Mapping[str, RewardFunction] = MappingProxyType(
+    {"performance": performance, "shaped": shaped}
+)
+
 
 REMEMBERED = 20_000
 """Replies whose rewards are kept in memory."""

@@ -9,27 +9,26 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import torch
 from datasets import Dataset
-from transformers import AutoModelForCausalLM, PrinterCallback
+from transformers import AutoModelForCausalLM
 from trl import GRPOConfig as LibraryConfig
 
-from agentflow.api import design_prompt
+from agentflow.agents.base import chat_prompt
+from agentflow.agents.designer import Designer
 from agentflow.env.pool.base import OpenPool
 from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.tasks.registry import get_task
+from agentflow.models.local.folder import ModelFolder
 from agentflow.rewards.scoring import Scorer
 from agentflow.runs import Notify
 from agentflow.training.digests import digest_base
 from agentflow.training.grpo.config import GrpoConfig
 from agentflow.training.grpo.evaluating import Evaluations
-from agentflow.training.grpo.judging import Judging
+from agentflow.training.grpo.judging import REWARDS, Judging
 from agentflow.training.grpo.trainer import NUMBERS, SimulationTrainer
-from agentflow.training.model.base import adapter_config, load_base, read_base, save_model
-from agentflow.training.model.folder import ModelFolder
-from agentflow.training.record import About, read_curves
-from agentflow.training.rewards import REWARDS
-from agentflow.training.run import TrainingRun
-from agentflow.training.trainer import Notes, library_options, require_one_device
+from agentflow.training.model import adapter_config, load_base, read_base
+from agentflow.training.record import About, TrainingRun, read_curves
+from agentflow.training.trainer import Notes, library_options, require_one_device, seed_torch, train
 
 CURVES: Mapping[str, str] = MappingProxyType(
     {name: name for name in NUMBERS}
@@ -75,8 +74,9 @@ def train_grpo(
     require_one_device(config)
     folder = _trained_folder(config)
     rows = [
-        {"prompt": folder.prompt(design_prompt(task, engine=config.engine)), "task": task}
+        {"prompt": folder.prompt(chat_prompt(Designer, level.brief)), "task": task}
         for task in config.tasks
+        if (level := get_task(task, engine=config.engine))
     ]
     about = About(kind="grpo", label=folder.label, inputs=digest_base(config))
     with TrainingRun.open(out, about, config, resume) as run:
@@ -87,13 +87,10 @@ def train_grpo(
         with closing(Scorer(config.workers, open_pool)) as scorer:
             trainer = _make_trainer(config, rows, run, scorer, notify)
             trainer.add_callback(Evaluations(config, folder, run, scorer))
-            trainer.train(resume_from_checkpoint=run.checkpoint and str(run.checkpoint))
-        save_model(trainer.model, trainer.processing_class, folder, run.model)
+            trained = train(trainer, folder, run)
         return run.finish(
             {
-                "model": str(run.model),
-                "label": folder.label,
-                "steps": config.steps,
+                **trained,
                 "replies": config.steps * config.batch,
                 "eval": next(row["eval"] for row in reversed(read_curves(out)) if "eval" in row),
             }
@@ -122,7 +119,6 @@ def _make_trainer(
         peft_config=adapter_config(config.peft),
         callbacks=[Notes(run, CURVES, notify)],
     )
-    trainer.remove_callback(PrinterCallback)
     if trainer.ref_model is not None:  # read from where the model came from, without its adapter
         trainer.ref_model.load_state_dict(model.state_dict())
     return trainer
@@ -130,9 +126,7 @@ def _make_trainer(
 
 def _first_model(config: GrpoConfig) -> tuple[Any, Any]:
     """The model that training begins with, and its tokenizer."""
-    if config.threads is not None:
-        torch.set_num_threads(config.threads)
-    torch.manual_seed(config.seed)
+    seed_torch(config)
     model, tokenizer = load_base(config, ())
     if not config.fresh:
         return model, tokenizer

@@ -14,7 +14,7 @@ import torch
 from trl import GRPOTrainer
 
 from agentflow.diversity.topology import tree_edit_distance
-from agentflow.training.advantages import Floats, best, maxpo, novelty, pass1, pkpo
+from agentflow.training.advantages import Floats, novelty
 from agentflow.training.grpo.config import AdvantageConfig
 from agentflow.training.grpo.judging import Judged, Judging
 
@@ -111,11 +111,7 @@ class SimulationTrainer(GRPOTrainer):
 
     def _advantages_of(self, rewards: Floats) -> Floats:
         wanted, k = self._advantage, self._advantage.k_at(self.state.global_step)
-        if wanted.name == "pass1":
-            return pass1(rewards, scale=wanted.scale)
-        if wanted.name == "best":
-            return best(rewards)
-        return pkpo(rewards, k) if wanted.name == "pkpo" else maxpo(rewards, k)
+        return wanted.chosen(rewards, k=k, scale=wanted.scale)
 
     def _add_novelty(self, judged: Sequence[Judged]) -> None:
         starts = range(0, len(judged), self.num_generations)

@@ -2,8 +2,14 @@
 
 from agentflow.training.objectives.finding import Finding
 from agentflow.training.objectives.functions import FUNCTIONS
-from agentflow.training.objectives.objective import Objective, ObjectiveTask, Verdict, works
-from agentflow.training.objectives.reading import OBJECTIVES, read_objectives
+from agentflow.training.objectives.objective import (
+    OBJECTIVES,
+    Objective,
+    ObjectiveTask,
+    Verdict,
+    read_objectives,
+    works,
+)
 
 __all__ = [
     "FUNCTIONS",

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from typing import Annotated, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from agentflow.env.feedback.text import thing_name
 from agentflow.machine.blocks.library import library
@@ -40,13 +40,11 @@ class Finding(NamedTuple):
 Findings = Iterator[tuple[str, Finding]]
 
 
-class FunctionTest(BaseModel):
+class FunctionTest(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """Base class of function tests: thresholds, what they mean in words, and how they are measured.
 
     Frozen, range-checked, no unknown keys.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     @property
     @abstractmethod

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from pydantic import ValidationError
 
-from agentflow.config.yaml import describe_fault, first_fault
+from agentflow.files.faults import describe_fault, first_fault
 from agentflow.training.objectives import handling, travelling
 from agentflow.training.objectives.finding import FunctionTest
 

@@ -22,17 +22,21 @@ from agentflow.training.objectives.finding import (
 from agentflow.training.objectives.motion import Direction, Motion
 
 
-class Throws(FunctionTest):
+class _ThrowTest(FunctionTest):
+    """A test of what a thrown boulder does."""
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        return (BOULDER,)
+
+
+class Throws(_ThrowTest):
     """A boulder leaves the machine and flies, by the rules of `flights.Flight`."""
 
     metres: Amount
     towards: Literal["z+", "any"] = "z+"
     high: Asked = 0.0
     """Greatest height of the boulder's centre above the ground, m."""
-
-    @property
-    def bodies(self) -> tuple[Body, ...]:
-        return (BOULDER,)
 
     @property
     def phrase(self) -> str:
@@ -49,15 +53,11 @@ class Throws(FunctionTest):
             yield "high", Finding(motion.term("height"), self.high, "m")
 
 
-class HitsTarget(FunctionTest):
+class HitsTarget(_ThrowTest):
     """A thrown boulder lands near the target of the level, which must have `score: accuracy`."""
 
     within: Amount
     """m."""
-
-    @property
-    def bodies(self) -> tuple[Body, ...]:
-        return (BOULDER,)
 
     @property
     def phrase(self) -> str:
@@ -68,14 +68,10 @@ class HitsTarget(FunctionTest):
         yield "within", Finding(inf if miss is None else float(miss), self.within, "m", most=True)
 
 
-class PassesRings(FunctionTest):
+class PassesRings(_ThrowTest):
     """A thrown boulder passes rings of the level, which must have `score: rings`."""
 
     rings: Count
-
-    @property
-    def bodies(self) -> tuple[Body, ...]:
-        return (BOULDER,)
 
     @property
     def phrase(self) -> str:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, field_validator
+from pydantic import BaseModel, Field, SerializeAsAny, ValidationError, field_validator
 
 from agentflow.env.rollout import Broken, Feedback, Rollout, Trace
 from agentflow.env.rollout import Verdict as Score
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Referee, Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.errors import ConfigError, NoScoreError
+from agentflow.errors import ConfigError, NoScoreError, UnknownNameError, UsageError
+from agentflow.files.faults import tell_fault
+from agentflow.files.yaml import read_yaml_file
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import ROOT, Machine
 from agentflow.training.objectives.finding import Finding, FunctionTest
@@ -25,20 +29,16 @@ ABOUT_TRIALS = " trials differ at random"
 """Part of the sentence about a level's random trials; an objective has one trial, as described."""
 
 
-class LevelScene(BaseModel):
+class LevelScene(BaseModel, frozen=True, extra="forbid"):
     """A level of a task family with changed knobs."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     level: str
     knobs: dict[str, Any] = {}
     """Dotted, as in `--set`."""
 
 
-class Objective(BaseModel):
+class Objective(BaseModel, frozen=True, extra="forbid"):
     """One design objective."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str
     text: str
@@ -177,3 +177,60 @@ def works(objective: Objective, rollout: Rollout, machine: Machine) -> Verdict:
         for key, finding in test.measure(motion)
     }
     return Verdict(all(finding.passed for finding in found.values()), found)
+
+
+OBJECTIVES = Path("configs/objectives.yaml")
+"""The objectives that come with the source code."""
+
+
+def read_objectives(path: str | Path = OBJECTIVES) -> tuple[Objective, ...]:
+    """Read objectives, in the order of the file.
+
+    Raises:
+        ConfigError: The file cannot be read, or an objective is wrong; the message names it, what
+            is wrong, and what is possible.
+    """
+    objectives = tuple(_read(entry, path, i) for i, entry in enumerate(_entries(path), start=1))
+    counts = Counter(objective.name for objective in objectives)
+    if repeated := [name for name, count in counts.items() if count > 1]:
+        raise ConfigError(f"{path}: the name {repeated[0]!r} is used twice; names must differ")
+    return objectives
+
+
+def _entries(path: str | Path) -> list[object]:
+    document = read_yaml_file(path, "the objectives file ")
+    if not isinstance(document, list) or not document:
+        raise ConfigError(f"{path} must be a list of objectives")
+    return document
+
+
+def _read(entry: object, path: str | Path, number: int) -> Objective:
+    name = entry.get("name") if isinstance(entry, dict) else None
+    where = f"objective {name or number} of {path}"
+    try:
+        objective = Objective.model_validate(entry)
+    except ValidationError as error:
+        raise ConfigError(f"{where}: {tell_fault(error, 'the entry', Objective)}") from None
+    try:
+        _check(objective)
+    except UsageError as error:
+        raise ConfigError(f"{where}: {error}") from None
+    return objective
+
+
+def _check(objective: Objective) -> None:
+    """Raise ConfigError if a function test measures something that is not there."""
+    scene = objective.task.scene()
+    things = [thing.name for thing in scene.things]
+    moving = [thing.name for thing in scene.moving]
+    for name, test in objective.test.items():
+        named = [body for body in test.bodies if isinstance(body, str)]
+        types = [body for body in test.bodies if not isinstance(body, str)]
+        _expect(name, "allowed block type", types, objective.blocks)
+        _expect(name, "thing that moves in the scene", named, moving)
+        _expect(name, "thing of the scene", test.obstacles, things)
+
+
+def _expect(test: str, kind: str, wanted: Iterable[object], known: Collection[object]) -> None:
+    if missing := [name for name in wanted if name not in known]:
+        raise ConfigError(f"test.{test}: {UnknownNameError(kind, missing[0], known or ['none'])}")

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from agentflow.agents.designer import Designer
+from agentflow.agents.inspector import Inspector
 from agentflow.agents.meta_designer import Blueprint
+from agentflow.agents.querier import Querier
+from agentflow.agents.refiner import Refiner
 from agentflow.runs.places import BLIND, FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
@@ -67,10 +71,10 @@ def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
     """Role -> calls of a run without retries; `designs` is the designer calls per trajectory."""
     many, search, blind = settings.trajectories, settings.search, not settings.start
     return {
-        "designer": many * designs * blind,
-        "inspector": many * settings.inspector * blind,
-        "querier": many * search.rounds * settings.asks_querier,
-        "refiner": many * (blind + search.rounds * search.children),
+        Designer.name: many * designs * blind,
+        Inspector.name: many * settings.inspector * blind,
+        Querier.name: many * search.rounds * settings.asks_querier,
+        Refiner.name: many * (blind + search.rounds * search.children),
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from random import Random
 from typing import Any
 
 from agentflow.agents.base import RoleOutcome
@@ -12,7 +13,11 @@ from agentflow.agents.history import EditRecord, History
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.refiner import NO_CHANGE, Refinement, Refiner, RefinerInput
-from agentflow.machine.validity import check
+from agentflow.errors import UsageError
+from agentflow.machine.brief import Brief
+from agentflow.machine.edits.random import BLOCKS, random_machine
+from agentflow.machine.tree import Machine
+from agentflow.machine.validity import check, problems_of
 from agentflow.runs.events import FLAWLESS, FirstAttempt, InspectionEvent
 from agentflow.runs.places import BLIND, INITIAL, Place, StageName
 from agentflow.search.concurrency import run_concurrently
@@ -46,6 +51,22 @@ def candidate_of(trajectory: int, outcome: RoleOutcome[Any] | None) -> Candidate
     return Candidate(trajectory, outcome.output.machine, first=first)
 
 
+def draw_machine(
+    trajectory: int,
+    rng: Random,
+    brief: Brief,
+    *,
+    start: Machine | None = None,
+    size: tuple[int, int] = BLOCKS,
+) -> Candidate:
+    """The start machine, or else a random one of this least and most blocks; or why not."""
+    try:
+        machine = start or random_machine(rng, brief, size)
+    except UsageError as error:
+        return Candidate(trajectory, reason=str(error))
+    return Candidate(trajectory, machine, first=FLAWLESS)
+
+
 async def design_machines(run: WorkflowContext) -> list[Candidate]:
     """Ask one designer per trajectory for a whole machine; nothing is simulated yet.
 
@@ -53,7 +74,8 @@ async def design_machines(run: WorkflowContext) -> list[Candidate]:
     """
     start = run.settings.start_machine
     if start is not None:
-        return [Candidate(number, start, first=FLAWLESS) for number in run.trajectories]
+        machine = check(start, run.brief).machine or start
+        return [Candidate(number, machine, first=FLAWLESS) for number in run.trajectories]
 
     async def design(trajectory: int) -> Candidate:
         given = DesignerInput(**run.role_input, rationale=run.settings.rationale(trajectory))
@@ -72,9 +94,8 @@ async def simulate(
         machine = candidate.machine
         if machine is None:
             return candidate
-        report = check(machine, run.brief)
-        if not report.task_valid:
-            return replace(candidate, reason=candidate.reason or report.problems[0].message)
+        if problems := problems_of(machine, run.brief):
+            return replace(candidate, reason=candidate.reason or problems[0].message)
         evaluation = await run.evaluate(machine, Place(stage, trajectory=candidate.trajectory))
         reason = "" if evaluation.valid else "the simulation refused the machine"
         return replace(candidate, evaluation=evaluation, reason=reason)
@@ -204,15 +225,7 @@ async def _critique(run: WorkflowContext, candidate: Candidate, blueprint: Bluep
     if outcome is None or outcome.output is None:
         return ""
     found = outcome.output
-    defects = [
-        {
-            "blocks": list(d.blocks),
-            "structure": d.structure,
-            "text": d.text,
-            "severity": d.severity,
-        }
-        for d in found.defects
-    ]
+    defects = [vars(defect) | {"blocks": list(defect.blocks)} for defect in found.defects]
     world = (found.orientation_score, found.orientation)
     run.note(InspectionEvent(place, candidate.machine.digest, *world, defects))
     return found.text

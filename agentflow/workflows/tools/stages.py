@@ -3,24 +3,71 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import replace
 
+from agentflow.agents.tool_agent import Agent, AgentInput
+from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, CandidateEvent, RunEvent
-from agentflow.runs.places import FEEDBACK, INITIAL, STAGES, StageName
+from agentflow.runs.places import FEEDBACK, INITIAL, STAGES, Place, StageName
 from agentflow.tools.bench import Bench
-from agentflow.tools.budget import Allowance, Budget
-from agentflow.tools.machines import KnownMachines
-from agentflow.workflows.base import Candidate, WorkflowResult
+from agentflow.tools.desk import Allowance, Budget, KnownMachines
+from agentflow.tools.world import View
+from agentflow.workflows.base import Candidate, SimulationSummary, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.shared import design_machines, simulate
-from agentflow.workflows.tools.world import RunWorld
 
 ROLLOUTS = 24
 """Simulations of a run by default: as many as three stages of eight machines need."""
 UNSUBMITTED = "submitted no machine"
 Worker = Callable[[Bench, StageName], Awaitable[None]]
 """Works at the bench of a stage; the stage ends when it returns, with what it has submitted."""
+
+
+class RunWorld:
+    """Implements the `World` of a bench over a run of a workflow."""
+
+    def __init__(self, run: WorkflowContext) -> None:
+        self._run = run
+
+    @property
+    def brief(self) -> Brief:
+        """The task as plain data."""
+        return self._run.brief
+
+    @property
+    def brief_text(self) -> str:
+        """The user prompt of the agent."""
+        return self._run.prompts_of(Agent(), AgentInput(**self._run.role_input))[1]
+
+    def simulated(self, machine: Machine) -> SimulationSummary | None:
+        """The result of a finished simulation; None without one."""
+        evaluation = self._run.evaluation_of(machine)
+        summary: SimulationSummary | None = evaluation.details if evaluation else None
+        return summary
+
+    async def simulate(self, machine: Machine, place: Place) -> SimulationSummary:
+        """Simulate a machine; the only trajectory of an agent has the number 1."""
+        evaluation = await self._run.evaluate(machine, replace(place, trajectory=1))
+        summary: SimulationSummary = evaluation.details
+        return summary
+
+    async def query(self, machine: Machine, queries: Sequence[object], place: Place) -> str:
+        """Recorded states of a simulated machine, as tables."""
+        return await self._run.query(machine, queries, place)
+
+    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+        """A PNG picture of a machine as built, or at a time of its simulation."""
+        return await self._run.look(machine, view, time)
+
+    def save(self, machine: Machine) -> None:
+        """Store a machine by its content hash."""
+        self._run.save(machine)
+
+    def note(self, event: RunEvent) -> None:
+        """Record an event."""
+        self._run.note(event)
 
 
 async def work_in_stages(

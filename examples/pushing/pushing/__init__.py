@@ -9,7 +9,7 @@ from agentflow.env.feedback.compose import compose
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import Parameters, WorldView
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -44,8 +44,8 @@ class Pushing(Family):
     def brief(self) -> Brief:
         """Description for designers, and the constraints that validation checks."""
         crate = self.parameters.crate
-        return Brief(
-            name=self.name,
+        return self.describe(
+            BLOCKS,
             objective="Build a machine that pushes a crate as far as possible along z+.",
             scene=(
                 *GROUND,
@@ -53,13 +53,10 @@ class Pushing(Family):
                 f"middle at z = {crate.distance:g} m.",
                 *self.parameters.wind.sentences(),
             ),
-            schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
             score=(
                 "Score: the distance in metres along z+ from the position of the crate's centre at "
                 "t = 0 to its position at the end of the window; at least 0.",
             ),
-            blocks=BLOCKS,
-            limits=self.limits,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002

@@ -20,7 +20,7 @@ from agentflow.app.benchmark.card import (
 )
 from agentflow.app.benchmark.leaderboard import format_tables, leaderboard, read_cards
 from agentflow.errors import AgentflowError
-from agentflow.runs.document import seal_of
+from agentflow.files.documents import sealed
 
 SHIPPED = Path(__file__).parents[3] / "docs" / "cards"
 MISSING = Attempt(outcome="missing", score=None, share=None, reason="the run is unfinished")
@@ -164,7 +164,7 @@ def test_damaged_and_edited_cards_say_what_to_change(tmp_path: Path) -> None:
             "has schema 9, but this version reads only schema 1: use the agentflow version that "
             f"wrote it, or {again}"
         ),
-        json.dumps(lacking | {"seal": seal_of(lacking)}): f"is damaged: items is missing; {again}",
+        json.dumps(sealed(lacking)): f"is damaged: items is missing; {again}",
         json.dumps({**content, "cost": {**content["cost"], "calls": "many"}}): (
             f"is damaged: cost.calls expected a whole number; {again}"
         ),

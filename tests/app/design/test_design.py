@@ -20,7 +20,7 @@ from agentflow.cli import main
 from agentflow.config.run import build_config, load_document
 from agentflow.errors import RunError
 from agentflow.runs import read_events, read_result
-from agentflow.runs.document import document_text
+from agentflow.runs.reading import document_text
 from tests.app.test_doctor import threaded
 from tests.llm.hostile import body
 
@@ -36,7 +36,7 @@ def ignore(_line: str) -> None:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small run with the procedural model."""
     out = tmp_path_factory.mktemp("runs")
-    return Path(design(build_config(load_document(SMALL)), out)["run"])
+    return Path(design(build_config(load_document(SMALL)), out).run)
 
 
 @pytest.mark.slow
@@ -47,7 +47,7 @@ def test_a_run_directory_is_complete(run: Path) -> None:
     digests = {len(document[key]) for key in ("prompts", "demands", "constants")}
     assert digests == {16}
     calls = [json.loads(line) for line in (run / "calls.jsonl").read_text().splitlines()]
-    assert result["calls"] == len(calls)
+    assert result.calls == len(calls)
     assert {call["request"]["role"] for call in calls} == {
         "meta_designer",
         "designer",
@@ -55,13 +55,13 @@ def test_a_run_directory_is_complete(run: Path) -> None:
         "querier",
         "refiner",
     }
-    assert [stage["name"] for stage in result["stages"]] == [
+    assert [stage.name for stage in result.stages] == [
         "initial",
         "blind_refinement",
         "env_feedback",
     ]
-    assert result["model"] == "procedural (no language model)"
-    assert result["valid"] is True
+    assert result.model == "procedural (no language model)"
+    assert result.valid is True
     kept = {path.stem for path in (run / "machines").iterdir()}
     tried = {e.data["machine"] for e in read_events(run) if e.kind == "evaluation"}
     assert tried <= kept
@@ -74,9 +74,9 @@ def test_simulating_the_best_machine_again_gives_the_recorded_score(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     result = read_result(run)
-    (tmp_path / "best.json").write_text(json.dumps(result["machine"]))
+    (tmp_path / "best.json").write_text(json.dumps(result.machine))
     assert main(["simulate", str(tmp_path / "best.json"), "--task", "throwing", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["score"] == result["score"]
+    assert json.loads(capsys.readouterr().out)["score"] == result.score
 
 
 @pytest.mark.slow
@@ -110,12 +110,10 @@ def test_results_depend_only_on_the_seed(run: Path, tmp_path: Path) -> None:
     config = build_config(load_document(SMALL))
     again = design(config, tmp_path)
     first = read_result(run)
-    volatile = {"seconds", "worker_seconds", "run"}
-    assert {k: again[k] for k in set(again) - volatile} == {
-        k: first[k] for k in set(first) - volatile
-    }
+    volatile = {"seconds": 0.0, "worker_seconds": 0.0, "run": ""}
+    assert again.model_copy(update=volatile) == first.model_copy(update=volatile)
     other = design(config.model_copy(update={"seed": 1}), tmp_path)
-    assert other["machine"] != first["machine"]
+    assert other.machine != first.machine
 
 
 @pytest.mark.parametrize("what", ["constants", "demands", "prompts"])
@@ -161,9 +159,9 @@ def test_a_killed_run_resumes_to_the_same_result(run: Path, tmp_path: Path, afte
     result = resume(killed)
     first = read_result(run)
     for key in ("score", "machine", "stages", "calls", "rollouts"):
-        assert result[key] == first[key], key
+        assert getattr(result, key) == getattr(first, key), key
     assert recorded >= after
-    assert _calls_in(tmp_path) == first["calls"]
+    assert _calls_in(tmp_path) == first.calls
     assert replay(killed, ignore) is None
 
 
@@ -182,7 +180,7 @@ def test_an_edited_record_is_reported_and_corrected(run: Path, tmp_path: Path) -
     (other / "events.jsonl").write_text(text.replace(f'"score": {score}', '"score": 1234.5', 1))
     edited = (other / "events.jsonl").read_bytes()
     said: list[str] = []
-    assert resume(other, RunOptions(said.append))["score"] == read_result(run)["score"]
+    assert resume(other, RunOptions(said.append)).score == read_result(run).score
     assert said == [
         f"recorded events that now differ: 1 (first: evaluation {event.label}), because a rollout "
         "had been cut off, a file was edited, or agentflow has changed; both versions are kept, "
@@ -211,15 +209,15 @@ def test_an_interrupted_run_says_how_to_resume(tmp_path: Path) -> None:
     assert err.splitlines()[-1] == (
         f"agentflow: interrupted; continue with: agentflow design --resume {run}"
     )
-    assert resume(run)["valid"] is True
+    assert resume(run).valid is True
 
 
 @pytest.mark.slow
 def test_a_spent_budget_ends_a_run_cleanly_and_the_run_replays(tmp_path: Path) -> None:
     config = load_config(SMALL, ["model.budget.calls=9"], {})
     result = design(config, tmp_path)
-    assert (result["stopped"], result["calls"]) == ("budget", 9)
-    assert replay(Path(result["run"]), ignore) is None
+    assert (result.stopped, result.calls) == ("budget", 9)
+    assert replay(Path(result.run), ignore) is None
 
 
 @pytest.mark.slow

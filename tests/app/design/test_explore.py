@@ -7,12 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from agentflow.app.design.replay import replay
 from agentflow.app.design.run import design, resume
+from agentflow.cli import main
 from agentflow.config.run import build_config
 from agentflow.metrics.niches import Elites
 from agentflow.runs import read_events, read_result
@@ -41,7 +43,7 @@ def ignore(_line: str) -> None:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small run of all three emitters; the procedural model refines."""
-    return Path(design(build_config(CONFIG), tmp_path_factory.mktemp("runs"))["run"])
+    return Path(design(build_config(CONFIG), tmp_path_factory.mktemp("runs")).run)
 
 
 def archive(path: Path) -> Elites:
@@ -53,8 +55,8 @@ def archive(path: Path) -> Elites:
 @pytest.mark.slow
 def test_a_run_fills_an_archive_within_its_budget(run: Path) -> None:
     result, found = read_result(run), archive(run)
-    assert result["rollouts"] == 24
-    assert result["score"] == max(event.score or 0.0 for event in found.cells.values())
+    assert result.rollouts == 24
+    assert result.score == max(event.score or 0.0 for event in found.cells.values())
     assert len(found.cells) > 3
     notes = [
         item["note"]
@@ -90,7 +92,6 @@ def test_a_killed_run_resumes_to_the_same_archive(run: Path, tmp_path: Path, aft
     assert replay(killed, ignore) is None
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -98,16 +99,17 @@ def test_a_killed_run_resumes_to_the_same_archive(run: Path, tmp_path: Path, aft
         ["--workflow", "hierarchical", "--set", f"search.strategy={MAP_ELITES}"],
     ],
 )
-def test_without_pyribs_no_run_begins(options: list[str], tmp_path: Path) -> None:
+def test_without_pyribs_no_run_begins(
+    options: list[str],
+    tmp_path: Path,
+    without: Callable[[str], None],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    without("ribs")
     out = tmp_path / "runs"
-    line = ["design", "--task", "movement", *options, "--out", str(out)]
-    code = (
-        "import sys; sys.modules['ribs'] = None\n"
-        f"from agentflow.cli import main\nsys.exit(main({line!r}))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    told = 'agentflow: pyribs is not installed; install it with: pip install "agentflow[explore]"\n'
-    assert (done.returncode, done.stdout, done.stderr) == (2, "", told)
+    assert main(["design", "--task", "movement", *options, "--out", str(out)]) == 2
+    told = "agentflow: pyribs is not installed; install it with: pip install 'agentflow[explore]'\n"
+    assert capsys.readouterr() == ("", told)
     assert not out.exists()
 
 

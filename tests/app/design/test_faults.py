@@ -11,7 +11,7 @@ import pytest
 
 from agentflow.app.design.notices import REMARK, Remarks
 from agentflow.errors import EndpointError, RefusedError, UnreachableError
-from agentflow.llm.build import open_client
+from agentflow.llm.build import open_client, wrap
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.messages import Reply
 from agentflow.llm.settings import EndpointSettings
@@ -125,7 +125,7 @@ async def test_a_fault_is_typed_bounded_recorded_and_keyless(fault: str, tmp_pat
     async with serving(*answers) as server:
         endpoint = Endpoint("m", server.base_url, KEY)
         with kept(tmp_path) as (run, tape, remarks):
-            client = open_client(
+            reached = open_client(
                 endpoint,
                 settings=EndpointSettings.model_validate(
                     {
@@ -133,11 +133,10 @@ async def test_a_fault_is_typed_bounded_recorded_and_keyless(fault: str, tmp_pat
                         "retry": {"attempts": 2, "base_s": 0.001},
                     }
                 ),
-                tape=tape,
-                budget=Budget(),
                 warn=remarks.tell,
                 on_wait=remarks.tell,
             )
+            client = wrap(reached, tape=tape, budget=Budget())
             try:
                 outcome = await client.complete(ask("hi", "designer/1", seed=1))
             except EndpointError as error:

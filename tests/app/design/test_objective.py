@@ -117,7 +117,7 @@ def test_a_run_records_the_front_of_all_its_machines(tmp_path: Path) -> None:
              "rollouts": 4, "verify": False, "start": CAR.to_json()}  # fmt: skip
     config = load_config(None, [f"{key}={json.dumps(value)}" for key, value in given.items()], {})
     result = design(config, tmp_path, RunOptions())
-    path = Path(result["run"])
+    path = Path(result.run)
     points = {}
     for event in RunRecord.of(read_typed_events(path)).machines.values():
         if event.valid and event.score and event.score > 0:
@@ -130,13 +130,13 @@ def test_a_run_records_the_front_of_all_its_machines(tmp_path: Path) -> None:
         if not any(p != point and p[0] >= point[0] and p[1] >= point[1]
                    and p[2] <= point[2] and p[3] <= point[3] for p in points.values())
     }  # fmt: skip
-    told = {one["machine"]: (one["score"], one["robust"], one["blocks"], round(one["mass"], 6))
-            for one in result["front"]}  # fmt: skip
+    told = {one.machine: (one.score, one.robust, one.blocks, round(one.mass, 6))
+            for one in result.front}  # fmt: skip
     assert told == front
-    assert [one["robust"] for one in result["front"]] == sorted(
+    assert [one.robust for one in result.front] == sorted(
         (point[1] for point in front.values()), reverse=True
     )
-    assert result["robust"] == result["front"][0]["robust"]
+    assert result.robust == result.front[0].robust
     assert main(["replay", str(path)]) == 0
 
 

@@ -11,7 +11,7 @@ import pytest
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.replay import replay
 from agentflow.app.design.run import RunOptions, resume
-from agentflow.app.inspect.rescore import rescore
+from agentflow.app.subjects.rescore import rescore
 from agentflow.config.run import build_config
 from agentflow.env.tasks.families.movement import Movement
 from agentflow.env.tasks.registry import get_task
@@ -19,7 +19,7 @@ from agentflow.errors import RunError
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.machine.brief import Brief
 from agentflow.runs import RunDirectory, read_document
-from agentflow.runs.document import document_text
+from agentflow.runs.reading import document_text
 
 PLAN = RunPlan.of(build_config({"task": "movement", "workflow": "random-dsl", "workers": 1}))
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
@@ -103,7 +103,7 @@ def test_a_run_without_a_recorded_engine_resumes_with_a_note(tmp_path: Path) -> 
     run.close()
     notes: list[str] = []
     result = resume(run.path, RunOptions(notes.append, client=ScriptedClient(str)))
-    assert result["rollouts"] == 1
+    assert result.rollouts == 1
     assert notes == [
         f"{run.path}: the run does not record its physics engine; now it is {PLAN.engine}"
     ]

@@ -24,11 +24,11 @@ def ignore(_line: str) -> None:
 
 @pytest.mark.slow
 def test_rationales_are_followed_and_stored(tmp_path: Path) -> None:
-    first = Path(design(build_config(TINY), tmp_path)["run"])
+    first = Path(design(build_config(TINY), tmp_path).run)
     plans = rationales_of(first)
     assert len(plans) == 2
     config = build_config({**TINY, "seed": 1, "rationale_from": str(first)})
-    second = Path(design(config, tmp_path)["run"])
+    second = Path(design(config, tmp_path).run)
     assert read_document(second)["config"]["settings"]["rationales"] == list(plans)
     for line in (second / "calls.jsonl").read_text().splitlines():
         request = json.loads(line)["request"]
@@ -43,7 +43,7 @@ def test_rationales_are_followed_and_stored(tmp_path: Path) -> None:
 def test_rationales_of_structures_are_in_build_order(tmp_path: Path) -> None:
     settings = {**TINY["settings"], "inspector": False}  # type: ignore[dict-item]
     run = design(build_config({"workflow": "hierarchical", "settings": settings}), tmp_path)
-    plans = rationales_of(Path(run["run"]))
+    plans = rationales_of(Path(run.run))
     assert plans
     assert all(len(plan.splitlines()) > 1 for plan in plans)
 
@@ -56,8 +56,8 @@ def test_rationales_need_a_run_with_accepted_designs(tmp_path: Path) -> None:
         build_config({"workflow": "random-dsl", "workers": 1, "settings": {"rollouts": 1}}),
         tmp_path,
     )
-    assert nobody["model"] == "none (random edits)"
+    assert nobody.model == "none (random edits)"
     with pytest.raises(
         RunError, match=r" contains no rationale: none of its designs was accepted$"
     ):
-        rationales_of(Path(nobody["run"]))
+        rationales_of(Path(nobody.run))

@@ -13,7 +13,7 @@ from agentflow.config.run import build_config
 from agentflow.errors import UnreachableError
 from agentflow.llm.messages import Request
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.runs import RunDirectory, read_events
+from agentflow.runs import Event, RunDirectory, read_events
 
 CONFIG = build_config({"task": "movement", "workflow": "single", "workers": 1})
 
@@ -26,15 +26,15 @@ def test_differences_are_reported_and_both_versions_kept(tmp_path: Path) -> None
     run = RunDirectory.create(tmp_path, "run", {})
     Remarks(run, lambda _line: None).tell("waiting")
     for label in ("initial", "edited", "added"):
-        run.event("stage", label, valid=1)
+        run.event(Event("stage", label, {"valid": 1}))
     run.close()
     with (run.path / "events.jsonl").open("a") as file:
         file.write('{"kind')
     recorded = (run.path / "events.jsonl").read_bytes()[: -len('{"kind')]
 
     again = RunDirectory.resume(run.path)
-    again.event("stage", "initial", valid=1)
-    again.event("stage", "edited", valid=2)
+    again.event(Event("stage", "initial", {"valid": 1}))
+    again.event(Event("stage", "edited", {"valid": 2}))
     said: list[str] = []
     Remarks(again, said.append).tell_differences()
     again.close()
@@ -54,11 +54,11 @@ def test_differences_are_reported_and_both_versions_kept(tmp_path: Path) -> None
 def test_a_run_that_matches_its_record_reports_nothing(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "run", {})
     said: list[str] = []
-    run.event("stage", "initial", valid=1)
+    run.event(Event("stage", "initial", {"valid": 1}))
     Remarks(run, said.append).tell_differences()
     run.close()
     again = RunDirectory.resume(run.path)
-    again.event("stage", "initial", valid=1)
+    again.event(Event("stage", "initial", {"valid": 1}))
     Remarks(again, said.append).tell_differences()
     again.close()
     assert said == []

@@ -15,8 +15,9 @@ from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import EndpointError, RunError, UnreachableError
 from agentflow.llm.messages import Request
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.runs import read_document, read_result
+from agentflow.runs import RunResult, read_document, read_result
 from tests.machine.builders import CAR
+from tests.runs.results import a_result
 
 TINY = {
     "task": "movement",
@@ -40,13 +41,13 @@ def clock(*minutes: float) -> object:
 def test_the_best_of_the_seeds_is_returned_with_all_of_them(tmp_path: Path) -> None:
     told: list[str] = []
     found = design_seeds(build_config(TINY), tmp_path, 3, None, RunOptions(told.append))
-    rows = found.pop("seeds")
+    rows = found.rows
     assert [row["seed"] for row in rows] == [4, 5, 6]
     assert told == [f"seed {seed}: run {n} of 3" for n, seed in enumerate((4, 5, 6), start=1)]
     results = [read_result(Path(row["run"])) for row in rows]
-    assert [row["score"] for row in rows] == [result["score"] for result in results]
+    assert [row["score"] for row in rows] == [result.score for result in results]
     assert [read_document(Path(row["run"]))["config"]["seed"] for row in rows] == [4, 5, 6]
-    assert found == max(results, key=lambda result: result["score"] or float("-inf"))
+    assert found.best == max(results, key=lambda result: result.score or float("-inf"))
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
         Path(row["run"]).name for row in rows
     )
@@ -58,7 +59,7 @@ def test_no_run_begins_when_the_time_is_over(tmp_path: Path) -> None:
     options = RunOptions(told.append)
     times = clock(0.0, 9.0, 11.0)
     found = design_seeds(build_config(TINY), tmp_path, 5, 10, options, times)  # type: ignore[arg-type]
-    assert [row["seed"] for row in found["seeds"]] == [4, 5]
+    assert [row["seed"] for row in found.rows] == [4, 5]
     assert told[-1] == "10 minutes are over: 3 seeds not run"
 
 
@@ -82,9 +83,9 @@ def test_a_failed_run_is_named_and_stops_no_other(tmp_path: Path) -> None:
     told: list[str] = []
     options = RunOptions(told.append, client=failing(told, 4, 6))
     found = design_seeds(build_config(SINGLE), tmp_path, 4, None, options)
-    assert (found["seed"], found["valid"]) == (5, True)
-    failed, good, also, last = found["seeds"]
-    assert [row["seed"] for row in found["seeds"]] == [4, 5, 6, 7]
+    assert (found.best.seed, found.best.valid) == (5, True)
+    failed, good, also, last = found.rows
+    assert [row["seed"] for row in found.rows] == [4, 5, 6, 7]
     assert failed == {
         **dict.fromkeys(good, None),
         "seed": 4,
@@ -92,7 +93,7 @@ def test_a_failed_run_is_named_and_stops_no_other(tmp_path: Path) -> None:
     }
     assert (also["failed"], also["score"]) == ("no answer from the endpoint", None)
     assert (good["failed"], last["failed"]) == ("", "")
-    assert good["score"] == last["score"] == found["score"]
+    assert good["score"] == last["score"] == found.best.score
     assert "seed 6 failed: no answer from the endpoint" in told
 
 
@@ -110,7 +111,7 @@ def test_a_series_in_which_all_runs_fail_is_an_error_that_names_each(tmp_path: P
 def test_the_exit_status_says_whether_some_runs_failed_or_all(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
-    def unreliable(config: DesignConfig, out: Path, options: RunOptions) -> dict[str, object]:
+    def unreliable(config: DesignConfig, out: Path, options: RunOptions) -> RunResult:
         if config.seed == broken:
             raise RunError("no space left")
         return design(config, out, options)
@@ -136,10 +137,10 @@ def test_the_exit_status_says_whether_some_runs_failed_or_all(
 
 
 def test_the_verified_score_decides_and_no_score_comes_last() -> None:
-    def result(score: float | None, verified: float | None = None) -> dict[str, object]:
-        facts = {"seed": 0, "best_stage": None, "calls": 0, "seconds": 0.0, "run": ""}
-        told = None if verified is None else {"score": verified}
-        return {**facts, "score": score, "verified": told}
+    def result(score: float | None, verified: float | None = None) -> RunResult:
+        scores = [{"variation": "default", "status": "ok", "score": score}]
+        told = {"score": verified, "low": verified, "high": verified, "scores": scores}
+        return a_result(score=score, verified=None if verified is None else told)
 
     ranked = [result(None), result(9.0), result(9.5, 2.0), result(3.0, 2.5)]
     assert [_rank(item) for item in ranked] == sorted(map(_rank, ranked))

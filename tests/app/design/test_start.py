@@ -50,7 +50,7 @@ def test_a_start_machine_is_recorded_and_improved(
     (other / "result.json").unlink()
     lines = (other / "events.jsonl").read_text().splitlines(keepends=True)
     (other / "events.jsonl").write_text("".join(lines[: len(lines) // 2]))
-    assert resume(other)["machine"] == read_result(run)["machine"]
+    assert resume(other).machine == read_result(run).machine
 
 
 INVALID = {

@@ -25,7 +25,7 @@ class Killed(BaseException):
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small run with the procedural model on real physics."""
-    return Path(design(build_config(CONFIG), tmp_path_factory.mktemp("runs"))["run"])
+    return Path(design(build_config(CONFIG), tmp_path_factory.mktemp("runs")).run)
 
 
 @pytest.mark.slow
@@ -64,7 +64,7 @@ def test_a_killed_run_with_tools_resumes_to_the_same_result(
     result = resume(path)
     whole = json.loads((run / "result.json").read_text())
     timed = {"run", "seconds", "worker_seconds"}
-    assert {k: v for k, v in result.items() if k not in timed} == {
+    assert {k: v for k, v in result.to_json().items() if k not in timed} == {
         k: v for k, v in whole.items() if k not in timed
     }
     assert replay(path, pytest.fail) is None
@@ -73,5 +73,5 @@ def test_a_killed_run_with_tools_resumes_to_the_same_result(
 @pytest.mark.slow
 def test_prompts_of_agents_are_a_condition_of_their_runs_only(run: Path, tmp_path: Path) -> None:
     other = {"task": "movement", "workflow": "random-dsl", "settings": {"rollouts": 1}}
-    plain = design(build_config({**other, "verify": False}), tmp_path)["run"]
+    plain = design(build_config({**other, "verify": False}), tmp_path).run
     assert read_document(Path(plain))["prompts"] != read_document(run)["prompts"]

@@ -6,13 +6,14 @@ import asyncio
 
 import pytest
 
-from agentflow.app.design.models import Models
 from agentflow.app.design.notices import watch_calls
 from agentflow.errors import UnreachableError
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.llm.wrappers.budget import Budget
+from agentflow.models.clients import Models
 from agentflow.runs import Event
+from agentflow.runs.events import CallsEvent
+from agentflow.runs.places import Place
 from tests.llm.helpers import ask
 
 
@@ -31,15 +32,13 @@ class Closing(ScriptedClient):
 
 async def test_listeners_hear_the_start_and_end_of_every_call() -> None:
     client, heard = Closing(lambda request: request.label), []
-    models = watch_calls(
-        Models({"designer": client, "refiner": client}, {}), Budget(), heard.append
-    )
+    models = watch_calls(Models({"designer": client, "refiner": client}, {}), heard.append)
     assert models.name_of(models.clients) == "scripted"
     designer, refiner = models.clients["designer"], models.clients["refiner"]
     await asyncio.gather(designer.complete(ask(label="a")), refiner.complete(ask(label="b")))
     counts = [event.data["under_way"] for event in heard]
     assert counts == [1, 2, 1, 0]
-    assert heard[0] == Event("calls", "a", {"under_way": 1, "cost": 0.0})
+    assert heard[0] == CallsEvent(Place("a"), 1, 0.0)
     await models.aclose()
     assert client.closed == 1
 
@@ -49,7 +48,7 @@ async def test_a_failed_call_is_no_longer_in_progress() -> None:
         raise UnreachableError("nothing answers")
 
     heard: list[Event] = []
-    models = watch_calls(Models({"designer": ScriptedClient(fail)}, {}), Budget(), heard.append)
+    models = watch_calls(Models({"designer": ScriptedClient(fail)}, {}), heard.append)
     with pytest.raises(UnreachableError):
         await models.clients["designer"].complete(ask(label="a"))
     assert [event.data["under_way"] for event in heard] == [1, 0]

@@ -9,15 +9,14 @@ from typing import Any
 
 import pytest
 
-from agentflow.app.about import read_about
-from agentflow.app.design.config import complete_config
-from agentflow.app.diagnose.record import ABOUT, Diagnosis
+from agentflow.app.diagnose.question import DOCUMENT, Diagnosis
 from agentflow.app.diagnose.run import diagnose
 from agentflow.errors import ConfigError, RunError, UnauthorisedError, UsageError
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.machine import place, read_machine
 from agentflow.machine.blocks.library import library
+from agentflow.models.completion import complete_config
 
 Answer = Callable[[Request], str]
 PAIRS = 6
@@ -146,7 +145,7 @@ def test_a_diagnosis_is_continued_without_asking_again(tmp_path: Path) -> None:
 
     with pytest.raises(UnauthorisedError, match=r"run the same command again to continue$"):
         run("overlap", fails_at_second, part, PAIRS)
-    assert read_about(part / ABOUT, Diagnosis, "a diagnosis").results is None
+    assert DOCUMENT.read(part).results is None
     client = ScriptedClient(knows_overlaps)
     config = complete_config({"seed": 3, "workers": 1})
     assert diagnose("overlap", config, PAIRS, part, client=client) == expected

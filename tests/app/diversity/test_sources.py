@@ -13,9 +13,8 @@ from agentflow.errors import RunError
 from agentflow.machine import Machine
 from agentflow.machine.formats.bsg_writing import to_bsg
 from agentflow.runs import read_events
-from agentflow.training.evaluation import JudgedReply
-from agentflow.training.record import About
-from agentflow.training.run import TrainingRun
+from agentflow.training.evaluation.replies import JudgedReply
+from agentflow.training.record import About, TrainingRun
 from tests.machine.builders import CAR, CATAPULT, PUBLISHED_OVERLAP, build
 from tests.training.test_run import Settings
 

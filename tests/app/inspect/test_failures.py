@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.app.inspect.failures import count_failures, faces_wrong_way
+from agentflow.env.tasks.registry import FAMILIES
 from agentflow.errors import RunError
 from agentflow.machine import Machine, read_machine
 from agentflow.metrics.failure_kinds import STILL
@@ -40,7 +41,7 @@ def machine(*blocks: tuple[int, int, int]) -> Machine:
 def test_wheels_that_drive_and_containers_that_hold(
     blocks: list[tuple[int, int, int]], family: str, wrong: bool
 ) -> None:
-    assert faces_wrong_way(machine(*blocks), family) is wrong
+    assert faces_wrong_way(machine(*blocks), FAMILIES[family]) is wrong
 
 
 def test_a_folder_counts_all_its_runs(tmp_path: Path) -> None:

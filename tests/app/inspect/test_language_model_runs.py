@@ -36,7 +36,7 @@ def older(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 def test_the_shipped_run_is_whole_and_names_no_place_on_a_disk() -> None:
     assert read_document(SHIPPED)["config"]["model"]["name"] == MODEL  # its seal holds
-    assert read_result(SHIPPED)["run"] == "runs/language-model-jumping"
+    assert read_result(SHIPPED).run == "runs/language-model-jumping"
     for file in SHIPPED.rglob("*.*"):
         content = file.read_bytes()
         assert not any(path in content for path in (b"/home", b"/root", b"/tmp", b"/work"))
@@ -71,14 +71,14 @@ def test_every_command_reads_a_run_of_an_older_version(
     result = read_result(older)
     shown = json.loads(printed(capsys, "show", older, "--json"))
     assert (shown["state"], shown["model"]) == ("done", "large-language-model")
-    assert [stage["max"] for stage in shown["stages"]] == [row["max"] for row in result["stages"]]
+    assert [stage["max"] for stage in shown["stages"]] == [row.max for row in result.stages]
     failed = json.loads(printed(capsys, "failures", older, "--json"))
-    assert (failed["replies"], failed["refused"]) == (result["calls"], 0)
+    assert (failed["replies"], failed["refused"]) == (result.calls, 0)
     compared = json.loads(printed(capsys, "rescore", older, "--json"))
     assert all(one["now"]["status"] == one["recorded"]["status"] for one in compared["machines"])
     assert len(compared["machines"]) == failed["machines"]
     later = [machine["note"] for machine in compared["machines"] if machine["note"]]
-    assert len(later) == {"gearing/3": 0, "throwing": 18}[result["task"]]
+    assert len(later) == {"gearing/3": 0, "throwing": 18}[result.task]
     for command in ("report", "gallery"):
         page = tmp_path / f"{command}.html"
         printed(capsys, command, older, "--out", page)

@@ -12,12 +12,12 @@ import pytest
 from agentflow.agents.registry import model_roles
 from agentflow.app.design.config import config_json
 from agentflow.app.inspect.overview import run_details, run_list
-from agentflow.app.inspect.rescore import rescore
-from agentflow.cli.display.show_records import show_rescored
+from agentflow.app.subjects.rescore import rescore
+from agentflow.cli.display.show_runs import show_rescored
 from agentflow.config.run import build_config
 from agentflow.errors import RunError
 from agentflow.runs import RunDirectory, read_calls, read_document, read_result
-from agentflow.runs.document import document_text
+from agentflow.runs.reading import document_text
 
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
 RESULT = (RECORDED / "result.json").read_text()
@@ -45,9 +45,9 @@ def test_the_list_tells_the_state_of_each(folder: Path) -> None:
         "model": "procedural (no language model)",
         "seed": 0,
         "engine": read_document(RECORDED)["engine"],
-        "score": result["score"],
-        "verified": result.get("verified"),
-        "calls": result["calls"],
+        "score": result.score,
+        "verified": result.to_json()["verified"],
+        "calls": result.calls,
         "cost": 0.0,
         "problem": "",
     }
@@ -99,14 +99,14 @@ def test_no_folder_is_said(tmp_path: Path) -> None:
 def test_one_run_with_what_it_holds() -> None:
     found, result = run_details(RECORDED), read_result(RECORDED)
     calls = Counter(call["request"]["role"] for call in read_calls(RECORDED))
-    assert found["stages"] == result["stages"]
-    assert (found["blocks"], found["best_stage"]) == (len(result["machine"]), result["best_stage"])
+    assert found["stages"] == result.to_json()["stages"]
+    assert (found["blocks"], found["best_stage"]) == (len(result.machine), result.best_stage)
     assert {role: spent["calls"] for role, spent in found["spent"].items()} == {
-        "total": result["calls"],
+        "total": result.calls,
         **{role: calls[role] for role in model_roles() if calls[role]},
     }
     assert found["spent"]["total"]["money"] == 0.0
-    assert found["failures"]["machines"] == result["rollouts"]
+    assert found["failures"]["machines"] == result.rollouts
     assert found["config"] == config_json(build_config(read_document(RECORDED)["config"]))
     assert json.loads(json.dumps(found)) == found
 
@@ -115,7 +115,7 @@ def test_one_run_with_what_it_holds() -> None:
 def test_rescoring_repeats_every_machine_and_changes_nothing() -> None:
     before = {path: path.stat().st_mtime_ns for path in RECORDED.rglob("*")}
     found = rescore(RECORDED, workers=2)
-    assert found["identical"] == len(found["machines"]) == read_result(RECORDED)["rollouts"]
+    assert found["identical"] == len(found["machines"]) == read_result(RECORDED).rollouts
     assert {item["difference"] for item in found["machines"]} == {0.0}
     assert found["constants"]["recorded"] == read_document(RECORDED)["constants"]
     assert {path: path.stat().st_mtime_ns for path in RECORDED.rglob("*")} == before
@@ -154,7 +154,7 @@ def test_machines_that_break_later_rules_are_shown_and_rescored_with_a_note(
     lines = (run / "events.jsonl").read_text().splitlines()
     first = next(i for i, line in enumerate(lines) if '"evaluation"' in line)
     (run / "events.jsonl").write_text("\n".join([*lines[: first + 1], ""]))
-    blocks = len(read_result(run)["machine"])
+    blocks = len(read_result(run).machine)
     assert run_details(run)["remarks"] == [
         f"the best machine would now be refused: the machine has {blocks} blocks; this task "
         f"allows at most 10: remove at least {blocks - 10}"

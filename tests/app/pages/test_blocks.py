@@ -11,7 +11,7 @@ from PIL import Image
 from agentflow.app.machines.files import list_blocks
 from agentflow.app.pages.blocks import AXES, PAPER, TILE, VIEWS, _example, _seen_faces
 from agentflow.cli import main
-from agentflow.cli.display.show import _size
+from agentflow.cli.display.show_machines import _size
 from agentflow.env.drawing.cameras import View, camera_at, fit
 from agentflow.env.drawing.raster import corners_of
 from agentflow.env.drawing.solids import MachineSolids

@@ -11,7 +11,7 @@ import pytest
 from agentflow.cli import main
 from agentflow.machine import Machine
 from agentflow.runs import read_document, read_result
-from agentflow.runs.document import document_text
+from agentflow.runs.reading import document_text
 from tests.app.pages.test_runs import data_of
 from tests.machine.builders import CAR, build
 
@@ -80,7 +80,7 @@ def test_a_run_brings_its_task_and_a_page_shows_both_films(capsys: Captured) -> 
     found = compared(capsys, str(RECORDED), "car.json", "--out", "page.html")
     assert (found["task"], found["seed"]) == ("throwing", 0)
     run, car = found["machines"]  # type: ignore[misc]
-    assert run["blocks"] == len(read_result(RECORDED)["machine"])
+    assert run["blocks"] == len(read_result(RECORDED).machine)
     assert (run["status"], car["status"], car["score"]) == ("ok", "invalid", 0.0)
     assert car["problems"] == [
         "the task requires exactly 1 block of type 36 (Boulder); there are 0"

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from agentflow.app.inspect.perturb import KEPT
 from agentflow.app.pages.robustness import kept_figure, page_writer, robustness_figure
+from agentflow.app.subjects.perturb import KEPT
 from agentflow.cli import main
 from agentflow.errors import RunError, UsageError
 from tests.app.pages.test_runs import RECORDED

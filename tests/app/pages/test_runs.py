@@ -11,9 +11,10 @@ from typing import Any
 
 import pytest
 
+from agentflow.app.design.results import best_machine
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.gallery import gallery
-from agentflow.app.pages.runs import best_machine, report
+from agentflow.app.pages.runs import report
 from agentflow.cli import main
 from agentflow.env.physics.engines import default_engine
 from agentflow.env.rollout import RolloutEvent
@@ -21,7 +22,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UsageError
 from agentflow.runs import read_document, read_result
-from agentflow.runs.document import document_text
+from agentflow.runs.reading import document_text
 from tests.app.sweeps.test_tables import sweep, verification
 from tests.metrics.events import candidate
 from tests.report.hostile import BREAKS, HOLDS, hostile_run, machine
@@ -79,9 +80,9 @@ def test_the_verified_score_is_shown_beside_the_score(tmp_path: Path) -> None:
     run = tmp_path / "run"
     shutil.copytree(RECORDED, run)
     result = read_result(run)
-    (run / "result.json").write_text(json.dumps({**result, "verified": VERIFIED}))
+    (run / "result.json").write_text(json.dumps({**result.to_json(), "verified": VERIFIED}))
     data = data_of(report(run, tmp_path / "r.html", films=0, workers=1, say=quiet))
-    assert (data["run"]["score"], data["run"]["verified"]) == (result["score"], VERIFIED)
+    assert (data["run"]["score"], data["run"]["verified"]) == (result.score, VERIFIED)
 
 
 @pytest.mark.slow
@@ -131,7 +132,7 @@ def test_recorded_films_are_shown_if_physics_has_changed(
         {"body": 0, "name": "root block"},
         {"body": best["hero"], "name": "boulder"},
     ]
-    assert len(best["solids"]) == len(read_result(run)["machine"])
+    assert len(best["solids"]) == len(read_result(run).machine)
     assert told == []  # nothing is simulated
     (run / "rollouts" / f"{kept[0]}.npz").write_bytes(b"damaged")
     damaged = data_of(report(run, out, films=0, workers=1, say=quiet))["machines"][kept[0]]
@@ -257,7 +258,7 @@ def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
     hostile_run(tmp_path / "runs")  # unfinished: left out
     out = gallery([tmp_path / "runs"], tmp_path / "g.html", workers=1, say=quiet)
     data = data_of(out)
-    score = read_result(RECORDED)["score"]
+    score = read_result(RECORDED).score
     keys = ("run", "task", "score", "verified", "why")
     assert [tuple(card[key] for key in keys) for card in data["cards"]] == [
         ("b", "throwing", score, 11.0, ""),

@@ -11,8 +11,7 @@ import pytest
 from agentflow.app.pages.training import training_report
 from agentflow.cli import main
 from agentflow.errors import RunError
-from agentflow.training.record import About
-from agentflow.training.run import TrainingRun
+from agentflow.training.record import About, TrainingRun
 from tests.app.pages.test_runs import data_of, quiet
 from tests.training.folders import Config, drives, throws, write_training
 

@@ -30,8 +30,8 @@ def test_the_estimate_matches_the_recorded_run() -> None:
     (blueprint,) = (event for event in read_events(RECORDED) if event.kind == "blueprint")
     more = STRUCTURES - len(blueprint.data["build_order"])
     settings = config.settings
-    calls = result["calls"] + more * settings.candidates * settings.trajectories
-    assert (found.calls, found.rollouts) == (calls, result["rollouts"])
+    calls = result.calls + more * settings.candidates * settings.trajectories
+    assert (found.calls, found.rollouts) == (calls, result.rollouts)
 
 
 def test_token_estimates_match_the_recorded_run() -> None:
@@ -93,9 +93,9 @@ def test_long_windows_and_trials_take_longer() -> None:
         "verify": False,
         "settings": {"trajectories": 1, "search": {"rounds": 0}},
     }
-    assert of(**single).seconds == pytest.approx(0.2)
-    assert of(**single, task="delivery").seconds == pytest.approx(0.4)
-    assert of(**single, task="lifting").seconds == pytest.approx(2.0)
+    assert of(**single).worker_seconds == pytest.approx(0.2)
+    assert of(**single, task="delivery").worker_seconds == pytest.approx(0.4)
+    assert of(**single, task="lifting").worker_seconds == pytest.approx(2.0)
 
 
 def test_robust_scores_are_estimated_apart_from_the_rollouts() -> None:
@@ -103,7 +103,7 @@ def test_robust_scores_are_estimated_apart_from_the_rollouts() -> None:
     plain, robust, pareto = (of(settings={"objective": name}, verify=False) for name in objectives)
     assert (plain.perturbation, robust.perturbation) == (0, 9 * plain.rollouts)
     assert robust == pareto
-    assert robust.seconds > 10 * plain.seconds
+    assert robust.worker_seconds > 10 * plain.worker_seconds
 
 
 def test_verification_is_estimated_apart_from_the_rollouts() -> None:
@@ -111,7 +111,7 @@ def test_verification_is_estimated_apart_from_the_rollouts() -> None:
     assert (found.rollouts, found.verification) == (176, 7)
     assert (without.rollouts, without.verification) == (176, 0)
     fine = 4  # one simulation has four times as many steps
-    assert found.seconds - without.seconds == pytest.approx((6 + fine) * 0.2)
+    assert found.worker_seconds - without.worker_seconds == pytest.approx((6 + fine) * 0.2)
 
 
 def test_estimates_are_added() -> None:

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +21,9 @@ from agentflow.app.sweeps.run import SweepOutcome, run_sweep
 from agentflow.app.sweeps.views import view
 from agentflow.env.physics.engines import default_engine
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
-from agentflow.metrics.validity import Rate
-from agentflow.runs import Event, read_result
-from agentflow.runs.document import document_text
+from agentflow.metrics.intervals import Rate
+from agentflow.runs import Event, RunResult, read_result
+from agentflow.runs.reading import document_text
 
 ENGINE = default_engine().identity
 TINY: dict[str, Any] = {
@@ -64,8 +63,8 @@ class Notes:
     def remark(self, run: str, line: str) -> None:
         self.said.append((line, run))
 
-    def run_finished(self, run: str, result: Mapping[str, Any]) -> None:
-        assert result["rollouts"] == 2
+    def run_finished(self, run: str, result: RunResult) -> None:
+        assert result.rollouts == 2
         self.said.append(("ended", run))
 
     def run_failed(self, run: str, reason: str) -> None:
@@ -142,8 +141,8 @@ def test_the_best_machine_of_every_run_is_verified_unless_switched_off(
     for name in RUNS:
         found = read_result(outcome.path / "runs" / name)
         plain = read_result(without.path / "runs" / name)
-        assert plain["verified"] is None
-        assert found["verified"]["scores"][0]["score"] == found["score"] == plain["score"]
+        assert plain.verified is None
+        assert found.verified.scores[0].score == found.score == plain.score
     assert len(list((without.path / "store" / "rollouts").iterdir())) == 4
 
 

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
+from agentflow.app.sweeps.registry import VIEWS
 from agentflow.app.sweeps.run import run_sweep
 from agentflow.app.sweeps.tables import layout_table, read_sweep_result
-from agentflow.app.sweeps.views import VIEWS, view
+from agentflow.app.sweeps.views import view
 from agentflow.config.run import load_document
 from agentflow.config.sweep import SweepConfig
 from agentflow.metrics.published import published
@@ -64,7 +65,7 @@ def test_a_sweep_runs_and_has_the_published_table(path: Path, tmp_path: Path) ->
     assert len(outcome.done) == len(plan.runs)
     swept = read_sweep_result(outcome.path)
     table = layout_table(swept, published=True)
-    models = {run.model for run in swept.finished}
+    models = {run.result.model for run in swept.finished}
     assert models <= {"procedural (no language model)", "none (random edits)"}
     assert all(any(value is not None for value in row.values) for row in table.rows)
     sources = {source.table for source in plan.sweep.table.published}

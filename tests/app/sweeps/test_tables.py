@@ -13,18 +13,20 @@ import yaml
 
 from agentflow.app.sweeps.folder import lock_folder, sweep_document
 from agentflow.app.sweeps.plan import plan_sweep
+from agentflow.app.sweeps.registry import VIEWS
 from agentflow.app.sweeps.tables import layout_table, read_sweep_result
-from agentflow.app.sweeps.views import VIEWS, format_view, view
+from agentflow.app.sweeps.views import format_view, simulation_speeds, view
 from agentflow.env.tasks.records import record_of
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UnknownNameError, UsageError
+from agentflow.metrics.intervals import Rate
 from agentflow.metrics.published import SOURCES
 from agentflow.metrics.tables import Row, Table
-from agentflow.metrics.validity import Rate
 from agentflow.runs import Event, RunDirectory
 from agentflow.runs.events import VariedScore, VerificationEvent
 from agentflow.runs.places import Place
 from tests.metrics.events import candidate, evaluation, expansion, node
+from tests.runs.results import a_result
 
 MODEL = "procedural (no language model)"
 CALL = {
@@ -39,24 +41,7 @@ CALL = {
         "retries": 0,
     },
 }
-RESULT = {
-    "task": "throwing",
-    "workflow": "hierarchical",
-    "seed": 0,
-    "valid": False,
-    "machine": None,
-    "stages": [],
-    "rollouts": 4,
-    "stopped": None,
-    "reason": "",
-    "calls": 1,
-    "tokens": 4,
-    "seconds": 1.5,
-    "simulated_seconds": 20.0,
-    "worker_seconds": 2.0,
-    "run": "",
-}
-"""The keys of a result besides model and score."""
+RESULT = a_result(rollouts=4, calls=1, tokens=4, simulated_seconds=20.0, worker_seconds=2.0)
 
 
 def sweep(folder: Path, runs: dict[str, Sequence[Event]], **document: Any) -> Path:
@@ -70,17 +55,15 @@ def sweep(folder: Path, runs: dict[str, Sequence[Event]], **document: Any) -> Pa
         for name, events in runs.items():
             run = RunDirectory.create(path / "runs", name, {})
             for event in events:
-                run.event(event.kind, event.label, **event.data)
+                run.event(event)
             run.tape.write_text(json.dumps(CALL) + "\n")
             scores = [e.data["score"] for e in events if e.data.get("score") is not None]
-            run.finish(
-                {
-                    **RESULT,
-                    "model": MODEL if "random" not in name else "none (random edits)",
-                    "engine": "other 1" if "other" in name else "pybullet 3.2.7",
-                    "score": max(scores, default=None),
-                }
-            )
+            found = {
+                "model": MODEL if "random" not in name else "none (random edits)",
+                "engine": "other 1" if "other" in name else "pybullet 3.2.7",
+                "score": max(scores, default=None),
+            }
+            run.finish(RESULT.model_copy(update=found))
             run.close()
     return path
 
@@ -91,7 +74,7 @@ def verification(*scores: float | None) -> Event:
     complete = len(found) == len(scores)
     listed = tuple(VariedScore(str(i), "ok", score) for i, score in enumerate(scores))
     low, middle, high = sorted(found) if complete else (None, None, None)
-    return VerificationEvent(Place("best"), "0" * 16, middle, low, high, listed).to_event()
+    return VerificationEvent(Place("best"), "0" * 16, middle, low, high, listed)
 
 
 def values(table: Table) -> dict[tuple[str, ...], tuple[Any, ...]]:
@@ -357,7 +340,7 @@ def test_engines_are_never_pooled(tmp_path: Path) -> None:
 def test_seeds_with_different_engines_are_refused(tmp_path: Path) -> None:
     path = sweep(tmp_path, {"seed-0": [candidate("initial", 1, 2.0)]}, seeds=[0, 1])
     run = RunDirectory.create(path / "runs", "seed-1", {})
-    run.finish({**RESULT, "model": MODEL, "engine": "other 1", "score": None})
+    run.finish(RESULT.model_copy(update={"model": MODEL, "engine": "other 1"}))
     run.close()
     with pytest.raises(RunError) as caught:
         read_sweep_result(path)
@@ -416,6 +399,15 @@ def test_only_the_usage_view_reads_calls(tmp_path: Path) -> None:
     for tape in path.rglob("calls.jsonl"):
         tape.unlink()
     assert layout_table(read_sweep_result(path)).rows
+
+
+def test_speeds_are_those_of_one_worker() -> None:
+    runs = [
+        a_result(rollouts=8, simulated_seconds=40.0, worker_seconds=2.0),
+        a_result(rollouts=2, simulated_seconds=10.0, worker_seconds=3.0),
+    ]
+    assert simulation_speeds(runs) == (2.0, 10.0)
+    assert simulation_speeds([]) == (None, None)
 
 
 def test_verified_scores_stand_beside_the_plain_ones(tmp_path: Path) -> None:

@@ -13,9 +13,7 @@ import pytest
 
 from agentflow.app.machines.files import read_one
 from agentflow.env.constants import constants
-from agentflow.env.export.cog_trains import train_leaders
-from agentflow.env.export.urdf import machine_urdf
-from agentflow.env.export.xml_text import roll_pitch_yaw
+from agentflow.env.export.urdf import machine_urdf, roll_pitch_yaw, train_leaders
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap, swap_turn
 from agentflow.env.physics.model import Assembly
@@ -92,7 +90,7 @@ def agree(read: Read, folder: Path, tree: Machine, rng: Random) -> int:
         if up.rigid or joint.kind == "fixed":
             assert link.kind == "fixed"
         elif joint.kind != "spherical":
-            stops = merge_drives(assembly.joints, up.joint, up.parallel).stops
+            stops = merge_drives(assembly.joints, up).stops
             assert link.kind == (joint.kind if stops else "continuous")
             image = swap(joint.axis) if joint.kind == "prismatic" else swap_turn(joint.axis)
             sign = -1.0 if up.reversed else 1.0

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from tests.engines import missing_engines
+from tests.installed import missing_engines
 
 collect_ignore_glob = [f"{name}/*" for name in missing_engines()]

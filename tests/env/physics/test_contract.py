@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.physics.engine import Engine, TooLargeError, World
-from agentflow.env.physics.engines import EngineSpec
+from agentflow.env.physics.engine import Engine, EngineSpec, TooLargeError, World
 from agentflow.env.physics.laws.flight import Thruster
 from agentflow.env.physics.model import (
     Assembly,

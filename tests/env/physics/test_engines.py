@@ -8,9 +8,11 @@ from importlib.metadata import version
 
 import pytest
 
-from agentflow.env.physics.engines import ENGINES, EngineSpec, default_engine
+from agentflow.env.physics.engine import EngineSpec
+from agentflow.env.physics.engines import default_engine
+from agentflow.env.physics.registry import ENGINES
 from agentflow.errors import ConfigError
-from tests.engines import missing_engines
+from tests.installed import missing_engines
 
 
 def test_an_engine_is_identified_without_loading_its_library() -> None:

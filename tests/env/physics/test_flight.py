@@ -11,8 +11,8 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
-from agentflow.env.physics.laws.flight import BladeForce
 from agentflow.env.physics.laws.forces import PartLocations
+from agentflow.env.physics.laws.motion import MotionForce
 from agentflow.env.rotations import rotate
 from agentflow.env.scene import Scene
 from agentflow.machine.blocks.library import library
@@ -63,7 +63,7 @@ def test_blades_follow_the_law_of_the_reference(kind: int, face: int) -> None:
     assert blade is not None
     assert (blade.axial_drag, blade.speed_cap) == (0.015, 30.0)
     assembly = assemble(tree, place(tree), constants())
-    (lift,) = assembly.devices.blades
+    (lift,) = assembly.devices.moved
     rng = np.random.default_rng(3)
     for scale in (1.0, 8.0, 40.0):
         velocity, spin, offset = rng.normal(size=(3, 3))
@@ -72,7 +72,7 @@ def test_blades_follow_the_law_of_the_reference(kind: int, face: int) -> None:
         turn /= np.linalg.norm(turn)
         locations = PartLocations(np.array([0, 0]), np.array([[0, 0, 0], swap(offset)]))
         row = (0, 0, 0, *swap_quaternion(turn), *swap(velocity), *swap_turn(spin))
-        ((part, push, at),) = BladeForce((lift,), locations)([row])
+        ((part, push, at),) = MotionForce((lift,), locations)([row])
         up, right = np.array(block.up), np.array(block.right)
         angle = radians(blade.lift_angle_deg)
         normal = rotate(turn, cos(angle) * up - sin(angle) * right)

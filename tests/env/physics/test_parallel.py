@@ -24,7 +24,7 @@ from agentflow.env.physics.model import (
 )
 from agentflow.env.physics.structure.drives import Command, Motor, merge_drives
 from agentflow.env.physics.structure.load_sharing import load_loops
-from agentflow.env.physics.structure.spanning_tree import Parallel, skeleton
+from agentflow.env.physics.structure.spanning_tree import Link, Parallel, skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import IDENTITY, Vec3
@@ -241,7 +241,7 @@ def test_motors_of_two_schedule_entries_hold_until_theirs_comes(calm: Engine) ->
 def test_motors_of_different_targets_are_one_motor_and_a_push() -> None:
     drives = [Drive(8.0, 2800.0), Drive(3.0, 300.0), Drive(friction=0.6)]
     joints = [Joint(1, 0, 0, 1, "revolute", drive=drive) for drive in drives]
-    merged = merge_drives(joints, 0, [Parallel(1, -1.0), Parallel(2, 1.0)])
+    merged = merge_drives(joints, Link(1, 0, 0, False, (Parallel(1, -1.0), Parallel(2, 1.0))))
     assert merged.motors == (
         Motor(8.0, 2800.0, "motors"),
         Motor(-3.0, 300.0, "motors"),

@@ -9,8 +9,7 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Engine, World
-from agentflow.env.physics.engines import EngineSpec
+from agentflow.env.physics.engine import Engine, EngineSpec, World
 from agentflow.env.scene import Scene, Thing
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place

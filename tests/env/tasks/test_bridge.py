@@ -8,11 +8,11 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engines import EngineSpec, installed_engines
+from agentflow.env.physics.engine import EngineSpec
+from agentflow.env.physics.engines import installed_engines
 from agentflow.env.rollout import Verdict
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Body, Scene, Thing
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.tasks.base import Body
 from agentflow.env.tasks.families.bridge import BANKS, CARGO
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.geometry.placement import place

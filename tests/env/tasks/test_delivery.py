@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agentflow.env.rollout import Trace, Verdict
-from agentflow.env.tasks.base import Body
+from agentflow.env.scene import Body
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import ROOT, Machine, Step

@@ -12,8 +12,9 @@ import pytest
 from agentflow.env.feedback.stalls import stalled_motors
 from agentflow.env.feedback.text import MAX_SAMPLES
 from agentflow.env.rollout import Broken, Feedback, Flags, Rollout, Trace
+from agentflow.env.scene import Body
 from agentflow.env.simulation.trials import combine_trials
-from agentflow.env.tasks.base import Body, Task
+from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.blocks.library import GRABBER, library
 from agentflow.machine.tree import ROOT, Machine, Step

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
-from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.knobs import Knob
 from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, knob_table, task_names
 from agentflow.errors import ConfigError
 from agentflow.machine.brief import LONE_ROOT
-from agentflow.machine.tree import Machine
+from tests.loops import for_each
 
 NAMES = task_names()
-FIRST = tuple(name for name in NAMES if "/" not in name)
 UNTOLD = ("seed", "road.wall_thickness")
 """Ends of names of knobs that are not told: which of many alike scenes it is, and how thick walls
 are whose places and friction are told."""
@@ -76,7 +73,7 @@ def changed(name: str, knob: Knob, value: Any) -> Task | None:
     return None
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each(NAMES)
 def test_what_a_number_changes_is_told(name: str) -> None:
     task = get_task(name)
     silent = []
@@ -89,7 +86,7 @@ def test_what_a_number_changes_is_told(name: str) -> None:
     assert silent == []
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each(NAMES)
 def test_window_wind_and_start_times_are_told(name: str) -> None:
     task = get_task(name)
     text = told(task)
@@ -99,7 +96,7 @@ def test_window_wind_and_start_times_are_told(name: str) -> None:
     assert all(f"{time:g} s" in text for time in switches)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each(NAMES)
 def test_knobs_out_of_range_and_unknown_ones_are_refused(name: str) -> None:
     for knob, _ in knob_table(get_task(name)):
         if knob.low is None:
@@ -122,18 +119,12 @@ def test_every_family_has_its_five_levels() -> None:
         ]
 
 
-@cache
-def standing(name: str) -> Rollout:
-    """A rollout of what every machine of a level begins with, which is as a rule a lone root."""
-    return simulate(start(name), get_task(name))
-
-
-def start(name: str) -> Machine:
-    return get_task(name).brief.given
-
-
-def stands_and_earns_nothing(name: str) -> None:
-    rollout = standing(name)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if "/" in n else ()) for n in NAMES]
+)
+def test_every_level_builds_settles_and_pays_nothing(name: str) -> None:
+    """With what every machine of the level begins with, which is as a rule a lone root."""
+    rollout = simulate(get_task(name).brief.given, get_task(name))
     assert rollout.score is not None
     assert rollout.score <= ALMOST_NOTHING
     if get_task(name).brief.required:
@@ -149,24 +140,7 @@ def stands_and_earns_nothing(name: str) -> None:
             assert np.abs(values).max(initial=0.0) < BOUND, key
 
 
-def is_the_same_again(name: str) -> None:
-    again = simulate(start(name), get_task(name))
-    assert (again.digest, again.score) == (standing(name).digest, standing(name).score)
-
-
-@pytest.mark.parametrize("name", FIRST)
-def test_a_first_level_builds_settles_and_pays_nothing(name: str) -> None:
-    stands_and_earns_nothing(name)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
-def test_every_level_builds_settles_and_pays_nothing(name: str) -> None:
-    stands_and_earns_nothing(name)
-    is_the_same_again(name)
-
-
-@pytest.mark.parametrize("name", NAMES)
+@for_each(NAMES)
 def test_a_lone_root_is_worth_nothing_where_something_is_given(name: str) -> None:
     task = get_task(name)
     if task.brief.given == LONE_ROOT:

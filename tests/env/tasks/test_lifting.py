@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from agentflow.env.rollout import Verdict
+from agentflow.env.scene import Body
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.tasks.base import Body
 from agentflow.env.tasks.families.lifting import OBJECT, Lifting, LiftingKnobs
 from agentflow.env.tasks.features.resting import highest_point_under
 from agentflow.env.tasks.registry import get_task

@@ -11,6 +11,7 @@ from PIL import Image
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, task_names
 from benchmarks.shelf import DIGITS, FOLDER, Reference, families, here, load, read
+from tests.loops import for_each
 
 ALL = tuple((shelf.platform, item) for shelf in map(read, families()) for item in shelf.references)
 SHARE = 1 / 3
@@ -53,7 +54,7 @@ def test_no_reference_earns_anything_without_power(case: tuple[str, Reference]) 
     assert score(item, False) <= IDLE * get_level(item.level).file.good
 
 
-@pytest.mark.parametrize("level", task_names())
+@for_each(task_names())
 def test_every_level_has_a_reference_that_reaches_a_third_of_what_is_good(level: str) -> None:
     good = get_level(level).file.good
     assert max((item.score for _, item in ALL if item.level == level), default=0.0) >= SHARE * good
@@ -65,11 +66,8 @@ def test_almost_all_levels_are_solved_as_intended() -> None:
     assert len(set(task_names()) - honest) <= 4
 
 
-@pytest.mark.parametrize("case", ALL, ids=name)
-def test_every_reference_says_how_it_was_found_and_has_a_small_picture(
-    case: tuple[str, Reference],
-) -> None:
-    _, item = case
+@for_each(item for _, item in ALL)
+def test_every_reference_says_how_it_was_found_and_has_a_small_picture(item: Reference) -> None:
     path = FOLDER / item.picture
     assert item.how.startswith(("by hand", "search: "))
     assert path.stat().st_size < PICTURE

@@ -11,11 +11,12 @@ import pytest
 from agentflow.env.tasks.knobs import knobs_of
 from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, knob_table, task_names
 from agentflow.errors import ConfigError, UnknownNameError, UsageError
+from tests.loops import for_each
 
 NAMES = task_names()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each(NAMES)
 def test_every_level_tells_everything(name: str) -> None:
     task = get_task(name)
     brief = task.brief
@@ -28,7 +29,7 @@ def test_every_level_tells_everything(name: str) -> None:
     assert f"{task.window:g} s" in " ".join((*brief.schedule, *brief.score))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each(NAMES)
 def test_every_scene_is_finite_named_and_repeatable(name: str) -> None:
     scene = get_task(name).scene()
     numbers = [n for t in scene.things for n in (*t.size, *t.position, *t.rotation, t.mass)]
@@ -40,20 +41,20 @@ def test_every_scene_is_finite_named_and_repeatable(name: str) -> None:
     assert get_task(name).scene() == scene
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each(NAMES)
 def test_every_level_says_what_a_good_score_is(name: str) -> None:
     level = get_level(name)
     assert level.file.good > 0
     assert level.file.title
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each(NAMES)
 def test_every_task_travels_to_other_processes(name: str) -> None:
     task = get_task(name)
     assert pickle.loads(pickle.dumps(task)) == task
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each(NAMES)
 def test_the_brief_follows_the_knobs(name: str) -> None:
     task = get_task(name, {"window": "7.5", "wind.speed": "4"})
     text = " ".join((*task.brief.scene, *task.brief.schedule, *task.brief.score))
@@ -63,7 +64,7 @@ def test_the_brief_follows_the_knobs(name: str) -> None:
     assert task.scene().wind[2] == -4.0
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each(NAMES)
 def test_every_ranged_knob_refuses_what_lies_outside(name: str) -> None:
     for item, value in knob_table(get_task(name)):
         if item.low is None or item.high is None:
@@ -76,7 +77,7 @@ def test_every_ranged_knob_refuses_what_lies_outside(name: str) -> None:
         )
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@for_each(FAMILIES)
 def test_every_knob_has_a_line_of_help(name: str) -> None:
     assert all(item.help for item in knobs_of(FAMILIES[name].knobs))
 
@@ -185,3 +186,10 @@ def test_what_is_no_level_is_refused_in_one_line(
     message = str(caught.value)
     assert message.startswith(problem.format(path))
     assert "\n" not in message
+
+
+def test_types_that_a_level_withholds_are_in_no_brief() -> None:
+    for family in FAMILIES:
+        free = sorted(set(get_task(family).brief.blocks) - {0, *get_task(family).brief.required})
+        without = get_task(family, {"blocks.without": free[-1:]}).brief.blocks
+        assert set(get_task(family).brief.blocks) - set(without) == set(free[-1:])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agentflow.env.drawing.raster import corners_of
-from agentflow.env.tasks.features.terrain import Roughness, Stones, slabs, stones
+from agentflow.env.tasks.features.terrain import Roughness, Stones
 from agentflow.env.tasks.registry import get_task
 
 WIDTH = 23.0
@@ -13,7 +13,7 @@ WIDTH = 23.0
 
 def test_slabs_cover_the_road_and_rise_no_further_than_told() -> None:
     rough = Roughness(height=0.15, first=10, last=40)
-    things = list(slabs(rough, WIDTH, 0))
+    things = list(rough.things(WIDTH, 0))
     assert len(things) == 8 * 10
     tops = [corners_of(thing)[:, 1].max() for thing in things]
     assert 0.05 < max(tops) <= 0.15 + 1e-9
@@ -25,7 +25,7 @@ def test_slabs_cover_the_road_and_rise_no_further_than_told() -> None:
 
 def test_stones_are_as_many_as_the_density_says_and_half_in_the_ground() -> None:
     stone = Stones(density=0.06, first=10, last=200)
-    things = list(stones(stone, WIDTH))
+    things = list(stone.things(WIDTH))
     assert len(things) == round(0.06 * WIDTH * 190)
     assert all(0.5 <= thing.size[0] <= 2 for thing in things)
     assert all(thing.position[1] == 0 for thing in things)
@@ -34,14 +34,14 @@ def test_stones_are_as_many_as_the_density_says_and_half_in_the_ground() -> None
 
 
 def test_the_seed_says_where_they_lie() -> None:
-    one, same, other = (list(stones(Stones(density=0.06, seed=s), WIDTH)) for s in (1, 1, 2))
+    one, same, other = (list(Stones(density=0.06, seed=s).things(WIDTH)) for s in (1, 1, 2))
     assert one == same
     assert one != other
 
 
 def test_flat_ground_has_none() -> None:
-    assert list(slabs(Roughness(), WIDTH, 0)) == []
-    assert list(stones(Stones(), WIDTH)) == []
+    assert list(Roughness().things(WIDTH, 0)) == []
+    assert list(Stones().things(WIDTH)) == []
 
 
 def test_the_level_tells_its_numbers() -> None:

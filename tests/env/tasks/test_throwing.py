@@ -7,8 +7,9 @@ from collections.abc import Iterable
 import pytest
 
 from agentflow.env.rollout import Verdict
+from agentflow.env.scene import Body
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.tasks.base import Body, Task
+from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.tree import ROOT, Machine, Step
 from benchmarks.shelf import load

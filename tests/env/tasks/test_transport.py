@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from agentflow.env.feedback.steering import steering_angles
-from agentflow.env.physics.engines import EngineSpec, installed_engines
+from agentflow.env.physics.engine import EngineSpec
+from agentflow.env.physics.engines import installed_engines
 from agentflow.env.rollout import Verdict
 from agentflow.env.rotations import compose
+from agentflow.env.scene import Body
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.tasks.base import Body
 from agentflow.env.tasks.families.transport import CARGO
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.machine.brief import LONE_ROOT

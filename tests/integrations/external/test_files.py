@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.integrations.external.files import (
+from agentflow.integrations.external.folder import (
     LARGEST,
     MOST_FILES,
     MachineFile,

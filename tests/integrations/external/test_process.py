@@ -14,8 +14,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.errors import RunError
-from agentflow.integrations.external import output
-from agentflow.integrations.external.process import Command, Ending, run_program
+from agentflow.integrations.external.process import HEAD, TAIL, Command, Ending, run_program
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sessions and signals")
 
@@ -184,17 +183,17 @@ for number in range(320):  # 20 MiB
 os.write(1, b"the end")
 """
     _, written = run(code, tmp_path)
-    left_out = 320 * (1 << 16) + 7 - output.HEAD - output.TAIL
+    left_out = 320 * (1 << 16) + 7 - HEAD - TAIL
     note = f"\n[{left_out:,} bytes of output left out here]\n".encode()
-    assert len(written) == output.HEAD + len(note) + output.TAIL
+    assert len(written) == HEAD + len(note) + TAIL
     assert written.startswith(b"0000000\n")
-    assert written[output.HEAD :].startswith(note)
+    assert written[HEAD:].startswith(note)
     assert written.endswith(b"0000319\nthe end")
 
 
 def test_an_output_that_just_fits_is_whole(tmp_path: Path) -> None:
-    _, written = run(f"import os; os.write(1, b'x' * {output.HEAD + output.TAIL})", tmp_path)
-    assert written == b"x" * (output.HEAD + output.TAIL)
+    _, written = run(f"import os; os.write(1, b'x' * {HEAD + TAIL})", tmp_path)
+    assert written == b"x" * (HEAD + TAIL)
 
 
 def test_a_log_that_cannot_be_written_stops_the_program(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from agentflow.app.design.run import RunOptions, design, resume
 from agentflow.cli import main
 from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import ConfigError
-from agentflow.integrations.external import output
+from agentflow.integrations.external.process import HEAD, TAIL
 from agentflow.integrations.external.workflow import EXTERNAL
 from agentflow.runs.events import (
     FilesEvent,
@@ -49,7 +49,7 @@ def configure(code: str, **external: Any) -> DesignConfig:
 
 def carry_out(code: str, folder: Path, **external: Any) -> Path:
     """The directory of a finished run."""
-    return Path(design(configure(code, **external), folder, name="run")["run"])
+    return Path(design(configure(code, **external), folder, name="run").run)
 
 
 def result_of(run: Path) -> dict[str, Any]:
@@ -189,7 +189,7 @@ def test_what_is_there_at_the_limit_counts(tmp_path: Path) -> None:
 def test_a_flood_of_output_leaves_a_small_log(tmp_path: Path) -> None:
     run = carry_out("os.write(1, b'x' * 5_000_000)", tmp_path)
     log = (run / "log.txt").read_text()
-    assert len(log) < 3 * (output.HEAD + output.TAIL + 2000)
+    assert len(log) < 3 * (HEAD + TAIL + 2000)
     assert log.count("bytes of output left out here") == 3
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from agentflow.app.design.results import read_finished
+from agentflow.runs import read_result
 from tests.integrations.mcp.clients import CAR, ENVIRONMENT, command, http_server, only_run
 from tests.llm.foreign import ROOT, foreign_python
 
@@ -88,4 +88,4 @@ async def test_designs_a_car_in_five_calls_over_http(
         assert (
             "The design is finished" in call(daemon, "submit", machine=name)["content"][0]["text"]
         )
-        assert read_finished(only_run(tmp_path))["score"] >= 40
+        assert read_result(only_run(tmp_path)).score >= 40

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 from mcp import Client
 
-from agentflow.app.design.results import read_finished
 from agentflow.integrations.mcp.http import Served
-from agentflow.runs import read_events
+from agentflow.runs import read_events, read_result
 from tests.integrations.mcp.clients import CAR, data_of, http_client, http_server, text_of
 
 pytestmark = pytest.mark.slow
@@ -64,12 +63,10 @@ async def test_fifty_sessions_at_once_with_two_workers(tmp_path: Path) -> None:
     assert again == first[:LATER]
     assert len(set(first)) == 5
     runs = sorted((tmp_path / "runs").iterdir())
-    results = [read_finished(run) for run in runs]
+    results = [read_result(run) for run in runs]
     assert len(results) == SESSIONS + LATER
-    assert sorted(result["score"] for result in results) == sorted(
-        score for _, score in first + again
-    )
-    assert {result["verified"] for result in results} == {None}
+    assert sorted(result.score for result in results) == sorted(score for _, score in first + again)
+    assert {result.verified for result in results} == {None}
     for run in runs:
         tools = [event.data["tool"] for event in read_events(run) if event.kind == "tool"]
         assert tools == ["check", "simulate", "history", "submit"]

@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 from mcp import Client, types
 
-from agentflow.app.design.results import read_finished
-from agentflow.runs import read_events, state_of
+from agentflow.runs import read_events, read_result, state_of
 from tests.integrations.mcp.clients import (
     CAR,
     ENVIRONMENT,
@@ -70,8 +69,8 @@ async def test_a_car_in_five_calls_over_stdio(tmp_path: Path) -> None:
     async with stdio_session(tmp_path) as (client, log):
         name, words = await design_a_car(client)
         run = only_run(tmp_path)
-        result = read_finished(run)
-        assert f"with a score of {result['verified']['score']:.2f}. It is in {run};" in words
+        result = read_result(run)
+        assert f"with a score of {result.verified_score:.2f}. It is in {run};" in words
         late = await client.call_tool("simulate", {"machine": name})
         assert late.is_error
         assert text_of(late).startswith("The design is finished")
@@ -80,8 +79,8 @@ async def test_a_car_in_five_calls_over_stdio(tmp_path: Path) -> None:
         (events,) = (await client.read_resource("run://events")).contents
         assert isinstance(events, types.TextResourceContents)
         assert events.text == (run / "events.jsonl").read_text(encoding="utf-8")
-    assert result["score"] >= 40
-    assert result["model"] == "MCP client test 1"
+    assert result.score >= 40
+    assert result.model == "MCP client test 1"
     assert [event.data["tool"] for event in read_events(run) if event.kind == "tool"] == [
         "brief", "check", "simulate", "query", "submit"
     ]  # fmt: skip
@@ -103,7 +102,7 @@ async def test_a_client_that_leaves_without_an_answer_is_judged_by_its_best_simu
         assert scores[0] < scores[1]
         assert state_of(only_run(tmp_path)) == "running"
     run = only_run(tmp_path)
-    assert read_finished(run)["score"] == scores[1]
+    assert read_result(run).score == scores[1]
     await check_run(run)
 
 
@@ -149,9 +148,9 @@ async def test_three_stages_change_the_tools(tmp_path: Path) -> None:
         again = await client.call_tool("simulate", {"machine": name})
         assert data_of(again)["known"]
         await client.call_tool("submit", {"machine": name, "last": True})
-    result = read_finished(only_run(tmp_path))
-    assert [stage["valid"] for stage in result["stages"]] == [1, 1, 1]
-    assert result["rollouts"] == 1
+    result = read_result(only_run(tmp_path))
+    assert [stage.valid for stage in result.stages] == [1, 1, 1]
+    assert result.rollouts == 1
     await check_run(only_run(tmp_path))
 
 
@@ -166,7 +165,7 @@ async def test_clients_over_http_have_runs_of_their_own(tmp_path: Path) -> None:
             await one.call_tool("simulate", {"machine": name})
         runs = sorted((tmp_path / "runs").iterdir())
         assert len(runs) == 2
-    assert [read_finished(run)["score"] >= 40 for run in runs] == [True, True]
+    assert [read_result(run).score >= 40 for run in runs] == [True, True]
     calls = [sum(event.kind == "tool" for event in read_events(run)) for run in runs]
     assert sorted(calls) == [2, 6]
 
@@ -180,7 +179,7 @@ async def test_ending_the_server_completes_the_runs_of_its_clients(tmp_path: Pat
         await client.call_tool("simulate", {"machine": name})
         server.send_signal(signal.SIGINT)
         await server.wait()
-    assert read_finished(only_run(tmp_path))["score"] >= 40
+    assert read_result(only_run(tmp_path)).score >= 40
 
 
 async def test_a_killed_server_and_a_hostile_name_leave_a_run_that_can_be_read(
@@ -205,7 +204,7 @@ async def test_a_killed_server_and_a_hostile_name_leave_a_run_that_can_be_read(
     assert "<script>1</script>" not in page.read_text(encoding="utf-8")
     told = await carry_out("design", "--resume", str(run))
     assert f"{author} cannot be asked again; what it did counts" in told
-    assert read_finished(run)["score"] >= 40
+    assert read_result(run).score >= 40
     assert await carry_out("replay", str(run)) == "identical\n"
 
 

@@ -6,6 +6,7 @@ from agentflow.agents.base import AskContext, RoleAttempt, ask
 from agentflow.agents.designer import Design, Designer, DesignerInput
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
 from agentflow.agents.refiner import Refiner, RefinerInput
+from agentflow.agents.registry import scripts
 from agentflow.env.tasks.registry import get_task
 from agentflow.llm.messages import Message, Request
 from agentflow.llm.procedural import ProceduralClient
@@ -21,7 +22,7 @@ def brief_of(task: str) -> Brief:
 
 
 def context(seed: int, tries: int = 1) -> AskContext:
-    return AskContext(ProceduralClient(seed), PROMPTS, max_retry=tries)
+    return AskContext(ProceduralClient(seed, scripts()), PROMPTS, max_retry=tries)
 
 
 async def blueprint_of(brief: Brief, seed: int) -> Blueprint:

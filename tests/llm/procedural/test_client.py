@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
+from agentflow.agents.registry import scripts
 from agentflow.llm.messages import Message, Request, Sampling
 from agentflow.llm.procedural import ProceduralClient
 from tests.llm.procedural.asking import PROMPTS, brief_of, request
@@ -34,7 +35,7 @@ def plan_request(label: str = "meta", seed: int | None = None) -> Request:
 
 
 async def test_its_name_says_that_it_is_not_a_language_model() -> None:
-    client = ProceduralClient(0)
+    client = ProceduralClient(0, scripts())
     reply = await client.complete(plan_request())
     assert client.name == reply.model == "procedural (no language model)"
     assert (reply.finish, reply.usage.total) == ("stop", 0)
@@ -42,7 +43,7 @@ async def test_its_name_says_that_it_is_not_a_language_model() -> None:
 
 
 async def test_equal_requests_get_equal_replies_from_any_client_in_any_order() -> None:
-    first, second = ProceduralClient(3), ProceduralClient(3)
+    first, second = ProceduralClient(3, scripts()), ProceduralClient(3, scripts())
     labels = [f"meta/{number}" for number in range(6)]
     one = {label: (await first.complete(plan_request(label))).text for label in labels}
     other = {label: (await second.complete(plan_request(label))).text for label in labels[::-1]}
@@ -52,7 +53,9 @@ async def test_equal_requests_get_equal_replies_from_any_client_in_any_order() -
 
 async def test_its_seed_the_sampling_seed_and_the_label_all_count() -> None:
     async def text(seed: int, sampling: int | None, label: str) -> str:
-        return (await ProceduralClient(seed).complete(plan_request(label, sampling))).text
+        return (
+            await ProceduralClient(seed, scripts()).complete(plan_request(label, sampling))
+        ).text
 
     assert len({await text(seed, None, "a") for seed in range(6)}) > 1
     assert len({await text(0, seed, "a") for seed in range(6)}) > 1
@@ -60,12 +63,12 @@ async def test_its_seed_the_sampling_seed_and_the_label_all_count() -> None:
 
 @pytest.mark.parametrize("text", ["", "hello", "## Your reply\nWrite a poem.", "## Your reply"])
 async def test_unreadable_prompts_get_an_apology(text: str) -> None:
-    assert (await ProceduralClient(0).complete(request(text))).text == APOLOGY
+    assert (await ProceduralClient(0, scripts()).complete(request(text))).text == APOLOGY
 
 
 async def test_a_request_without_messages_gets_an_apology() -> None:
     assert (
-        await ProceduralClient(0).complete(Request(role="x", label="x", messages=()))
+        await ProceduralClient(0, scripts()).complete(Request(role="x", label="x", messages=()))
     ).text == APOLOGY
 
 
@@ -81,13 +84,13 @@ COGS = f'{PLATE},{{"type": 39, "id": 1, "parent": 0, "face_id": 140}}'
 async def test_missing_targets_are_ignored(blocks: str, reply: str, target: int) -> None:
     asked = f"## Task\nblock {target} (target) turns in the same sense\n\n## Blocks\n| 38 | Cog |\n"
     text = f"{asked}\n## Current machine\n[{blocks}]\n\n## Your reply\nPlace cogs"
-    assert (await ProceduralClient(0).complete(request(text))).text.startswith(reply)
+    assert (await ProceduralClient(0, scripts()).complete(request(text))).text.startswith(reply)
 
 
 @pytest.mark.parametrize("form", FORMS[1:4])
 async def test_a_missing_machine_gets_an_apology(form: str) -> None:
     text = f"## Current machine\n[]\n\n## Your reply\n{form}"
-    assert (await ProceduralClient(0).complete(request(text))).text == APOLOGY
+    assert (await ProceduralClient(0, scripts()).complete(request(text))).text == APOLOGY
 
 
 LINES = (
@@ -115,7 +118,7 @@ LINES = (
 )
 @settings(max_examples=150, deadline=None)
 async def test_no_prompt_makes_it_raise(pieces: list[str], seed: int) -> None:
-    reply = await ProceduralClient(seed).complete(
+    reply = await ProceduralClient(seed, scripts()).complete(
         request("\n".join(pieces), system=pieces[0] if pieces else "")
     )
     assert reply.text

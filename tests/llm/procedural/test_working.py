@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from agentflow.agents.registry import scripts
 from agentflow.env.tasks.registry import FAMILIES
 from agentflow.llm.messages import Message, Request, Tool, ToolCall
 from agentflow.llm.procedural import ProceduralClient
@@ -23,7 +24,7 @@ async def work(bench: Bench, seed: int = 0) -> list[str]:
     while not bench.ended:
         label = f"agent/attempt-{len(messages)}"
         request = Request(role="agent", label=label, messages=tuple(messages), tools=tools)
-        reply = await ProceduralClient(seed).complete(request)
+        reply = await ProceduralClient(seed, scripts()).complete(request)
         if not reply.tool_calls:
             assert (reply.text, reply.finish) == ("There is nothing left for me to do.", "stop")
             break
@@ -117,6 +118,6 @@ async def test_any_conversation_gets_a_reply(
         messages.append(Message(role="tool", text=answer, tool_call_id=str(number)))
     tools = [Tool(**vars(tool.spec)) for tool in TOOLS if measures or tool.spec.name != "simulate"]
     request = Request(role="agent", label="a", messages=tuple(messages), tools=tuple(tools))
-    first, second = [await ProceduralClient(0).complete(request) for _ in range(2)]
+    first, second = [await ProceduralClient(0, scripts()).complete(request) for _ in range(2)]
     assert first == second
     assert {call.name for call in first.tool_calls} <= {tool.spec.name for tool in TOOLS}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from agentflow.metrics.behaviour.measures import Behaviour, behaviour, edits
-from agentflow.metrics.validity import Rate
+from agentflow.metrics.intervals import Rate
 from agentflow.runs.places import BLIND, FEEDBACK, INITIAL
 from agentflow.runs.record import RunRecord
 from tests.metrics.events import attempt, candidate, edit, evaluation, node

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.metrics.behaviour.predictions import expectations, predicted_score, predicts_success
+from agentflow.agents.replies import expectations
+from agentflow.metrics.behaviour.predictions import predicted_score, predicts_success
 
 
 @pytest.mark.parametrize(

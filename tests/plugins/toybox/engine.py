@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Engine, EngineIdentity, World
-from agentflow.env.physics.engines import EngineSpec, default_engine
+from agentflow.env.physics.engine import Engine, EngineIdentity, EngineSpec, World
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.physics.model import Assembly
 from agentflow.env.scene import Scene
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from random import Random
 from typing import Any, ClassVar
 
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import machine_context, task_context
 from agentflow.env.tasks.families.movement import Movement
+from agentflow.llm.procedural.reading import Prompt, Script
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.metrics.cells import Metric
@@ -50,12 +52,19 @@ class JudgeInput:
     machine: Machine
 
 
+def praise(prompt: Prompt, rng: Random) -> str:
+    """Like any machine."""
+    return f"{rng.choice(('A good', 'A fine'))} machine of {len(prompt.machine)} blocks."
+
+
 class Judge(Role[JudgeInput, str]):
     """Takes any sentence."""
 
     name: ClassVar[str] = "judge"
     stage: ClassVar[str] = "env_feedback"
     tokens: ClassVar[tuple[int, int]] = (500, 20)
+    labels: ClassVar[tuple[str, ...]] = ("Observe",)
+    script: ClassVar[Script] = Script(praise, "One sentence")
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> JudgeInput:
@@ -107,5 +116,5 @@ RUN_COUNT = Metric(lambda cell: len(cell.runs), "number of runs")
 
 def plain_page(path: Path, out: Path, **_: Any) -> Path:
     """The score of a run in plain HTML."""
-    out.write_text(f"<p>{read_result(path)['score']}</p>", encoding="utf-8")
+    out.write_text(f"<p>{read_result(path).score}</p>", encoding="utf-8")
     return out

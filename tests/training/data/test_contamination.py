@@ -15,7 +15,7 @@ from agentflow.errors import RunError
 from agentflow.machine import Machine, read_machine
 from agentflow.machine.tree import ROOT, Step
 from agentflow.training.data.contamination import compare_texts, evaluation_trees, tree_hash
-from agentflow.training.evaluation import JudgedReply
+from agentflow.training.evaluation.replies import JudgedReply
 from agentflow.training.objectives import read_objectives
 
 pytest.importorskip("sklearn")

@@ -16,7 +16,7 @@ from agentflow.env.tasks.base import Task
 from agentflow.machine import Machine, read_machine
 from agentflow.training.data.answers import read_answers
 from agentflow.training.data.contamination import tree_hash
-from agentflow.training.data.folder import read_lines
+from agentflow.training.data.folder import read_log
 from agentflow.training.data.gates import GATES, Judgement
 from agentflow.training.data.pairs import Pair, read_pairs
 from tests.training.data.test_generate import generate, kill_until_done
@@ -67,7 +67,7 @@ def test_each_gate_drops_what_it_should(objectives: Path, tmp_path: Path, capsys
     capsys.readouterr()
     assert main(filtered(answers, out, "--json")) == 0
     card = json.loads(capsys.readouterr().out)
-    judged = list(read_lines(out / "judged.jsonl", Judgement))
+    judged = list(read_log(out / "judged.jsonl", Judgement))
     dropped = Counter(item.dropped for item in judged)
     assert {item.objective for item in judged if item.dropped == "objective"} == {"copied"}
     assert [(i.objective, i.sample) for i in judged if i.dropped == "parse"] == [("small-cart", 2)]
@@ -117,7 +117,7 @@ def test_a_simulation_that_failed_makes_no_equal_machine_a_duplicate(
     assert main(filtered(answers, out)) == 0
     carts = [
         item.dropped
-        for item in read_lines(out / "judged.jsonl", Judgement)
+        for item in read_log(out / "judged.jsonl", Judgement)
         if item.objective == "small-cart"
     ]
     assert carts == ["simulation", None, "duplicate"]

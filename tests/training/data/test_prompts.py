@@ -13,6 +13,7 @@ from agentflow.errors import UsageError
 from agentflow.training.data.pairs import Pair, make_messages, make_prompt, make_reply, write_pairs
 from agentflow.training.data.prompts import prompt_rows
 from tests.training.data.test_pairs import MACHINE, PROMPT
+from tests.training.libraries import INSTALLED
 
 
 def test_tasks_take_turns_and_seeds_differ() -> None:
@@ -28,8 +29,10 @@ def test_tasks_take_turns_and_seeds_differ() -> None:
         prompt_rows([], 3, "auto")
 
 
+@pytest.mark.training
 def test_the_parquet_file_is_read_as_it_was_written(tmp_path: Path) -> None:
-    datasets = pytest.importorskip("datasets")
+    import datasets
+
     out = tmp_path / "prompts.parquet"
     command = ["data", "prompts", "--tasks", "throwing, movement", "--count", "4"]
     assert main([*command, "--out", str(out)]) == 0
@@ -38,19 +41,14 @@ def test_the_parquet_file_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert rows.to_list() == prompt_rows(["throwing", "movement"], 4, "auto")
 
 
+@pytest.mark.skipif(INSTALLED, reason="datasets is installed")
 def test_without_the_library_the_extra_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    try:
-        import datasets  # noqa: F401
-    except ModuleNotFoundError:
-        assert main(["data", "prompts", "--out", str(tmp_path / "p.parquet")]) == 2
-        assert capsys.readouterr().err == (
-            "agentflow: datasets is not installed; install it with: pip install "
-            "'agentflow[train]'\n"
-        )
-    else:
-        pytest.skip("datasets is installed")
+    assert main(["data", "prompts", "--out", str(tmp_path / "p.parquet")]) == 2
+    assert capsys.readouterr().err == (
+        "agentflow: datasets is not installed; install it with: pip install 'agentflow[train]'\n"
+    )
 
 
 def test_what_is_asked_for_is_checked_before_the_library(
@@ -60,8 +58,10 @@ def test_what_is_asked_for_is_checked_before_the_library(
     assert "name at least one task" in capsys.readouterr().err
 
 
+@pytest.mark.training
 def test_datasets_reads_a_set_as_it_is(tmp_path: Path) -> None:
-    datasets = pytest.importorskip("datasets")
+    import datasets
+
     prompt = make_prompt([PROMPT[0], {"role": "user", "content": "long " * 4000}])
     plain, braced = MACHINE.to_json()[:2], MACHINE.to_json()
     machines = [plain] * 700 + [braced]  # the last one in a later piece of the file

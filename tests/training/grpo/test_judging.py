@@ -11,8 +11,7 @@ import pytest
 
 from agentflow.errors import UnknownNameError
 from agentflow.rewards.scoring import Scorer
-from agentflow.training.grpo.judging import Judging
-from agentflow.training.rewards import performance, shaped
+from agentflow.training.grpo.judging import Judging, performance, shaped
 from tests.integrations.foreign import CAR
 from tests.training.grpo.stand_ins import TableScorer
 

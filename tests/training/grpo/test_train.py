@@ -12,7 +12,7 @@ import pytest
 
 from tests.training.libraries import require_training
 
-require_training()
+pytestmark = [require_training(), pytest.mark.slow]
 
 import torch
 from peft import LoraConfig, get_peft_model
@@ -20,21 +20,19 @@ from transformers import AutoConfig, GenerationConfig
 
 from agentflow import design_prompt
 from agentflow.errors import ConfigError, RunError
+from agentflow.llm.messages import Sampling
+from agentflow.models.local.folder import ModelFolder
+from agentflow.models.local.loading import load_model
+from agentflow.models.local.shorthand import shorten
 from agentflow.training.config import TinyModel, read_config
 from agentflow.training.digests import digest_model
-from agentflow.training.evaluation import JudgedReply
+from agentflow.training.evaluation.replies import JudgedReply
 from agentflow.training.grpo.config import GrpoConfig
 from agentflow.training.grpo.train import CURVES, train_grpo
-from agentflow.training.model.base import load_base
-from agentflow.training.model.folder import ModelFolder
-from agentflow.training.model.loading import load_model
-from agentflow.training.model.shorthand import shorten
-from agentflow.training.model.tiny import make_decoder, train_tokenizer
+from agentflow.training.model import load_base, make_decoder, train_tokenizer
 from agentflow.training.record import read_training
 from tests.integrations.foreign import CAR
 from tests.training.grpo.test_config import TINY
-
-pytestmark = pytest.mark.slow
 
 REPLY = f"A car. ```json {json.dumps(json.loads(CAR))}```"
 SMALL = (
@@ -96,7 +94,7 @@ def test_training_leaves_curves_samples_films_and_a_model(model: Path, tmp_path:
     assert (out / "samples" / "step-000004-movement.gif").read_bytes().startswith(b"GIF8")
     found = load_model(out / "model", "cpu")
     assert found.folder.label == label
-    assert len(found.sample(design_prompt("movement"), 2, seed=1, max_tokens=9)) == 2
+    assert len(found.draw(design_prompt("movement"), 2, 1, Sampling(max_tokens=9))) == 2
     assert sum(line.startswith("step ") for line in told) == 4
     again = train_grpo(config(model), out, resume=True, notify=told.append)
     assert again == json.loads(json.dumps(result)), "a finished run is not trained again"

@@ -13,7 +13,7 @@ from tests.integrations.foreign import CAR
 from tests.training.grpo.stand_ins import TableScorer
 from tests.training.libraries import require_training
 
-require_training()
+pytestmark = require_training()
 
 import torch
 from datasets import Dataset
@@ -22,11 +22,10 @@ from transformers import LlamaConfig, LlamaForCausalLM, PreTrainedTokenizerFast
 from trl import GRPOConfig as LibraryConfig
 
 from agentflow.machine import Machine, read_machine
-from agentflow.training.advantages import best, maxpo, pass1, pkpo
+from agentflow.training.advantages import ADVANTAGES, pass1
 from agentflow.training.grpo.config import AdvantageConfig
-from agentflow.training.grpo.judging import Judging
+from agentflow.training.grpo.judging import Judging, performance
 from agentflow.training.grpo.trainer import SimulationTrainer
-from agentflow.training.rewards import performance
 
 LENGTH, SAMPLES = 3, 8
 SCORES = {f"{x} {y} {z}": float(i * i) for i, (x, y, z) in enumerate(np.ndindex(2, 2, 2))}
@@ -89,19 +88,13 @@ def gradient(model: Any) -> Any:
     return torch.cat([part.grad.flatten() for part in model.parameters() if part.grad is not None])
 
 
-ADVANTAGES = {
-    "pass1": pass1,
-    "best": best,
-    "pkpo": lambda rewards: pkpo(rewards, 3),
-    "maxpo": lambda rewards: maxpo(rewards, 3),
-}
-
-
 @pytest.mark.parametrize("name", ADVANTAGES)
 def test_loss_and_gradient_are_those_of_our_advantages(name: Any, tmp_path: Path) -> None:
     trainer = make_trainer(tmp_path, AdvantageConfig(name=name, k=3), dict(SCORES))
     inputs, texts = first_batch(trainer)
-    ours = torch.tensor(ADVANTAGES[name](np.array([SCORES[text] for text in texts])))
+    ours = torch.tensor(
+        ADVANTAGES[name](np.array([SCORES[text] for text in texts]), k=3, scale=False)
+    )
     assert inputs["advantages"].tolist() == pytest.approx(ours.tolist())
 
     loss = trainer.compute_loss(trainer.model, inputs)

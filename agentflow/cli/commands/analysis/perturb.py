@@ -7,26 +7,26 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.commands.machines import Seed, Source, Task, named_task
-from agentflow.cli.root import Engine, Json, Knobs, commands, print_result
+from agentflow.cli import options
+from agentflow.cli.root import commands, print_result
 
 
 @commands.command(epilog="Example: agentflow perturb examples/car.json --task movement --n 20")
 def perturb(
-    source: Source,
-    task: Task = None,
-    knobs: Knobs = None,
-    engine: Engine = None,
+    source: options.MachineOrRun,
+    task: options.Task = None,
+    knobs: options.Knobs = None,
+    engine: options.Engine = None,
     count: Annotated[
         int, typer.Option("--n", min=0, help="Neighbours to simulate, drawn at random; 0: none.")
     ] = 100,
     every: Annotated[bool, typer.Option("--all", help="Simulate all neighbours.")] = False,
-    seed: Seed = 0,
-    workers: Annotated[int, typer.Option(min=1, help="Worker processes for simulation.")] = 2,
+    seed: options.Seed = 0,
+    workers: options.Workers = 2,
     out: Annotated[
         Path | None, typer.Option(help="Also write an HTML page with a figure to this file.")
     ] = None,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Measure how robust a design is: change its world, and change the design by one edit.
 
@@ -40,24 +40,16 @@ def perturb(
     A run stands for its best machine. Without --task, the run's own task, knobs and seed are used,
     and the result is kept in the run, whose report then shows it.
     """
-    from agentflow.app.machines.files import machine_text
-    from agentflow.app.machines.perturb import perturb_text
     from agentflow.app.pages.robustness import page_writer
-    from agentflow.app.tasks import find_task
-    from agentflow.cli.display.show_perturbed import show_perturbed
+    from agentflow.app.subjects.perturb import measure_robustness
+    from agentflow.app.subjects.subject import resolve
+    from agentflow.cli.display.show_scores import show_perturbed
     from agentflow.cli.display.text import show_count
 
-    name = named_task(source, task, knobs, seed, engine)
+    subject = resolve(source, task, knobs, seed, engine)
     write = None if out is None else page_writer(out)
     number, say = None if every else count, show_count("simulation")
-    if name is None:
-        from agentflow.app.inspect.perturb import perturb_run
-
-        found = perturb_run(Path(source), count=number, workers=workers, say=say)
-    else:
-        level = find_task(name, knobs or (), engine)
-        text = machine_text(source)
-        found = perturb_text(text, level, count=number, seed=seed, workers=workers, say=say)
+    found = measure_robustness(subject, count=number, workers=workers, say=say)
     if write is not None and not found["problems"]:
         write(found)
     print_result(found, as_json, show_perturbed)

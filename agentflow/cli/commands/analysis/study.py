@@ -7,26 +7,16 @@ from typing import Annotated
 
 import typer
 
+from agentflow.cli import options
 from agentflow.cli.display.text import show_count
-from agentflow.cli.root import (
-    BaseUrl,
-    Format,
-    Json,
-    ModelName,
-    Settings,
-    commands,
-    needs_extra,
-    print_json,
-    print_table,
-)
+from agentflow.cli.root import print_json, print_sources, print_table, subcommands
+from agentflow.extras import needs_extra
 
-study = typer.Typer(
+study = subcommands(
+    "study",
     help="Study how people design, from the sessions that the studio records.",
     epilog="Example: agentflow study metrics runs/sessions",
-    no_args_is_help=True,
-    rich_markup_mode=None,
 )
-commands.add_typer(study, name="study")
 EXTRA = "study"
 
 SessionPath = Annotated[
@@ -41,11 +31,11 @@ def segments(
         Path | None,
         typer.Option(help="What was said, with times: a .vtt or .srt file."),
     ] = None,
-    model: ModelName = None,
-    base_url: BaseUrl = None,
-    settings: Settings = None,
-    form: Format = "text",
-    as_json: Json = False,
+    model: options.ModelName = None,
+    base_url: options.BaseUrl = None,
+    settings: options.Settings = None,
+    form: options.Format = "text",
+    as_json: options.Json = False,
 ) -> None:
     """Cut a session into labelled episodes.
 
@@ -54,7 +44,7 @@ def segments(
     rules on actions; a language model gets the actions, notes and transcript of the session.
     """
     from agentflow.app.design.config import load_config
-    from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.live import print_remark
 
     with needs_extra(EXTRA):
         from agentflow.study.segments import format_segments, segment
@@ -64,7 +54,7 @@ def segments(
         session,
         transcript,
         config,
-        notify=lambda line: print_line(f"agentflow: {line}"),
+        notify=print_remark,
         say=show_count("episode"),
     )
     if as_json:
@@ -100,8 +90,8 @@ def metrics(
         list[Path],
         typer.Argument(metavar="SOURCE...", help="Session, run, or directory that contains some."),
     ],
-    form: Format = "text",
-    as_json: Json = False,
+    form: options.Format = "text",
+    as_json: options.Json = False,
 ) -> None:
     """Compare sessions of people and runs of agents.
 
@@ -112,7 +102,4 @@ def metrics(
         from agentflow.study.results import format_results, measure
 
         results = measure(sources)
-    if as_json:
-        print_json({"sources": [result.to_json() for result in results]})
-        return
-    print_table(format_results(results, form), form)
+    print_sources(results, form, as_json, format_results)

@@ -8,26 +8,15 @@ from typing import Annotated, Any
 
 import typer
 
-from agentflow.cli.root import (
-    BaseUrl,
-    Engine,
-    Json,
-    ModelName,
-    On,
-    Quiet,
-    Settings,
-    commands,
-    print_json,
-    print_result,
-)
+from agentflow.cli import options
+from agentflow.cli.root import print_result, subcommands
+from agentflow.progress import Progress, silent
 
-data = typer.Typer(
+data = subcommands(
+    "data",
     help="Make data to learn from: pairs of a prompt and a machine that works.",
     epilog="Example: agentflow data generate configs/objectives.yaml --samples 20 --out answers",
-    no_args_is_help=True,
-    rich_markup_mode=None,
 )
-commands.add_typer(data, name="data")
 
 Set = Annotated[Path, typer.Option("--out", help="Directory of the set; created if missing.")]
 Evaluation = Annotated[
@@ -40,7 +29,7 @@ Evaluation = Annotated[
 Licence = Annotated[
     str | None, typer.Option(help="Licence of the set, for its card.", show_default="by model")
 ]
-Workers = Annotated[int, typer.Option(min=1, max=256, help="Worker processes for simulation.")]
+Workers = Annotated[int, typer.Option(min=1, max=256, help=options.WORKERS)]
 
 
 @data.command(
@@ -64,15 +53,15 @@ def generate(
             "average. Filtering keeps those that work like the answer does.",
         ),
     ] = 0.0,
-    model: ModelName = None,
-    base_url: BaseUrl = None,
-    settings: Settings = None,
+    model: options.ModelName = None,
+    base_url: options.BaseUrl = None,
+    settings: options.Settings = None,
     seed: Annotated[int | None, typer.Option(help="Random seed of the first samples.")] = None,
     workers: Annotated[
         int, typer.Option(min=1, max=1024, help="Requests to the model at a time.")
     ] = 8,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Ask a model for machines for design objectives, and record its answers.
 
@@ -80,12 +69,13 @@ def generate(
     """
     from agentflow.app.design.config import load_config
     from agentflow.cli.display.live import print_remark
+    from agentflow.cli.display.show_learning import show_answers
     from agentflow.training.data.generate import generate as record
     from agentflow.training.data.generate import plan_answers
     from agentflow.training.objectives import read_objectives
 
-    options = {"model.name": model, "model.base_url": base_url, "seed": seed}
-    config = load_config(None, settings or (), options)
+    keys = {"model.name": model, "model.base_url": base_url, "seed": seed}
+    config = load_config(None, settings or (), keys)
     plan = plan_answers(
         read_objectives(objectives), config, samples=samples, limit=limit, variants=variants
     )
@@ -97,7 +87,7 @@ def generate(
         partial(print_remark, quiet=quiet),
         _progress("answer", quiet),
     )
-    print_result(found, as_json, _show_answers)
+    print_result(found, as_json, show_answers)
 
 
 @data.command(
@@ -107,12 +97,12 @@ def filter(
     answers: Annotated[Path, typer.Argument(help="Directory made by agentflow data generate.")],
     out: Set,
     evaluation: Evaluation = None,
-    engine: Engine = None,
+    engine: options.Engine = None,
     licence: Licence = None,
     workers: Workers = 2,
-    on: On = "local",
-    quiet: Quiet = False,
-    as_json: Json = False,
+    on: options.On = "local",
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Keep the answers whose machines work, are new, and are not in the evaluation.
 
@@ -147,7 +137,7 @@ def import_(
     out: Set,
     evaluation: Evaluation = None,
     licence: Licence = None,
-    as_json: Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Make a set from public conversations, or from Besiege machines with captions.
 
@@ -169,8 +159,8 @@ def prompts(
         str, typer.Option(help="Tasks, such as throwing,movement/3.")
     ] = "throwing,movement",
     count: Annotated[int, typer.Option(min=1, help="Rows; the tasks take turns.")] = 512,
-    engine: Engine = None,
-    as_json: Json = False,
+    engine: options.Engine = None,
+    as_json: options.Json = False,
 ) -> None:
     """Write prompts for reinforcement learning, in the columns that verl and TRL read.
 
@@ -183,35 +173,13 @@ def prompts(
     print_result(written, as_json, lambda found: print(f"{found['rows']} prompts: {found['out']}"))
 
 
-def _progress(noun: str, quiet: bool) -> Any:
+def _progress(noun: str, quiet: bool) -> Progress:
     from agentflow.cli.display.text import show_count
 
-    return (lambda _done, _of: None) if quiet else show_count(noun)
-
-
-def _show_answers(found: dict[str, Any]) -> None:
-    from agentflow.cli.display.output import output
-
-    variants = f" and {found['variants']} variants" * bool(found["variants"])
-    output().print(
-        f"{found['answers']} of {found['planned']} answers{variants} of {found['model']}: "
-        f"{found['out']}"
-    )
-    if found["stopped"]:
-        output().print(f"stopped: {found['stopped']}")
+    return silent if quiet else show_count(noun)
 
 
 def _print_card(card: Any, out: Path, as_json: bool) -> None:
-    from agentflow.cli.display.output import columns, output
+    from agentflow.cli.display.show_learning import show_card
 
-    if as_json:
-        print_json({"out": str(out), **card.model_dump(mode="json")})
-        return
-    table = columns("gate", "machines before", "after", "passes if")
-    for item in card.gates:
-        table.add_row(item.gate, str(item.entered), str(item.passed), item.passes)
-    output().print_wide(table)
-    output().print(
-        f"{card.pairs['train']} pairs to train and {card.pairs['dev']} to measure "
-        f"({card.model}): {out}"
-    )
+    print_result({"out": str(out), **card.model_dump(mode="json")}, as_json, show_card)

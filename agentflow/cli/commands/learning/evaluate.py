@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from agentflow.cli import options
 from agentflow.cli.display.text import show_count
-from agentflow.cli.root import BaseUrl, Engine, Json, On, Settings, commands, print_result
+from agentflow.cli.root import commands, print_result
 from agentflow.errors import UsageError
 
 SAMPLING = ("model.sampling.temperature=1.0", "model.sampling.top_p=1.0")
@@ -27,14 +28,14 @@ def evaluate(
     out: Annotated[
         Path, typer.Option(help="Directory of the evaluation; given again, it is continued.")
     ],
-    task: Annotated[str | None, typer.Option(help="Task, such as throwing or movement/3.")] = None,
+    task: options.Task = None,
     tasks: Annotated[
         str | None,
         typer.Option(help="Several tasks, separated by commas, as in throwing,movement."),
     ] = None,
     samples: Annotated[int, typer.Option(min=1, help="Replies to each task.")] = 50,
-    base_url: BaseUrl = None,
-    seed: Annotated[int | None, typer.Option(help="Random seed (default: 0).")] = None,
+    base_url: options.BaseUrl = None,
+    seed: options.RunSeed = None,
     temperature: Annotated[
         float | None, typer.Option(help="Sampling temperature (default: 1).")
     ] = None,
@@ -52,14 +53,14 @@ def evaluate(
             show_default="name of the directory",
         ),
     ] = "",
-    settings: Settings = None,
-    engine: Engine = None,
+    settings: options.Settings = None,
+    engine: options.Engine = None,
     workers: Annotated[
         int | None,
         typer.Option(min=1, help="Worker processes for simulation (default: 2)."),
     ] = None,
-    on: On = "local",
-    as_json: Json = False,
+    on: options.On = "local",
+    as_json: options.Json = False,
 ) -> None:
     """Evaluate a model: sample whole machines, simulate them, count how many are valid and good.
 
@@ -70,12 +71,12 @@ def evaluate(
     from agentflow.app.design.config import load_config
     from agentflow.app.pools import pools_on
     from agentflow.cli.display.live import print_remark
-    from agentflow.cli.display.show_evaluation import show_evaluation
+    from agentflow.cli.display.show_learning import show_evaluation
     from agentflow.training.evaluation.evaluate import evaluate as carry_out
 
     if (task is None) == (tasks is None):
         raise UsageError("name one task with --task, or several with --tasks")
-    options = {
+    keys = {
         "model.name": model,
         "model.base_url": base_url,
         "model.sampling.temperature": temperature,
@@ -85,7 +86,7 @@ def evaluate(
         "workers": workers,
     }
     found = carry_out(
-        load_config(None, (*SAMPLING, *(settings or ())), options),
+        load_config(None, (*SAMPLING, *(settings or ())), keys),
         [part.strip() for part in (tasks or task or "").split(",")],
         samples,
         out,

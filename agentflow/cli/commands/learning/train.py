@@ -8,15 +8,14 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.root import Json, On, Quiet, commands, print_result
+from agentflow.cli import options
+from agentflow.cli.root import print_result, subcommands
 
-train = typer.Typer(
+train = subcommands(
+    "train",
     help="Train models to design machines.",
     epilog="Example: agentflow train sft --config configs/train/sft_tiny.yaml --data SET --out DIR",
-    no_args_is_help=True,
-    rich_markup_mode=None,
 )
-commands.add_typer(train, name="train")
 
 TrainingFile = Annotated[
     Path, typer.Option(help="YAML configuration file, such as one of configs/train.")
@@ -49,17 +48,17 @@ def sft(
     ] = None,
     settings: TrainingSettings = None,
     resume: Resume = False,
-    quiet: Quiet = False,
-    as_json: Json = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Train a model on pairs of prompt and reply (supervised fine-tuning).
 
     The model is then in the folder `model` of the training directory.
     """
     from agentflow.cli.display.live import print_remark
-    from agentflow.cli.display.show_training import show_training
+    from agentflow.cli.display.show_learning import show_training
+    from agentflow.models.local.libraries import require_libraries
     from agentflow.training.config import SftConfig, read_config
-    from agentflow.training.libraries import require_libraries
 
     built = read_config(SftConfig, config, settings or (), {"data": data})
     require_libraries(*built.libraries)
@@ -86,9 +85,9 @@ def grpo(
     ] = None,
     settings: TrainingSettings = None,
     resume: Resume = False,
-    on: On = "local",
-    quiet: Quiet = False,
-    as_json: Json = False,
+    on: options.On = "local",
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Train a model by the simulated scores of its machines (reinforcement learning).
 
@@ -98,10 +97,10 @@ def grpo(
     """
     from agentflow.app.pools import pools_on
     from agentflow.cli.display.live import print_remark
-    from agentflow.cli.display.show_training import show_training
+    from agentflow.cli.display.show_learning import show_training
+    from agentflow.models.local.libraries import require_libraries
     from agentflow.training.config import read_config
     from agentflow.training.grpo.config import GrpoConfig
-    from agentflow.training.libraries import require_libraries
 
     built = read_config(GrpoConfig, config, settings or (), {"model.name": model})
     require_libraries(*built.libraries)

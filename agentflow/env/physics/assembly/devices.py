@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import cos, radians, sin
 
 from agentflow.env.constants import Constants
 from agentflow.env.physics.laws.flight import Heat, PropellerBlade, Thruster
+from agentflow.env.physics.laws.motion import MotionDevice
 from agentflow.env.physics.laws.tension import Spring, Winch
 from agentflow.env.physics.model import CogMesh, Devices, Gripper, Joint, Part
 from agentflow.machine.blocks.library import library
-from agentflow.machine.blocks.types import Blade
 from agentflow.machine.geometry.gears import meshing_pairs
 from agentflow.machine.geometry.pose import Placed
-from agentflow.machine.geometry.vectors import add, length, scale, subtract
+from agentflow.machine.geometry.vectors import length, scale, subtract
+
+MOVED: tuple[type[MotionDevice], ...] = (PropellerBlade,)
+"""The kinds of devices that push their part as it moves."""
 
 
 def devices_of(
@@ -41,10 +43,11 @@ def devices_of(
             for block, kind, own in known
             if (flame := kind.flame) is not None
         ),
-        blades=tuple(
-            _blade(block, kind.blade, own[0])
+        moved=tuple(
+            device
             for block, kind, own in known
-            if kind.blade is not None
+            for each in MOVED
+            if (device := each.of(block, kind, own[0])) is not None
         ),
         winches=tuple(_winch(own, constants) for _, kind, own in known if kind.connector == "rope"),
         grippers=tuple(
@@ -112,16 +115,4 @@ def _gripper(
         reach=length(subtract(block.center, block.origin)),
         force=constants.of("strength_force", block.type),
         joined=frozenset(end for joint in own for end in (joint.a, joint.b)),
-    )
-
-
-def _blade(block: Placed, blade: Blade, part: int) -> PropellerBlade:
-    """A propeller blade: its normal is its Up turned about its Front by the lift angle."""
-    angle = radians(blade.lift_angle_deg)
-    return PropellerBlade(
-        part=part,
-        push=block.up,
-        normal=add(scale(block.up, cos(angle)), scale(block.right, -sin(angle))),
-        drag=blade.axial_drag,
-        speed_cap=blade.speed_cap,
     )

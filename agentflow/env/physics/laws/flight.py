@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import dist
+from math import cos, dist, radians, sin
+from typing import ClassVar
 
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, part_motion
+from agentflow.env.physics.laws.motion import MotionDevice
 from agentflow.env.physics.rows import Row
-from agentflow.machine.geometry.vectors import Vec3, add, dot, rotate_vector, scale
+from agentflow.machine.blocks.types import BlockType
+from agentflow.machine.geometry.pose import Placed
+from agentflow.machine.geometry.vectors import Vec3, add, dot, scale
 
 
 @dataclass(frozen=True)
@@ -40,18 +44,38 @@ class Heat:
 
 
 @dataclass(frozen=True)
-class PropellerBlade:
-    """A propeller blade: its motion through the air exerts a force on it, powered or not."""
+class PropellerBlade(MotionDevice):
+    """A propeller blade: its motion through still air pushes it along its Up, powered or not.
 
-    part: int
-    push: Vec3
-    """Unit vector of the force, the blade's Up."""
+    The force is -drag * (v . n) * min(v . v, cap^2), where v is the velocity of the blade's centre
+    over the ground and n its Up turned by the lift angle: the law of the reference game.
+    """
+
+    loss: ClassVar[str] = "the lift of blades"
+    up: Vec3
+    """Unit vector."""
     normal: Vec3
-    """Unit vector; the force is proportional to the velocity along it."""
+    """Unit vector: Up turned about Front by the lift angle."""
     drag: float
-    """kg s/m2: force over velocity along the normal and squared speed."""
-    speed_cap: float
-    """m/s; beyond it the squared speed in the law grows no further."""
+    """kg s/m2."""
+    square_cap: float
+    """m2/s2; beyond it the squared speed in the law grows no further."""
+
+    @classmethod
+    def of(cls, block: Placed, kind: BlockType, part: int) -> PropellerBlade | None:
+        blade = kind.blade
+        if blade is None:
+            return None
+        angle = radians(blade.lift_angle_deg)
+        normal = add(scale(block.up, cos(angle)), scale(block.right, -sin(angle)))
+        cap = blade.speed_cap * blade.speed_cap
+        return cls(part, swap(block.up), swap(normal), blade.axial_drag, cap)
+
+    def push(self, velocity: Vec3) -> Vec3:
+        square = dot(velocity, velocity)
+        return scale(
+            self.up, -self.drag * dot(velocity, self.normal) * min(square, self.square_cap)
+        )
 
 
 class ThrustForce:
@@ -93,38 +117,3 @@ class ThrustForce:
         """A point of a part, at rest `offset` from its centre."""
         row, arm = self._locations.locate(part)
         return part_motion(rows[row], add(arm, offset))[0]
-
-
-_Blade = tuple[int, Vec3, Vec3, Vec3, float, float]
-"""Part, its offset in its cluster, push, normal, drag and squared speed cap of a blade."""
-
-
-class BladeForce:
-    """Force along a blade's Up from its motion through still air.
-
-    Its size is -drag * (v . n) * min(v . v, cap^2), where v is the velocity of the blade's centre
-    over the ground and n its Up turned by the lift angle: the law of the reference game.
-    """
-
-    def __init__(self, blades: Sequence[PropellerBlade], locations: PartLocations) -> None:
-        self._blades: dict[int, list[_Blade]] = {}
-        """By row, as blades of one cluster share its motion."""
-        for blade in blades:
-            row, offset = locations.locate(blade.part)
-            square_cap = blade.speed_cap * blade.speed_cap
-            law = blade.part, offset, swap(blade.push), swap(blade.normal), blade.drag, square_cap
-            self._blades.setdefault(row, []).append(law)
-
-    def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
-        """Forces in this step."""
-        pushes: list[PartForce] = []
-        for row, blades in self._blades.items():
-            _, _, _, x, y, z, w, vx, vy, vz, wx, wy, wz = rows[row]
-            to_local = (-x, -y, -z, w)
-            wx, wy, wz = rotate_vector(to_local, (wx, wy, wz))
-            vx, vy, vz = rotate_vector(to_local, (vx, vy, vz))
-            for part, (x, y, z), (p, q, r), normal, drag, square_cap in blades:
-                velocity = vx + (wy * z - wz * y), vy + (wz * x - wx * z), vz + (wx * y - wy * x)
-                size = -drag * dot(velocity, normal) * min(dot(velocity, velocity), square_cap)
-                pushes.append((part, (p * size, q * size, r * size), None))
-        return pushes

@@ -1,20 +1,23 @@
-"""Which laws act on a machine in a scene, besides drag, and what they do in a step."""
+"""Which laws act on a machine in a scene, and what they and drag do in a step."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from agentflow.env.physics.engine import Power
 from agentflow.env.physics.frames import swap, swap_all
-from agentflow.env.physics.laws.air import WindForce
-from agentflow.env.physics.laws.flight import BladeForce, ThrustForce
+from agentflow.env.physics.laws.air import DragForce, WindForce
+from agentflow.env.physics.laws.flight import ThrustForce
 from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, power_of
+from agentflow.env.physics.laws.motion import MotionForce
 from agentflow.env.physics.laws.tension import SpringForce, WinchForce
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.rows import Row
-from agentflow.env.physics.structure.layout import RowLayout
+from agentflow.env.physics.rows import Row, Rows
+from agentflow.env.physics.structure.layout import RowLayout, drag_locations
+from agentflow.env.physics.structure.spanning_tree import Skeleton
 from agentflow.env.scene import Scene
 
 Law = Callable[[Sequence[Row]], list[PartForce]]
@@ -27,15 +30,15 @@ def device_laws(
     levels: Mapping[Entry, float],
     winches: WinchForce,
 ) -> list[Law]:
-    """Springs, thrusters, blades and winches, where there are any."""
+    """Springs, thrusters, devices that motion makes push, and winches, where there are any."""
     devices = assembly.devices
     laws: list[Law] = []
     if devices.springs:
         laws.append(SpringForce(devices.springs, locations, levels))
     if devices.thrusters:
         laws.append(ThrustForce(devices.thrusters, levels, devices.flames, locations))
-    if devices.blades:
-        laws.append(BladeForce(devices.blades, locations))
+    if devices.moved:
+        laws.append(MotionForce(devices.moved, locations))
     if winches:
         winches.locate_parts(locations)
         laws.append(winches)
@@ -75,25 +78,36 @@ def wind_laws(
     return [lambda rows: wind(np.array(rows), share) if (share := strength()) else []]
 
 
-class LawForces:
-    """The forces of several laws, and the power of those of devices."""
+class Forces(ABC):
+    """All forces on the bodies of one skeleton; engines apply them in every step."""
 
-    def __init__(self, laws: Sequence[Law], locations: PartLocations) -> None:
-        self.laws, self._locations = laws, locations
+    def __init__(
+        self, assembly: Assembly, plan: Skeleton, layout: RowLayout, rows: Rows, laws: Sequence[Law]
+    ) -> None:
+        """Collect all forces: drag and `laws`."""
+        self._rows, self._laws, self._locations = rows, laws, layout.locations
+        inertia = swap_all(np.array([part.inertia for part in assembly.parts]).reshape(-1, 3))
+        locations = drag_locations(assembly, plan, layout.locations)
+        self._drag = DragForce(assembly.parts, locations, inertia)
         self._before: Sequence[Row] = ()
         self._exerted: list[list[PartForce]] = []
         """Rows before the last step, and the forces of each law in it."""
 
-    def __call__(self, rows: Sequence[Row]) -> list[list[PartForce]]:
+    @abstractmethod
+    def __call__(self) -> None:
+        """Apply everything for one step."""
+
+    def _of_laws(self, rows: Sequence[Row]) -> list[list[PartForce]]:
         """The forces of each law in this step."""
-        if self.laws:
-            self._before, self._exerted = rows, [law(rows) for law in self.laws]
+        if self._laws:
+            self._before, self._exerted = rows, [law(rows) for law in self._laws]
         return self._exerted
 
-    def power(self, rows: Sequence[Row]) -> Power:
-        """Mean power of springs, and of thrusters and winches, in the step that led to `rows`."""
+    def power(self) -> Power:
+        """Mean power of springs, and of thrusters and winches, in the last step."""
         springs = motors = 0.0
-        for law, forces in zip(self.laws, self._exerted, strict=False):
+        rows = self._rows.all
+        for law, forces in zip(self._laws, self._exerted, strict=False):
             if isinstance(law, SpringForce | ThrustForce | WinchForce) and forces:
                 begin = power_of(forces, self._before, self._locations)
                 end = power_of(forces, rows, self._locations)

@@ -1,6 +1,6 @@
 """The MuJoCo engine."""
 
-from agentflow.env.physics.engines import EngineSpec
+from agentflow.env.physics.engine import EngineSpec
 
 MUJOCO = EngineSpec(
     "mujoco",

@@ -23,8 +23,7 @@ from agentflow.env.physics.solids import joint_axis, solid_shapes
 from agentflow.env.physics.structure.drives import merge_drives
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Link, Piece, Skeleton
-from agentflow.env.scene import Scene, Thing
-from agentflow.env.tasks.base import Body
+from agentflow.env.scene import Body, Scene, Thing
 from agentflow.machine.geometry.vectors import (
     IDENTITY,
     Vec3,
@@ -295,7 +294,7 @@ class _Builder:
         made = body.add_joint(name=str(link.joint), type=_KINDS[joint.kind])
         if joint.kind != "spherical":
             made.axis = joint_axis(joint, link)
-        drive = merge_drives(self._assembly.joints, link.joint, link.parallel)
+        drive = merge_drives(self._assembly.joints, link)
         made.frictionloss = drive.command({}).limit
         made.solref_friction = _braking(self._step)
         made.solimp_friction = FIRM

@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 
 from agentflow.env.physics.model import Assembly
+from agentflow.env.physics.structure.drives import meshing_cogs
 from agentflow.env.physics.structure.spanning_tree import Skeleton
 
 CORRECTED = 0.2
@@ -49,15 +50,9 @@ def mesh_cogs(
         joints: Those that move; each is named by its number.
         step: Length of a step, s.
     """
-    stands = {link.joint: (link.joint, 1.0) for link in (*plan.links, *plan.loops)}
-    for link in (*plan.links, *plan.loops):
-        stands |= {other.joint: (link.joint, other.sign) for other in link.parallel}
-    for mesh in assembly.devices.cog_meshes:
-        one, other = (assembly.joints[joint] for joint in (mesh.a, mesh.b))
-        whole = mesh.a in stands and mesh.b in stands
-        if not whole or plan.cluster[one.a] != plan.cluster[other.a]:
-            continue
-        ends = [(*stands[mesh.a], 1.0), (*stands[mesh.b], mesh.ratio)]
+    links = (*plan.links, *plan.loops)
+    for mesh, (one, sign_one), (other, sign_other) in meshing_cogs(assembly, plan, links):
+        ends = [(one, sign_one, 1.0), (other, sign_other, mesh.ratio)]
         turning = [(str(i), sign * ratio) for i, sign, ratio in ends if i in joints]
         if turning:  # a cog whose joint is rigid locks the other one
             (first, own), (second, of_other) = (*turning, ("", 0.0))[:2]

@@ -5,17 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from struct import Struct
 
-import numpy as np
-
-from agentflow.env.physics.engine import Power
-from agentflow.env.physics.frames import swap_all
-from agentflow.env.physics.laws.air import DragForce
-from agentflow.env.physics.laws.select import Law, LawForces
+from agentflow.env.physics.laws.select import Forces, Law
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco.bodies import Built
 from agentflow.env.physics.mujoco.sensing import Rows
 from agentflow.env.physics.rows import POSITION
-from agentflow.env.physics.structure.layout import RowLayout, drag_locations
+from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Skeleton
 from agentflow.machine.geometry.vectors import Vec3, cross, rotate_vector, subtract
 
@@ -25,8 +20,8 @@ _PACK, _SIZE = Struct("6d").pack_into, 48
 array."""
 
 
-class AppliedForces:
-    """All forces on the bodies of one skeleton; MuJoCo keeps them until they are changed."""
+class AppliedForces(Forces):
+    """Applies forces; MuJoCo keeps them until they are changed."""
 
     def __init__(
         self,
@@ -37,12 +32,7 @@ class AppliedForces:
         rows: Rows,
         laws: Sequence[Law],
     ) -> None:
-        """Collect all forces: drag and `laws`."""
-        self._built, self._rows = built, rows
-        self._laws = LawForces(laws, layout.locations)
-        inertia = swap_all(np.array([part.inertia for part in assembly.parts]).reshape(-1, 3))
-        locations = drag_locations(assembly, plan, layout.locations)
-        self._drag = DragForce(assembly.parts, locations, inertia)
+        super().__init__(assembly, plan, layout, rows, laws)
         things = [built.things[name] for name in layout.things]
         self._leading = [built.parts[part] for part in layout.leading] + things
         self._at = [*built.parts, *things]
@@ -55,12 +45,7 @@ class AppliedForces:
         self._written: set[int] = set()
         """Bodies on which forces acted in the last step."""
 
-    def power(self) -> Power:
-        """Mean power of springs, and of thrusters and winches, in the last step."""
-        return self._laws.power(self._rows.all)
-
     def __call__(self) -> None:
-        """Apply everything for one step."""
         rows = self._rows.all
         total: dict[int, list[float]] = {}
         for row, local, force, torque in self._drag(rows):
@@ -70,7 +55,7 @@ class AppliedForces:
                 turn = x, y, z, w
                 force, moment = rotate_vector(turn, force), rotate_vector(turn, moment)
             total[self._leading[row]] = [*force, *moment]
-        for forces in self._laws(rows):
+        for forces in self._of_laws(rows):
             for part, force, place in forces:
                 if place is None:
                     _, _, _, x, y, z, w, *_ = rows[self._row[part]]

@@ -1,8 +1,4 @@
-"""Grabbers in MuJoCo: each holds the first thing that it touches until it is switched off.
-
-A grabber that is overloaded for some time lets go: constraints of MuJoCo have no greatest force.
-Grips outlive splits: they name parts and things, and are bound again when the model is rebuilt.
-"""
+"""Grabbers in MuJoCo, whose constraints have no greatest force: overloaded ones let go in time."""
 
 from __future__ import annotations
 
@@ -13,19 +9,14 @@ import mujoco
 import numpy as np
 
 from agentflow.env.physics.frames import swap
+from agentflow.env.physics.grips import EDGE, Grips, Held
 from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Gripper
 from agentflow.env.physics.mujoco.bodies import Built
 from agentflow.env.rollout import Array
 
-EDGE = 0.05
-"""Contacts at most this far behind a grabber's front plane are on its front, m."""
-
 PATIENCE = 0.1
 """Time for which a grabber bears more than its force, s; longer than the jerk as it grips."""
-
-Held = int | str
-"""A part, or a thing's name."""
 
 
 @dataclass(frozen=True)
@@ -39,21 +30,16 @@ class _Hold:
     """(4,) w, x, y, z."""
 
 
-class Grippers:
+class Grippers(Grips[_Hold]):
     """All grabbers of one machine."""
 
     def __init__(self, grips: Sequence[Gripper], built: Built) -> None:
         """Start with nothing gripped."""
-        self._grips = grips
-        self._holds: dict[int, _Hold] = {}
+        super().__init__(grips)
         self._overcome: dict[int, Held] = {}
-        """By part of the grabber: what it holds, and what was torn from it and still touches it."""
+        """By part of the grabber: what was torn from it and still touches it."""
         self._bore: dict[int, float] = {}
         """When each grabber last bore no more than its force, s."""
-        self.entries = {"grabbers", *(grip.starts for grip in grips)}
-        """Entries of which a level opens or closes some of them."""
-        self._off: set[Entry] = set()
-        """Those at 0, whose grabbers do not grip."""
         self.bind(built)
 
     def bind(self, built: Built) -> None:
@@ -63,20 +49,13 @@ class Grippers:
         self._bodies: dict[Held, int] = dict(enumerate(built.parts))
         self._bodies.update(built.things.items())
         self._names = {body: held for held, body in self._bodies.items()}
-        for part, hold in self._holds.items():
-            self._tie(part, hold)
+        self._tie_again()
 
     def switch(self, entry: Entry, on: bool) -> None:
-        """Let the grabbers of an entry let go of everything, or get ready to grip."""
-        if on:
-            self._off.discard(entry)
-        else:
-            self._off.add(entry)
+        super().switch(entry, on)
         for grip in self._grips:
             if grip.starts == entry:
                 self._overcome.pop(grip.part, None)
-                if grip.part in self._holds and not on:
-                    self._let_go(grip.part)
 
     def watch(self) -> None:
         """Grip what was touched in the last step, and lose what pulled too hard; call it before the
@@ -91,7 +70,7 @@ class Grippers:
                 self._bore[grip.part] = self._data.time
             elif self._data.time - self._bore[grip.part] > PATIENCE:
                 self._overcome[grip.part] = hold.held
-                self._let_go(grip.part)
+                self._release([grip.part])
 
     def _grip_touched(self, grip: Gripper) -> None:
         touched = dict(self._touched(self._bodies[grip.part]))
@@ -138,9 +117,10 @@ class Grippers:
         model.eq_data[constraint, 6:10] = hold.turn
         self._data.eq_active[constraint] = True
 
-    def _let_go(self, part: int) -> None:
-        del self._holds[part]
-        self._data.eq_active[self._constraints[part]] = False
+    def _release(self, parts: Sequence[int]) -> None:
+        for part in parts:
+            del self._holds[part]
+            self._data.eq_active[self._constraints[part]] = False
 
     def _force(self, part: int) -> float:
         """Force of a grip in the last step, N."""

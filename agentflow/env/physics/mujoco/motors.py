@@ -16,15 +16,8 @@ from agentflow.env.physics.laws.forces import Entry, Indices
 from agentflow.env.physics.model import Joint
 from agentflow.env.physics.mujoco.bodies import Built, Place
 from agentflow.env.physics.mujoco.couplings import TIGHT
-from agentflow.env.physics.structure.drives import JointDrive, merge_drives
+from agentflow.env.physics.structure.drives import HOLD, STILL, JointDrive, idle, merge_drives
 from agentflow.env.rollout import Array
-
-HOLD = 6.0
-"""1/s: how fast motors that stand still come back to the angle that they hold. Those that only
-aimed at speed 0 would creep under load, as MuJoCo's constraints give way a little."""
-STILL = 0.05
-"""rad/s; motors that turn faster, as they brake or are overcome, hold no angle yet. Only before any
-device is switched on do they come back from further, as after the jerk when a boulder falls in."""
 
 
 class Motors:
@@ -53,8 +46,8 @@ class Motors:
             place = built.joints.get(link.joint)
             if place is None or joints[link.joint].kind == "spherical":
                 continue
-            drive = merge_drives(joints, link.joint, link.parallel)
-            if any(motor.speed for motor in drive.motors):
+            drive = merge_drives(joints, link)
+            if drive.turns:
                 self._joints.append((rows[place.velocity], place, drive))
         self._row = _indices([row for row, _, _ in self._joints])
         self._position = _indices([place.position for _, place, _ in self._joints])
@@ -69,7 +62,8 @@ class Motors:
         self._held = _indices([])
         """Motors that hold an angle."""
         self._yields = np.ones(0, dtype=bool)
-        """Whether each of these takes a new angle once it is overcome."""
+        """Whether each of these takes a new angle once it is overcome. Before any device is on, it
+        comes back however far it is turned, as by the jerk when a boulder falls in."""
         self._angles: Array = np.zeros(len(self._joints))
         """The angle that each motor holds, rad."""
         self._before = self._torques = np.zeros(len(self._joints))
@@ -87,9 +81,8 @@ class Motors:
         new = _indices(sorted(set(held).difference(self._held.tolist())))
         self._angles[new] = self._qpos[self._position[new]]
         self._held = _indices(held)
-        idle = not any(level for entry, level in self._levels.items() if entry != "wind")
         still = np.abs(self._qvel[self._velocity[self._held]]) <= STILL
-        self._yields = ~still if idle else np.ones(len(held), dtype=bool)
+        self._yields = ~still if idle(self._levels) else np.ones(len(held), dtype=bool)
         self.mix()
         self._aim()
 

@@ -1,15 +1,21 @@
-"""Reading MuJoCo: rows of clusters and things, reactions, motions and powers of joints."""
+"""Reading MuJoCo: rows of clusters and things, reactions and motions of joints, contacts."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
+from agentflow.env.physics.engine import Touch
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
 from agentflow.env.physics.model import Joint
 from agentflow.env.physics.mujoco.bodies import Built
 from agentflow.env.physics.rows import WIDTH, Row
+from agentflow.env.physics.structure.drives import joint_motions
 from agentflow.env.physics.structure.spanning_tree import Link
+from agentflow.env.physics.world import Pair, pair_up, sum_touches
 from agentflow.env.rollout import Array
+from agentflow.env.scene import Body
 
 ROW_ORDER = np.array([0, 1, 2, 4, 5, 6, 3, 7, 8, 9, 10, 11, 12])
 """Where each number of a row is among MuJoCo's, whose quaternions begin with w."""
@@ -29,6 +35,10 @@ class Rows:
         """Read the rows after a step."""
         self.table = self._source.take(ROW_ORDER, axis=1)
         self._list = []
+
+    def __getitem__(self, row: int) -> Row:
+        """One row."""
+        return self.all[row]
 
     @property
     def all(self) -> list[Row]:
@@ -88,12 +98,57 @@ def motions(built: Built) -> dict[int, tuple[float, float]]:
     """Position and velocity of every joint in the trees that has one degree of freedom, and of
     those parallel to it."""
     position, velocity = built.data.qpos, built.data.qvel
-    found = {}
-    for link in built.links:
-        place = built.joints.get(link.joint)
-        if place is not None:
-            at, speed = float(position[place.position]), float(velocity[place.velocity])
-            found[link.joint] = at, speed
-            for other in link.parallel:
-                found[other.joint] = other.sign * at, other.sign * speed
-    return found
+    moving = [link for link in built.links if link.joint in built.joints]
+    places = [built.joints[link.joint] for link in moving]
+    at = [(float(position[own.position]), float(velocity[own.velocity])) for own in places]
+    return joint_motions(zip(moving, at, strict=True))
+
+
+class Contacts:
+    """What touched what in the last step; nothing before the first."""
+
+    def __init__(self, built: Built) -> None:
+        self._data, self._owners = built.data, built.owners
+        self._geoms = np.zeros((0, 2), dtype=np.intp)
+        self._places: Array = np.zeros((0, 3))
+        self._rows = np.zeros(0, dtype=np.intp)
+        self._forces: Array = np.zeros(0)
+        self._known: dict[tuple[int, int], Pair | None] = {}
+        """Owners of two shapes: sorting them takes longer."""
+
+    def read(self) -> None:
+        """Read the contacts of a step, before the second half of it replaces them."""
+        data = self._data
+        contact = data.contact
+        self._geoms, self._places = contact.geom.copy(), contact.pos.copy()
+        self._rows = contact.efc_address.copy()
+        self._forces = data.efc_force.copy()
+
+    def touching(self, body: Body) -> frozenset[Body]:
+        """What a block or thing was in contact with."""
+        found = set()
+        for one, other in self._pairs():
+            if one == body:
+                found.add(other)
+            elif other == body:
+                found.add(one)
+        return frozenset(found - {body})
+
+    def all(self) -> list[Touch]:
+        """Everything that was in contact."""
+        forces = [*self._forces.tolist(), 0.0]  # contacts without force: row -1
+        points = zip(self._geoms.tolist(), self._rows.tolist(), self._places.tolist(), strict=True)
+        return sum_touches(
+            (self._pair(one, other), forces[row], (x, y, z))
+            for (one, other), row, (x, y, z) in points
+        )
+
+    def _pair(self, one: int, other: int) -> Pair | None:
+        """The owners of two shapes."""
+        if (one, other) not in self._known:
+            self._known[one, other] = pair_up(self._owners[one], self._owners[other])
+        return self._known[one, other]
+
+    def _pairs(self) -> Iterator[tuple[Body, Body]]:
+        owners = self._owners
+        return ((owners[one], owners[other]) for one, other in self._geoms.tolist())

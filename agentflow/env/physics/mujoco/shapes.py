@@ -11,7 +11,7 @@ import numpy as np
 from agentflow.env.physics.frames import swap, swap_all, swap_quaternion
 from agentflow.env.physics.mujoco.surfaces import Surface, Surfaces
 from agentflow.env.physics.solids import cone_corners
-from agentflow.env.tasks.base import Body
+from agentflow.env.scene import Body
 from agentflow.machine.geometry.vectors import Quat, Vec3, product, scale
 
 TILT: Quat = (5e-7, 0.0, 0.0, 1.0)

@@ -1,6 +1,6 @@
 """The PyBullet engine."""
 
-from agentflow.env.physics.engines import EngineSpec
+from agentflow.env.physics.engine import EngineSpec
 
 PYBULLET = EngineSpec(
     "pybullet",

@@ -204,7 +204,7 @@ class BodyBuilder:
     def _joint(self, uid: int, index: int, link: Link, joints: Sequence[Joint]) -> None:
         """Set sensors and stops."""
         pybullet.enableJointForceTorqueSensor(uid, index, True, physicsClientId=self.client)
-        stops = merge_drives(joints, link.joint, link.parallel).stops
+        stops = merge_drives(joints, link).stops
         if stops is not None and not link.rigid:
             low, high = stops
             pybullet.changeDynamics(

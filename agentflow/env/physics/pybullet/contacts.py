@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from agentflow.env.physics.engine import Touch, touch_order
-from agentflow.env.physics.frames import swap
+from agentflow.env.physics.engine import Touch
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.structure.spanning_tree import Skeleton
-from agentflow.env.tasks.base import Body
-from agentflow.machine.geometry.vectors import Vec3
+from agentflow.env.physics.world import Pair, pair_up, sum_touches
+from agentflow.env.scene import Body
 
 TOUCH = 0.005
 """Surfaces at most this far apart touch, m."""
@@ -42,7 +41,7 @@ class Contacts:
         self._where: dict[Body, list[Handle]] = {}
         for handle, named in self._who.items():
             self._where.setdefault(named, []).append(handle)
-        self._pairs: dict[tuple[int, int, int, int], tuple[Body, Body] | None] = {}
+        self._pairs: dict[tuple[int, int, int, int], Pair | None] = {}
         """Bodies in contact by body and link numbers; None if they are one."""
 
     def touching(self, body: Body) -> frozenset[Body]:
@@ -63,26 +62,16 @@ class Contacts:
 
     def all(self) -> list[Touch]:
         """Everything that was in contact in the last step."""
-        found: dict[tuple[Body, Body], tuple[float, float, Vec3]] = {}
-        pairs = self._pairs
-        for point in pybullet.getContactPoints(physicsClientId=self._client):
-            force = point[9]
-            if point[8] > TOUCH and not force > 0.0:
-                continue
-            key = point[1:5]
-            pair = pairs[key] if key in pairs else self._name_pair(key)
-            if pair is None:
-                continue
-            total, most, place = found.get(pair, (0.0, -1.0, point[5]))
-            if force > most:
-                most, place = force, point[5]
-            found[pair] = total + force, most, place
-        return [Touch(*pair, swap(place), total) for pair, (total, _, place) in found.items()]
+        return sum_touches(
+            (self._pair(point[1:5]), point[9], point[5])
+            for point in pybullet.getContactPoints(physicsClientId=self._client)
+            if point[9] > 0.0 or not point[8] > TOUCH
+        )
 
-    def _name_pair(self, key: tuple[int, int, int, int]) -> tuple[Body, Body] | None:
-        one, other = self._who[key[0], key[2]], self._who[key[1], key[3]]
-        pair = None if one == other else tuple(sorted((one, other), key=touch_order))
-        self._pairs[key] = pair  # type: ignore[assignment]
+    def _pair(self, key: tuple[int, int, int, int]) -> Pair | None:
+        """The bodies with these body and link numbers."""
+        if key not in self._pairs:
+            self._pairs[key] = pair_up(self._who[key[0], key[2]], self._who[key[1], key[3]])
         return self._pairs[key]
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.structure.drives import meshing_cogs
 from agentflow.env.physics.structure.spanning_tree import Skeleton
 
 STRONGEST = 1e6
@@ -41,26 +42,14 @@ class Couplings:
         self._apart = [(handles[joint.a], handles[joint.b]) for joint in closing]
         for pair in self._apart:
             set_collision(self._client, *pair, False)
-        carried: dict[int, tuple[Handle, float]] = {}
-        for body in built:
-            for link, index in body.joints:
-                carried[link.joint] = (body.uid, index), 1.0
-                for parallel in link.parallel:
-                    carried[parallel.joint] = (body.uid, index), parallel.sign
+        movers = {link.joint: (body.uid, i) for body in built for link, i in body.joints}
         for loop in plan.loops:
-            twin, _ = carried[loop.joint]
-            self._bind(pybullet.JOINT_FIXED, twin, handles[loop.part], MIDDLE)
-        for mesh in assembly.devices.cog_meshes:
-            one, other = assembly.joints[mesh.a], assembly.joints[mesh.b]
-            if (
-                mesh.a in carried
-                and mesh.b in carried
-                and plan.cluster[one.a] == plan.cluster[other.a]
-            ):
-                (at, sign), (at_other, sign_other) = carried[mesh.a], carried[mesh.b]
-                made = self._bind(pybullet.JOINT_GEAR, at, at_other, (0.0, 0.0, 1.0))
-                ratio = sign * sign_other * mesh.ratio
-                pybullet.changeConstraint(made, gearRatio=ratio, physicsClientId=self._client)
+            self._bind(pybullet.JOINT_FIXED, movers[loop.joint], handles[loop.part], MIDDLE)
+        links = (*plan.links, *plan.loops)
+        for mesh, (one, sign), (other, sign_other) in meshing_cogs(assembly, plan, links):
+            made = self._bind(pybullet.JOINT_GEAR, movers[one], movers[other], (0.0, 0.0, 1.0))
+            ratio = sign * sign_other * mesh.ratio
+            pybullet.changeConstraint(made, gearRatio=ratio, physicsClientId=self._client)
 
     def _bind(self, kind: int, one: Handle, other: Handle, axis: tuple[float, float, float]) -> int:
         """Constrain two links at their centres of mass."""

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
-from agentflow.env.physics.engine import Power
-from agentflow.env.physics.frames import swap_all
-from agentflow.env.physics.laws.air import DragForce
-from agentflow.env.physics.laws.select import Law, LawForces
+from agentflow.env.physics.laws.select import Forces, Law
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.sensing import Rows
 from agentflow.env.physics.rows import POSITION
-from agentflow.env.physics.structure.layout import RowLayout, drag_locations
+from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Skeleton
 
 CENTRE = (0.0, 0.0, 0.0)
 
 
-class AppliedForces:
-    """All forces on the bodies of one skeleton."""
+class AppliedForces(Forces):
+    """Applies forces; PyBullet clears them after the step."""
 
     def __init__(
         self,
@@ -36,12 +31,8 @@ class AppliedForces:
         things: Mapping[str, int],
         laws: Sequence[Law],
     ) -> None:
-        """Collect all forces: drag and `laws`."""
-        self._client, self._rows = client, rows
-        self._laws = LawForces(laws, layout.locations)
-        inertia = swap_all(np.array([part.inertia for part in assembly.parts]).reshape(-1, 3))
-        locations = drag_locations(assembly, plan, layout.locations)
-        self._drag = DragForce(assembly.parts, locations, inertia)
+        super().__init__(assembly, plan, layout, rows, laws)
+        self._client, self._heads = client, rows
         moving = enumerate(layout.things, len(assembly.parts))
         self._at = {**handles, **{i: (things[name], -1) for i, name in moving}}
         self._leading = [handles[part] for part in layout.leading]
@@ -55,14 +46,9 @@ class AppliedForces:
         self._far = bool(laws) or not set(self._drag.rows) <= set(rows.heads)
         """Whether any force acts on a row that is not a head."""
 
-    def power(self) -> Power:
-        """Mean power of springs, and of thrusters and winches, in the last step."""
-        return self._laws.power(self._rows.all)
-
     def __call__(self) -> None:
-        """Apply everything for one step; PyBullet clears it after the step."""
         client = self._client
-        rows = self._rows.all if self._far else self._rows.known
+        rows = self._heads.all if self._far else self._heads.known
         for row, local, force, torque in self._drag(rows):
             uid, index = self._leading[row]
             frame = pybullet.LINK_FRAME if local else pybullet.WORLD_FRAME
@@ -72,7 +58,7 @@ class AppliedForces:
                 pybullet.applyExternalTorque(uid, index, torque, frame, client)
         for uid in self._stale:
             pybullet.getLinkState(uid, 0, 0, 1, client)
-        for forces in self._laws(rows):
+        for forces in self._of_laws(rows):
             for part, force, place in forces:
                 uid, index = self._at[part]
                 frame = pybullet.LINK_FRAME if place is None else pybullet.WORLD_FRAME

@@ -1,7 +1,4 @@
-"""Grabbers in PyBullet: each holds the first thing that it touches until it is switched off.
-
-Grips outlive splits: they name parts and things, and are bound again when bodies are rebuilt.
-"""
+"""Grabbers in PyBullet, which hold things with constraints of limited force."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from agentflow.env.physics.frames import swap
-from agentflow.env.physics.laws.forces import Entry
+from agentflow.env.physics.grips import EDGE, Grips, Held
 from agentflow.env.physics.model import Gripper
 from agentflow.env.physics.pybullet.bodies import Handle
 from agentflow.env.physics.pybullet.contacts import TOUCH
@@ -25,12 +22,6 @@ from agentflow.machine.geometry.vectors import (
     subtract,
 )
 
-EDGE = 0.05
-"""Contacts at most this far behind a grabber's front plane are on its front, m."""
-
-Held = int | str
-"""A part, or a thing's name."""
-
 
 @dataclass
 class _Hold:
@@ -44,19 +35,14 @@ class _Hold:
     constraint: int = -1
 
 
-class Grippers:
+class Grippers(Grips[_Hold]):
     """All grabbers of one machine."""
 
     def __init__(self, client: int, grips: Sequence[Gripper], things: Mapping[str, int]) -> None:
         """Start with nothing gripped; `things` are those that can move, and their body numbers."""
-        self._client, self._grips = client, grips
+        super().__init__(grips)
+        self._client = client
         self._loose: dict[Handle, Held] = {(uid, -1): name for name, uid in things.items()}
-        self._holds: dict[int, _Hold] = {}
-        """By part of the grabber."""
-        self.entries = {"grabbers", *(grip.starts for grip in grips)}
-        """Entries of which a level opens or closes some of them."""
-        self._off: set[Entry] = set()
-        """Those at 0, whose grabbers do not grip."""
         self._names: dict[Handle, Held] = {}
         self._handles: dict[Held, Handle] = {}
 
@@ -66,24 +52,16 @@ class Grippers:
         Args:
             handles: Of each part; the new bodies must be where the old ones were.
         """
-        self._remove_all()
+        remove_constraints(self._client, (hold.constraint for hold in self._holds.values()))
         self._names = self._loose | {handle: part for part, handle in handles.items()}
         self._handles = {held: handle for handle, held in self._names.items()}
-        for part, hold in self._holds.items():
-            self._tie(part, hold)
+        self._tie_again()
 
-    def switch(self, entry: Entry, on: bool) -> None:
-        """Let the grabbers of an entry let go of everything, or get ready to grip."""
-        if on:
-            self._off.discard(entry)
-            return
-        self._off.add(entry)
-        parts = {grip.part for grip in self._grips if grip.starts == entry}
-        gone = {part: hold for part, hold in self._holds.items() if part in parts}
+    def _release(self, parts: Sequence[int]) -> None:
+        gone = {part: self._holds.pop(part) for part in parts}
         remove_constraints(self._client, (hold.constraint for hold in gone.values()))
         for part, hold in gone.items():
             set_collision(self._client, self._handles[part], self._handles[hold.held], True)
-            del self._holds[part]
 
     def tighten(self) -> None:
         """Set the force of all grips again; Bullet stores it as an impulse per step."""
@@ -139,9 +117,6 @@ class Grippers:
         pybullet.changeConstraint(
             hold.constraint, maxForce=hold.force, physicsClientId=self._client
         )
-
-    def _remove_all(self) -> None:
-        remove_constraints(self._client, (hold.constraint for hold in self._holds.values()))
 
     def _frame(self, held: Held) -> tuple[Vec3, Quat]:
         """Centre of mass and orientation, engine frame."""

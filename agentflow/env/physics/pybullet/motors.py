@@ -11,7 +11,14 @@ from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Assembly, Joint
 from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.structure.drives import JointDrive, merge_drives
+from agentflow.env.physics.structure.drives import (
+    HOLD,
+    STILL,
+    JointDrive,
+    has_motor,
+    idle,
+    merge_drives,
+)
 from agentflow.env.physics.structure.spanning_tree import Link, Skeleton
 from agentflow.machine.geometry.vectors import IDENTITY, dot
 
@@ -22,12 +29,6 @@ times the square of the number of motors in series, as each passes torque on to 
 under it; with one pass the arm of two sinks by several degrees."""
 LOOP_ITERATIONS = 5
 """The same in machines with loops: more would add up forces that a loop leaves undetermined."""
-
-HOLD = 6.0
-"""1/s: how fast motors that hold an angle come back to it. Those that only aimed at speed 0 would
-creep under load, as the solver leaves a little speed in every step."""
-STILL = 0.05
-"""rad/s; a motor that is switched off while it turns faster brakes, and does not come back."""
 
 OBLIQUE = 0.5
 """Cosine of the angle between two axes below which their motors hardly act on each other."""
@@ -66,7 +67,7 @@ class Motors:
             for link, index in body.joints:
                 kind = joints[link.joint].kind
                 if kind in found and not link.rigid:
-                    drive = merge_drives(joints, link.joint, link.parallel)
+                    drive = merge_drives(joints, link)
                     found[kind].append((body.uid, index, drive))
         self._sliding = found["prismatic"]
         self._single = [*found["revolute"], *self._sliding]
@@ -97,9 +98,8 @@ class Motors:
         Motors that stand still hold their angle until a device is switched on, and at level 0
         later if motors are in series. Others only aim at speed 0, and give way for good.
         """
-        on = any(level for entry, level in self._levels.items() if entry != "wind")
-        holding = self._series or not on
-        off = any(motor.speed for motor in drive.motors) and not drive.command(self._levels).target
+        holding = self._series or idle(self._levels)
+        off = drive.turns and not drive.command(self._levels).target
         if holding and off:
             angle, speed = pybullet.getJointState(uid, index, self._client)[:2]
             if abs(speed) <= STILL:
@@ -187,7 +187,7 @@ def longest_series(assembly: Assembly, plan: Skeleton) -> int:
     for piece in plan.pieces:
         above: dict[int, tuple[Link, int]] = {}
         for link in piece.links:
-            if not _is_driven(joints, link):
+            if joints[link.joint].kind == "fixed" or link.rigid or not has_motor(joints, link):
                 continue
             near, before = above.get(cluster[link.parent], (None, 0))
             series = 1
@@ -199,10 +199,3 @@ def longest_series(assembly: Assembly, plan: Skeleton) -> int:
             above[cluster[link.part]] = link, series
             longest = max(longest, series)
     return longest
-
-
-def _is_driven(joints: Sequence[Joint], link: Link) -> bool:
-    """Whether a joint turns and has a motor."""
-    moves = joints[link.joint].kind != "fixed" and not link.rigid
-    members = (link.joint, *(other.joint for other in link.parallel))
-    return moves and any(joints[i].drive.torque for i in members)

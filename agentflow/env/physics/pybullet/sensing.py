@@ -13,6 +13,7 @@ from agentflow.env.physics.model import Joint
 from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.rows import WIDTH, Row, top_speeds
+from agentflow.env.physics.structure.drives import has_motor, joint_motions
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Link
 from agentflow.env.rollout import Array
@@ -117,7 +118,7 @@ class Sensors:
         ]
         """Row, joint and wrench (6,) per unit of its motor of each joint that others are parallel
         to. PyBullet's sensors leave out what motors exert."""
-        self._driven = [row for row in self._turning if _has_motor(links[row], joints)]
+        self._driven = [row for row in self._turning if has_motor(joints, links[row])]
         self._read = np.zeros(6 * len(links) + 1)
         """Force and torque of each joint from PyBullet, then a 0 for joints that are in no tree."""
         self._pack = Struct(f"{6 * len(links)}d").pack_into
@@ -164,19 +165,8 @@ class Sensors:
             for uid, links in self._bodies
             for state in pybullet.getJointStates(uid, links, self._client)
         ]
-        found = {}
-        for link, (position, velocity) in zip(self._links, states, strict=True):
-            if not link.rigid:
-                found[link.joint] = position, velocity
-                for other in link.parallel:
-                    found[other.joint] = other.sign * position, other.sign * velocity
-        return found
-
-
-def _has_motor(link: Link, joints: Sequence[Joint]) -> bool:
-    """Whether a motor drives the joint of a link or one parallel to it."""
-    own = (link.joint, *(other.joint for other in link.parallel))
-    return any(joints[joint].drive.torque > 0.0 for joint in own)
+        found = zip(self._links, states, strict=True)
+        return joint_motions((link, state) for link, state in found if not link.rigid)
 
 
 def _wrench_of_motor(joint: Joint) -> Array:

@@ -4,18 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Power, Touch
 from agentflow.env.physics.frames import swap, swap_quaternion
-from agentflow.env.physics.laws.air import GustClock
-from agentflow.env.physics.laws.forces import Entry
-from agentflow.env.physics.laws.select import device_laws, wind_laws
-from agentflow.env.physics.laws.tension import WinchForce
-from agentflow.env.physics.model import Assembly, State
+from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import BodyBuilder, Built
 from agentflow.env.physics.pybullet.contacts import (
     Contacts,
@@ -27,36 +19,28 @@ from agentflow.env.physics.pybullet.forces import AppliedForces
 from agentflow.env.physics.pybullet.grip import Grippers
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.motors import Motors, inner_iterations, longest_series
-from agentflow.env.physics.pybullet.restoring import place_at_start, restore
 from agentflow.env.physics.pybullet.sensing import Rows, Sensors
-from agentflow.env.physics.readings import Readings, states_of
-from agentflow.env.physics.rows import WIDTH, Row, top_speeds
-from agentflow.env.physics.structure.layout import RowLayout, lay_out
-from agentflow.env.physics.structure.spanning_tree import Piece, Skeleton, skeleton
+from agentflow.env.physics.readings import Readings, joint_motion, relative_motion
+from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, top_speeds
+from agentflow.env.physics.structure.layout import lay_out
+from agentflow.env.physics.structure.spanning_tree import Piece, Skeleton
+from agentflow.env.physics.world import BaseWorld, Structure
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Scene
-from agentflow.env.tasks.base import Body
-from agentflow.machine.geometry.vectors import Quat, Vec3, rotate_vector, subtract
-
-Snapshot = tuple[Readings, list[Row]]
-"""Rows, and what reads them."""
+from agentflow.env.scene import Scene, Start, Thing
+from agentflow.machine.geometry.vectors import Vec3, add, rotate_vector
 
 
 @dataclass(frozen=True)
-class Structure:
+class Bodies(Structure):
     """The machine's bodies until the next split, and the objects that read and drive them."""
 
     built: tuple[Built, ...]
-    layout: RowLayout
-    readings: Readings
-    contacts: Contacts
     sensors: Sensors
-    forces: AppliedForces
-    motors: Motors
     rows: Rows
+    motors: Motors
 
 
-class PyBulletWorld:
+class PyBulletWorld(BaseWorld[Bodies]):
     """An `engine.World`; see there for its members."""
 
     def __init__(
@@ -72,43 +56,24 @@ class PyBulletWorld:
             physicsClientId=client,
         )
         pybullet.setGravity(0.0, 0.0, -physics["gravity"], physicsClientId=client)
-        self.client, self._physics = client, physics
-        self._assembly, self._scene, self._unloaded = assembly, scene, scene
-        self._rate, self._divisions = rate, 1
-        self._broken: frozenset[int] = frozenset()
-        self._levels: dict[Entry, float] = {"wind": 1.0}
-        """Of entries that were switched; the others are at 0, and only the wind is on at first."""
+        super().__init__(physics, assembly, scene, rate)
+        self.client = client
         self._builder = BodyBuilder(client, physics)
         self._ground = self._builder.ground(scene.friction)
         self.things = {thing.name: self._builder.thing(thing) for thing in scene.things}
         """Body number of each thing."""
-        self._balance = {thing.name: thing.balance for thing in scene.things}
         moving = {thing.name: self.things[thing.name] for thing in scene.moving}
         fixed = [uid for name, uid in self.things.items() if name not in moving]
         set_collisions_of_scene(client, (self._ground, *fixed), tuple(moving.values()))
         self.settle_rate = physics["settle_rate"]
-        self.reactions = np.zeros((len(assembly.joints), 6))
         self._couplings = Couplings(client)
-        self._winches = WinchForce(assembly.devices.winches, self._levels, 1.0 / rate)
-        self._wind = GustClock(scene, self._levels, 1.0 / rate)
-        self._grips = Grippers(client, assembly.devices.grippers, moving)
-        self._now = self._build_structure(skeleton(len(assembly.parts), assembly.joints), {})
-        place_at_start(client, self._now.built, scene.start)
+        self._grips: Grippers = Grippers(client, assembly.devices.grippers, moving)
+        self.now = self._build_structure(self._plan(), {})
+        _place_at_start(client, self.now.built, scene.start)
         self._read()
 
-    def switch(self, entry: Entry, level: float) -> None:
-        self._levels[entry] = float(level)
-        if entry in self._grips.entries:
-            self._grips.switch(entry, level > 0)
-        elif entry == "loads":
-            self._load(level)
-        else:
-            self._now.motors.set()
-
-    def step(self, divisions: int = 1) -> None:
-        if divisions != self._divisions:
-            self._set_length(divisions)
-        now = self._now
+    def _advance(self) -> None:
+        now = self.now
         now.forces()
         now.motors.set_for_step()
         pybullet.stepSimulation(self.client)
@@ -117,88 +82,33 @@ class PyBulletWorld:
 
     def split(self, broken: Sequence[int]) -> None:
         """Remove joints and rebuild the bodies that they were part of."""
-        self._broken |= set(broken)
-        plan = skeleton(len(self._assembly.parts), self._assembly.joints, self._broken)
-        old, lasting = self._now, set(plan.pieces)
+        plan = self._plan(broken)
+        old, lasting = self.now, set(plan.pieces)
         motions, parts = old.sensors.motions(), old.readings.parts(old.rows.table)
         for built in old.built:
             if built.piece not in lasting:
                 pybullet.removeBody(built.uid, physicsClientId=self.client)
         present = {built.piece: built for built in old.built if built.piece in lasting}
         self.reactions[:] = 0.0
-        self._now = self._build_structure(plan, present)
-        for built in self._now.built:
+        self.now = self._build_structure(plan, present)
+        for built in self.now.built:
             if built.piece not in present:
-                restore(self.client, built, self._assembly, parts, motions)
-        self._now.motors.set()
+                _restore(self.client, built, self._assembly, parts, motions)
+        self.now.motors.set()
         self._read()
-
-    # --- observation ------------------------------------------------------------------------
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:
         """Greatest linear and angular speed; unless thorough, as far as pieces' roots, things and
         joints show: of the two parts that a joint turns, one spins at half its speed or more."""
-        now = self._now
+        now = self.now
         if thorough:
             return top_speeds(now.rows.all)
         linear, angular = now.rows.head_speeds
         return linear, max(angular, 0.5 * now.sensors.spin)
 
-    def state(self) -> State:
-        return self._now.readings.state(self._now.rows.table)
-
-    def centres(self) -> Array:
-        return self._now.readings.centres(self._now.rows.table)
-
-    def snapshot(self) -> Snapshot:
-        return self._now.readings, self._now.rows.all
-
-    def states(self, snapshots: Sequence[Any]) -> State:
-        return states_of(snapshots)
-
-    def centre(self, body: Body) -> Vec3:
-        if isinstance(body, int):
-            return self._now.readings.centre(self._row(body), body)
-        place, turn = pybullet.getBasePositionAndOrientation(self.things[body], self.client)
-        return swap(subtract(place, rotate_vector(turn, swap(self._balance[body]))))
-
-    def rotation(self, body: Body) -> Quat:
-        if isinstance(body, int):
-            return self._now.readings.rotation(self._row(body), body)
-        uid = self.things[body]
-        return swap_quaternion(pybullet.getBasePositionAndOrientation(uid, self.client)[1])
-
-    def origin(self, block: int) -> Vec3:
-        return self._now.readings.origin(self._row(block), block)
-
-    def touching(self, body: Body) -> frozenset[Body]:
-        return self._now.contacts.touching(body)
-
-    def contacts(self) -> list[Touch]:
-        return self._now.contacts.all()
-
-    def power(self) -> Power:
-        devices = self._now.forces.power()
-        return devices._replace(motors=devices.motors + self._now.sensors.power())
-
-    def energies(self, snapshot: Any) -> Array:
-        readings, rows = snapshot
-        masses = [thing.mass for thing in self._scene.moving]
-        inertias = [
-            pybullet.getDynamicsInfo(self.things[thing.name], -1, self.client)[2]
-            for thing in self._scene.moving
-        ]
-        table = np.array(rows).reshape(-1, WIDTH)
-        gravity = self._physics["gravity"]
-        found: Array = readings.energies(table, masses, inertias, gravity)
-        return found
-
-    def momentum(self) -> Mapping[str, Array]:
-        return self._now.readings.momentum(self._now.rows.table)
-
     # --- internals --------------------------------------------------------------------------
 
-    def _build_structure(self, plan: Skeleton, present: Mapping[Piece, Built]) -> Structure:
+    def _build_structure(self, plan: Skeleton, present: Mapping[Piece, Built]) -> Bodies:
         """Build the missing bodies of `plan`, then everything that refers to bodies."""
         client, assembly = self.client, self._assembly
         built = tuple(
@@ -208,9 +118,7 @@ class PyBulletWorld:
         handles = {part: (body.uid, index) for body in built for part, index in body.index.items()}
         layout = lay_out(assembly, plan, self._scene.moving)
         rows = Rows(client, layout, built, self.things)
-        laws = device_laws(assembly, layout.locations, self._levels, self._winches)
-        drag = self._physics["wind_drag"]
-        laws += wind_laws(assembly, layout, self._scene, drag, self._wind)
+        laws = self._laws(layout)
         set_collisions_of_clusters(client, plan, handles)
         self._couplings.renew(assembly, plan, built, handles)
         series = longest_series(assembly, plan)
@@ -218,49 +126,87 @@ class PyBulletWorld:
             numNonContactInnerIterations=inner_iterations(series, plan), physicsClientId=client
         )
         self._grips.bind(handles)
-        return Structure(
-            built,
+        return Bodies(
             layout,
+            built=built,
             readings=Readings(assembly, layout),
             contacts=Contacts(client, assembly, handles, self._ground, self.things),
             sensors=Sensors(client, built, assembly.joints),
             forces=AppliedForces(
                 client, assembly, plan, built, handles, layout, rows, self.things, laws
             ),
+            # The longest series is 1 if no motor passes torque on to another one. Where one does,
+            # the solver converges slowly, and an arm would creep unless motors hold their angle.
             motors=Motors(client, self._levels, built, assembly.joints, self._interval, series > 1),
             rows=rows,
         )
 
-    def _load(self, share: float) -> None:
-        """Put a share of their loads on the things; PyBullet adapts their inertia."""
-        self._scene = self._unloaded.loaded(share)
+    def _read(self) -> None:
+        """Read the rows of the heads and the reactions of all joints."""
+        self.now.rows.read()
+        self.now.sensors.read(self.reactions)
+
+    def _weigh_things(self) -> None:
+        """PyBullet adapts their inertia."""
         for thing in self._scene.moving:
             if thing.load:
                 uid = self.things[thing.name]
                 pybullet.changeDynamics(uid, -1, mass=thing.mass, physicsClientId=self.client)
 
-    def _read(self) -> None:
-        """Read the rows of the heads and the reactions of all joints."""
-        self._now.rows.read()
-        self._now.sensors.read(self.reactions)
+    def _inertia(self, thing: Thing) -> Vec3:
+        x, y, z = pybullet.getDynamicsInfo(self.things[thing.name], -1, self.client)[2]
+        return x, y, z
 
-    def _row(self, block: int) -> Row:
-        return self._now.rows[self._now.readings.row_of[block]]
-
-    def _set_length(self, divisions: int) -> None:
-        """Take steps of 1 / (rate * divisions) seconds from now on.
-
-        Bullet stores the limits of motors and grips as impulses per step.
-        """
-        self._divisions = divisions
+    def _change_interval(self) -> None:
+        """Bullet stores the limits of motors and grips as impulses per step."""
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=self._interval, physicsClientId=self.client
         )
-        self._winches.step = self._wind.step = self._now.motors.step = self._interval
-        self._now.motors.set()
+        self.now.motors.set()
         self._grips.tighten()
 
-    @property
-    def _interval(self) -> float:
-        """Length of a step, s."""
-        return 1.0 / (self._rate * self._divisions)
+    def _motor_power(self) -> float:
+        return self.now.sensors.power()
+
+
+def _place_at_start(client: int, built: Sequence[Built], start: Start) -> None:
+    """Move newly built bodies from the ground to the start of the scene."""
+    if start == Start():
+        return
+    rotation = start.rotation
+    for uid in (body.uid for body in built):
+        position, _ = pybullet.getBasePositionAndOrientation(uid, client)
+        place = add(rotate_vector(rotation, swap(position)), (0.0, start.height, 0.0))
+        pybullet.resetBasePositionAndOrientation(
+            uid, swap(place), swap_quaternion(rotation), client
+        )
+
+
+def _restore(
+    client: int,
+    built: Built,
+    assembly: Assembly,
+    rows: Array,
+    motions: Mapping[int, tuple[float, float]],
+) -> None:
+    """Give a rebuilt body the positions and velocities of its parts, whose `rows` are (P, 13).
+
+    `motions` are position and velocity of the joints that were in trees or parallel to those, by
+    joint.
+    """
+    uid, root = built.uid, rows[built.piece.root]
+    pybullet.resetBasePositionAndOrientation(
+        uid, root[POSITION].tolist(), root[ROTATION].tolist(), client
+    )
+    pybullet.resetBaseVelocity(uid, root[VELOCITY].tolist(), root[SPIN].tolist(), client)
+    for link, index in built.joints:
+        joint = assembly.joints[link.joint]
+        if link.rigid:
+            continue
+        if joint.kind == "spherical":
+            rotation, spin = relative_motion(rows[link.parent], rows[link.part])
+            pybullet.resetJointStateMultiDof(uid, index, rotation, spin, physicsClientId=client)
+        elif joint.kind != "fixed":
+            known = motions.get(link.joint)
+            position, velocity = known or joint_motion(joint, assembly.parts, rows)
+            pybullet.resetJointState(uid, index, position, velocity, physicsClientId=client)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from agentflow.env.physics.laws.forces import Entry
-from agentflow.env.physics.model import Joint
-from agentflow.env.physics.structure.spanning_tree import Parallel
+from agentflow.env.physics.model import Assembly, CogMesh, Joint
+from agentflow.env.physics.structure.spanning_tree import Link, Skeleton
+
+HOLD = 6.0
+"""1/s: how fast motors that hold an angle come back to it. Those that only aimed at speed 0 would
+creep under load: PyBullet's solver leaves a little speed in every step, and MuJoCo's constraints
+give way a little."""
+STILL = 0.05
+"""rad/s: motors that turn faster, as they brake or are overcome, hold no angle yet."""
 
 
 class Motor(NamedTuple):
@@ -33,6 +40,10 @@ class Command(NamedTuple):
     """Constant torque besides, N m."""
 
 
+Carrier = tuple[int, float]
+"""A joint of a tree that moves another joint, and the sign of that one's position over its own."""
+
+
 @dataclass(frozen=True)
 class JointDrive:
     """Motors, spring-damper and stops that act on one joint."""
@@ -44,6 +55,11 @@ class JointDrive:
     """N s/m, of a prismatic joint."""
     stops: tuple[float, float] | None
     """Lowest and highest joint position."""
+
+    @property
+    def turns(self) -> bool:
+        """Whether a motor turns it once it is switched on."""
+        return any(motor.speed for motor in self.motors)
 
     @property
     def mixed(self) -> bool:
@@ -78,10 +94,9 @@ class JointDrive:
         return Command(target, limit, push(target, beside))
 
 
-def merge_drives(joints: Sequence[Joint], joint: int, parallel: Sequence[Parallel]) -> JointDrive:
-    """The drive of a joint and of those parallel to it."""
-    members = [(joints[joint].drive, 1.0)]
-    members += [(joints[other.joint].drive, other.sign) for other in parallel]
+def merge_drives(joints: Sequence[Joint], link: Link) -> JointDrive:
+    """The drive of a link's joint and of those parallel to it."""
+    members = [(joints[i].drive, sign) for i, sign in link.joints]
     motors = [
         Motor(sign * drive.speed, drive.torque, drive.starts)
         if drive.torque
@@ -100,3 +115,45 @@ def merge_drives(joints: Sequence[Joint], joint: int, parallel: Sequence[Paralle
         sum(drive.damping for drive, _ in members),
         (max(low for low, _ in stops), min(high for _, high in stops)) if stops else None,
     )
+
+
+def has_motor(joints: Sequence[Joint], link: Link) -> bool:
+    """Whether a motor drives a link's joint or one parallel to it."""
+    return any(joints[i].drive.torque for i, _ in link.joints)
+
+
+def idle(levels: Mapping[Entry, float]) -> bool:
+    """Whether no device is on: only the wind may be."""
+    return not any(level for entry, level in levels.items() if entry != "wind")
+
+
+def joint_motions(
+    states: Iterable[tuple[Link, tuple[float, float]]],
+) -> dict[int, tuple[float, float]]:
+    """Position and velocity of joints and of those parallel to them.
+
+    Args:
+        states: Links, and position and velocity of the joint of each.
+    """
+    return {
+        joint: (sign * position, sign * velocity)
+        for link, (position, velocity) in states
+        for joint, sign in link.joints
+    }
+
+
+def meshing_cogs(
+    assembly: Assembly, plan: Skeleton, links: Iterable[Link]
+) -> Iterator[tuple[CogMesh, Carrier, Carrier]]:
+    """Cogs that mesh, with the joint that moves each; both sit on one cluster.
+
+    Args:
+        assembly: The machine.
+        plan: Its spanning trees.
+        links: Those whose joints move cogs.
+    """
+    carried = {joint: (link.joint, sign) for link in links for joint, sign in link.joints}
+    for mesh in assembly.devices.cog_meshes:
+        seats = {plan.cluster[assembly.joints[i].a] for i in (mesh.a, mesh.b)}
+        if mesh.a in carried and mesh.b in carried and len(seats) == 1:
+            yield mesh, carried[mesh.a], carried[mesh.b]

@@ -11,8 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from agentflow.env.physics.model import Joint
-from agentflow.machine.geometry.mobility import lock, parallel_joints
-from agentflow.machine.geometry.sets import Sets
+from agentflow.machine.geometry.mobility import Sets, lock, parallel_joints
 from agentflow.machine.geometry.vectors import dot
 
 
@@ -40,6 +39,11 @@ class Link:
     """Joints parallel to that joint."""
     rigid: bool = False
     """Whether that joint cannot move, although it is of a moving kind."""
+
+    @property
+    def joints(self) -> tuple[tuple[int, float], ...]:
+        """That joint and those parallel to it, with the signs of their positions over its own."""
+        return (self.joint, 1.0), *((other.joint, other.sign) for other in self.parallel)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import block_name, number, rounded, series, thing_name
 from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
-from agentflow.env.scene import Scene, Start, Thing
-from agentflow.env.tasks.base import ROUNDING, Body, Parameters, Schedule, WorldView
+from agentflow.env.scene import Body, Scene, Start, Thing, blocks_among, things_among
+from agentflow.env.tasks.base import ROUNDING, Parameters, Schedule, WorldView
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
 from agentflow.env.tasks.family import ANY_START, CommonKnobs, Family, joint_sentences, wall
 from agentflow.env.tasks.features.resting import highest_point_under, lowest_place
@@ -109,8 +109,8 @@ class Bridge(Family):
         knobs = self.parameters
         gap, load = knobs.gap, knobs.load
         x, y, z = SIZE
-        return Brief(
-            name=self.name,
+        brief = self.describe(
+            BLOCKS,
             objective="Build a bridge over the gap that carries as much load as possible.",
             scene=(
                 f"A gap lies across z from z = -{gap.length / 2:g} to z = {gap.length / 2:g} m, "
@@ -149,10 +149,8 @@ class Bridge(Family):
                 f"The run is a success if the machine carries the growing load for {HOLD:g} s, up "
                 f"to {load.most * min(1.0, HOLD / load.until):.0f} kg.",
             ),
-            blocks=self.allow(BLOCKS),
-            limits=self.limits,
-            greatest=load.most if self.window >= load.until else None,
         )
+        return replace(brief, greatest=load.most if self.window >= load.until else None)
 
     def scene(self, machine: Machine | None = None) -> Scene:
         """Both banks, the cargo on the machine if there is one, and wind."""
@@ -194,7 +192,7 @@ class BridgeReferee:
     def start(self, world: WorldView) -> None:
         """Check that the cargo rests on the machine."""
         self._height = world.centre(CARGO)[1]
-        blocks = sorted(body for body in world.touching(CARGO) if isinstance(body, int))
+        blocks = blocks_among(world.touching(CARGO))
         high = [block for block in blocks if world.centre(block)[1] > self._height]
         if high:
             held = block_name(self._machine, high[0])
@@ -224,10 +222,10 @@ class BridgeReferee:
             return f"the cargo's centre sank below y = {self._lowest:g} m"
         if abs(z) > ASIDE:
             return f"the cargo moved more than {ASIDE:g} m from the middle of the gap"
-        touched = sorted(body for body in world.touching(CARGO) if isinstance(body, str))
+        touched = things_among(world.touching(CARGO))
         if touched:
             return f"the cargo touched {_place_name(touched[0])}"
-        fallen = sorted(body for body in world.touching("ground") if isinstance(body, int))
+        fallen = blocks_among(world.touching("ground"))
         return (
             f"{block_name(self._machine, fallen[0])} touched {_place_name('ground')}"
             if fallen

@@ -12,18 +12,10 @@ import numpy as np
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import landing_text, number, sample_indices, series, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, Thing, blocks_among, things_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
-from agentflow.env.tasks.features.obstacles import (
-    Beam,
-    Cone,
-    Ramp,
-    beam_sentences,
-    beam_things,
-    ramp_sentences,
-    ramp_things,
-)
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
+from agentflow.env.tasks.features.obstacles import Beam, Cone, Ramp
 from agentflow.env.tasks.features.roads import (
     CentreLine,
     Curve,
@@ -34,9 +26,9 @@ from agentflow.env.tasks.features.roads import (
     rounded,
     scoring_direction,
 )
-from agentflow.env.tasks.features.terrain import Roughness, slabs, terrain_sentences
+from agentflow.env.tasks.features.terrain import Roughness
 from agentflow.env.tasks.knobs import knob
-from agentflow.machine.brief import SIZE_LIMIT, Brief
+from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
 from agentflow.machine.tree import Machine
 
 BLOCKS = (0, 1, 2, 9, 15, 16, 22, 27, 35, 41, 63)
@@ -91,14 +83,23 @@ class Delivery(Family):
 
     family: ClassVar[str] = "delivery"
     knobs: ClassVar[type[CommonKnobs]] = DeliveryKnobs
+    drives: ClassVar[bool] = True
+    ranked: ClassVar[bool] = True
     parameters: DeliveryKnobs
+
+    @property
+    def limits(self) -> Limits:
+        """Shorter machines where one would start inside the beam."""
+        (x, y, z), beam = SIZE_LIMIT, self.parameters.beam
+        free = 2 * beam.at - beam.thickness if beam.clearance else z
+        return replace(super().limits, size=(x, y, min(z, free)))
 
     @property
     def brief(self) -> Brief:
         knobs, way = self.parameters, scoring_direction(self.parameters.curve)
         cargo, (x, z) = knobs.cargo, self._cargo_place
-        return Brief(
-            name=self.name,
+        return self.describe(
+            BLOCKS,
             objective=f"Build a machine that moves the cargo as far as possible {way}.",
             scene=(
                 *GROUND,
@@ -106,30 +107,19 @@ class Delivery(Family):
                 f"The cargo is a ball of diameter {cargo.diameter:g} m and mass {cargo.mass:g} kg; "
                 f"it lies on the road, free to roll, with its centre at x = {rounded(x)}, y = "
                 f"{cargo.diameter / 2:g}, z = {rounded(z)} m.",
-                *beam_sentences(knobs.beam),
-                *ramp_sentences(knobs.ramp),
+                *knobs.beam.sentences(),
+                *knobs.ramp.sentences(),
                 *self._cone_sentences(),
-                *terrain_sentences(knobs.terrain),
+                *knobs.terrain.sentences(),
                 *knobs.wind.sentences(),
             ),
-            schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
             score=(
                 f"Score: the greatest distance in metres of the cargo's centre {way} from its "
                 f"position at t = 0, within {self.window:g} s.",
                 "The machine may push, pull, carry or throw it. Only the distance from the first "
                 "touch after t = 0 counts; a cargo that the machine never touches scores 0.",
             ),
-            blocks=self.allow(BLOCKS),
-            limits=replace(self.limits, size=self._size_limit),
         )
-
-    @property
-    def _size_limit(self) -> tuple[float, float, float]:
-        """The building volume, shortened so that no machine starts inside the beam."""
-        x, y, z = SIZE_LIMIT
-        beam = self.parameters.beam
-        free = 2 * beam.at - beam.thickness if beam.clearance else z
-        return x, y, min(z, free)
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, obstacles, cargo and wind."""
@@ -137,9 +127,9 @@ class Delivery(Family):
         mass, wide, (x, z) = knobs.cargo.mass, knobs.cargo.diameter, self._cargo_place
         things = (
             *road_walls(knobs.road, knobs.curve),
-            *slabs(knobs.terrain, width, 0),
-            *beam_things(knobs.beam, width),
-            *ramp_things(knobs.ramp, width),
+            *knobs.terrain.things(width, 0),
+            *knobs.beam.things(width),
+            *knobs.ramp.things(width),
             *self._cone(),
             Thing(CARGO, "sphere", (wide,) * 3, (x, wide / 2, z), mass=mass, color=COLOR),
         )
@@ -229,9 +219,9 @@ class DeliveryReferee:
         self._here = self._line.distance_along(x, z, self._here)
         self._height = max(self._height, y)
         touching = world.touching(CARGO)
-        self._note_landing(world.time, any(isinstance(body, str) for body in touching))
+        self._note_landing(world.time, bool(things_among(touching)))
         if self._touched is None:
-            if not any(isinstance(body, int) for body in touching):
+            if not blocks_among(touching):
                 return
             self._touched, self._first = world.time, self._here
         self._reach = max(self._reach, hypot(x - self._origin[0], z - self._origin[1]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import dist, hypot, pi
 from typing import ClassVar, Literal
 
@@ -17,7 +17,7 @@ from agentflow.env.feedback.text import number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Gust, Scene
 from agentflow.env.tasks.base import Parameters, WorldView
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
 from agentflow.env.tasks.features.platforms import Platform
 from agentflow.env.tasks.features.rings import CLOSE, EACH, THICK, Ring, RingProgress, ring_things
 from agentflow.env.tasks.knobs import knob
@@ -88,9 +88,8 @@ class Flying(Family):
     @property
     def brief(self) -> Brief:
         knobs = self.parameters
-        blocks = self.allow(tuple(sorted((*BLOCKS, FLYING_BLOCK))) if self.marks else BLOCKS)
-        return Brief(
-            name=self.name,
+        brief = self.describe(
+            (*BLOCKS, FLYING_BLOCK) if self.marks else BLOCKS,
             objective="Build a machine that flies through the hoops ahead, one after the other."
             if self.marks
             else "Build a machine that flies as high as possible.",
@@ -101,7 +100,6 @@ class Flying(Family):
                 *knobs.wind.sentences(),
                 *_gust_sentences(knobs),
             ),
-            schedule=schedule_sentences(self.schedule, self.window, blocks),
             score=(
                 f"Score: {EACH:g} for every hoop that the Starting Block's centre passes in order, "
                 f"within {self.window:g} s, plus {CLOSE:g} minus its closest distance in metres to "
@@ -114,10 +112,8 @@ class Flying(Family):
                 f"position at t = 0, within {self.window:g} s.",
                 "Sideways motion and motion before t = 0 do not count.",
             ),
-            blocks=blocks,
-            limits=self.limits,
-            greatest=EACH * len(self.marks) or None,
         )
+        return replace(brief, greatest=EACH * len(self.marks) or None)
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Platform, hoops and wind."""

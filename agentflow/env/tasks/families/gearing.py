@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from pydantic import Field, model_validator
@@ -109,6 +109,7 @@ class Gearing(Family):
 
     family: ClassVar[str] = "gearing"
     knobs: ClassVar[type[CommonKnobs]] = GearingKnobs
+    stays: ClassVar[bool] = True
     parameters: GearingKnobs
 
     @property
@@ -127,8 +128,8 @@ class Gearing(Family):
     @property
     def brief(self) -> Brief:
         knobs = self.parameters
-        return Brief(
-            name=self.name,
+        brief = self.describe(
+            BLOCKS,
             objective="Place cogs on the given plate so that the source drives every target.",
             scene=(
                 *_plate_sentences(knobs.base),
@@ -147,11 +148,8 @@ class Gearing(Family):
                 f"interruption within {self.window:g} s; else 0.",
                 "Speeds are measured relative to the plate, every 0.1 s.",
             ),
-            blocks=self.allow(BLOCKS),
-            limits=self.limits,
-            given=self.given,
-            greatest=1.0,
         )
+        return replace(brief, given=self.given, greatest=1.0)
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002 - always the same
         """Flat ground and wind."""

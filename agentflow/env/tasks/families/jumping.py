@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -13,13 +13,12 @@ from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.release import describe_release
 from agentflow.env.feedback.text import block_name, number, series, thing_name
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
-from agentflow.env.scene import Scene, Start
+from agentflow.env.scene import Scene, Start, blocks_among
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
 from agentflow.env.tasks.family import (
     GROUND,
     CommonKnobs,
     TrialFamily,
-    schedule_sentences,
     vary,
 )
 from agentflow.env.tasks.features.barriers import Slope, Trench, Walls
@@ -113,8 +112,8 @@ class Jumping(TrialFamily):
             if knobs.walls.count == 1
             else ("the walls are", "their height", "a wall")
         )
-        return Brief(
-            name=self.name,
+        brief = self.describe(
+            BLOCKS,
             objective="Build a machine that jumps over the obstacle ahead along z+ and lands "
             "beyond it.",
             scene=(
@@ -129,7 +128,6 @@ class Jumping(TrialFamily):
                 "the left or right.",
                 *_yaw_sentences(knobs.yaw),
             ),
-            schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
             score=(
                 f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
                 "each.",
@@ -140,10 +138,8 @@ class Jumping(TrialFamily):
                 "At t = 0 every block must be on the near side of the first obstacle; crossing it "
                 "before t = 0 fails the trial.",
             ),
-            blocks=self.allow(BLOCKS),
-            limits=self.limits,
-            greatest=float(self.count),
         )
+        return replace(brief, greatest=float(self.count))
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, or a trench between raised banks; slope and wind."""
@@ -200,10 +196,9 @@ class JumpReferee:
         if self._touch is not None:
             return
         for name in self._obstacle.watched:
-            blocks = [body for body in world.touching(name) if isinstance(body, int)]
+            blocks = blocks_among(world.touching(name))
             if blocks:
-                block = min(blocks)
-                self._touch = (world.time, block, name, self._missed_by(world, block))
+                self._touch = world.time, blocks[0], name, self._missed_by(world, blocks[0])
                 return
 
     def _missed_by(self, world: WorldView, block: int) -> float:

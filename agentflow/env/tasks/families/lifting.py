@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -12,13 +12,12 @@ from pydantic import Field, model_validator
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, Thing, blocks_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
 from agentflow.env.tasks.family import (
     GROUND,
     CommonKnobs,
     TrialFamily,
-    schedule_sentences,
     vary,
 )
 from agentflow.env.tasks.features.resting import highest_point_under
@@ -98,6 +97,7 @@ class Lifting(TrialFamily):
 
     family: ClassVar[str] = "lifting"
     knobs: ClassVar[type[CommonKnobs]] = LiftingKnobs
+    ranked: ClassVar[bool] = True
     parameters: LiftingKnobs
 
     def vary_knobs(self, rng: random.Random) -> LiftingKnobs:
@@ -115,8 +115,8 @@ class Lifting(TrialFamily):
     @property
     def brief(self) -> Brief:
         by = self.parameters.variation
-        return Brief(
-            name=self.name,
+        brief = self.describe(
+            BLOCKS,
             objective="Build a machine that lifts the object placed on it and keeps it up.",
             scene=(
                 *GROUND,
@@ -126,7 +126,6 @@ class Lifting(TrialFamily):
                 f"{by.mass:.0%}, its friction by up to {by.friction:.0%}, and its position by up "
                 f"to {by.offset:g} m along x and z.",
             ),
-            schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
             score=(
                 f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
                 "each.",
@@ -134,10 +133,8 @@ class Lifting(TrialFamily):
                 f"height at t = 0 for {HOLD:g} s without interruption and is that high at the "
                 f"end; it must have touched the machine within the last {LOOSE:g} s.",
             ),
-            blocks=self.allow(BLOCKS),
-            limits=self.limits,
-            greatest=float(self.count),
         )
+        return replace(brief, greatest=float(self.count))
 
     def scene(self, machine: Machine | None = None) -> Scene:
         """The object, on top of the machine if there is one, and wind."""
@@ -193,7 +190,7 @@ class LiftReferee:
     def watch(self, world: WorldView) -> None:
         """Update the greatest rise, the longest time up and the last contact."""
         self._now = world.time
-        if any(isinstance(body, int) for body in world.touching(OBJECT)):
+        if blocks_among(world.touching(OBJECT)):
             self._touched = world.time
         self._rise = world.centre(OBJECT)[1] - self._settled
         if self._rise > self._best:

@@ -13,9 +13,9 @@ from agentflow.env.feedback.text import series
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import Parameters, WorldView
-from agentflow.env.tasks.descriptors import Descriptor, count_driven_wheels, wheelbase
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
-from agentflow.env.tasks.features.obstacles import Ramp, bump, ramp_sentences, ramp_things
+from agentflow.env.tasks.descriptors import ON_WHEELS, Descriptor
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
+from agentflow.env.tasks.features.obstacles import Ramp, bump
 from agentflow.env.tasks.features.roads import (
     CentreLine,
     Curve,
@@ -25,18 +25,10 @@ from agentflow.env.tasks.features.roads import (
     road_walls,
     scoring_direction,
 )
-from agentflow.env.tasks.features.terrain import (
-    Roughness,
-    Stones,
-    slabs,
-    stone_sentences,
-    stones,
-    terrain_sentences,
-)
+from agentflow.env.tasks.features.terrain import Roughness, Stones
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
-from agentflow.search.elites.axes import Axis
 
 ROOT_BLOCK = 0
 BLOCKS = (0, 1, 2, 9, 15, 16, 22, 35, 41, 63)
@@ -72,36 +64,33 @@ class Movement(Family):
 
     family: ClassVar[str] = "movement"
     knobs: ClassVar[type[CommonKnobs]] = MovementKnobs
-    descriptors: ClassVar[tuple[Descriptor, ...]] = (
-        Descriptor(Axis("number of powered wheels", "", -0.5, 11.5, 12), count_driven_wheels),
-        Descriptor(Axis("wheelbase", "m", 0.0, 16.0, 8), wheelbase),
-    )
+    drives: ClassVar[bool] = True
+    performance: ClassVar[str] = "distance"
+    ranked: ClassVar[bool] = True
+    diagnosed: ClassVar[bool] = True
+    descriptors: ClassVar[tuple[Descriptor, ...]] = ON_WHEELS
     parameters: MovementKnobs
 
     @property
     def brief(self) -> Brief:
         knobs, way = self.parameters, scoring_direction(self.parameters.curve)
-        blocks = self.allow(BLOCKS + CURVE_BLOCKS if knobs.curve.angle else BLOCKS)
-        return Brief(
-            name=self.name,
+        return self.describe(
+            BLOCKS + CURVE_BLOCKS if knobs.curve.angle else BLOCKS,
             objective=f"Build a machine that drives its Starting Block as far as possible {way}.",
             scene=(
                 *GROUND,
                 *road_sentences(knobs.road, knobs.curve),
                 *_bump_sentences(knobs.bump),
-                *ramp_sentences(knobs.ramp),
-                *terrain_sentences(knobs.roughness),
-                *stone_sentences(knobs.obstacles),
+                *knobs.ramp.sentences(),
+                *knobs.roughness.sentences(),
+                *knobs.obstacles.sentences(),
                 *knobs.wind.sentences(),
             ),
-            schedule=schedule_sentences(self.schedule, self.window, blocks),
             score=(
                 f"Score: the greatest distance in metres of the Starting Block's centre {way} "
                 f"from its position at t = 0, within {self.window:g} s.",
                 "Sideways, backward and upward motion, and motion before t = 0, do not count.",
             ),
-            blocks=tuple(sorted(blocks)),
-            limits=self.limits,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
@@ -110,9 +99,9 @@ class Movement(Family):
         things = (
             *road_walls(knobs.road, knobs.curve),
             *_bumps(knobs.bump, width),
-            *ramp_things(knobs.ramp, width),
-            *slabs(knobs.roughness, width, knobs.obstacles.seed),
-            *stones(knobs.obstacles, width),
+            *knobs.ramp.things(width),
+            *knobs.roughness.things(width, knobs.obstacles.seed),
+            *knobs.obstacles.things(width),
         )
         return Scene(things, knobs.wind.velocity)
 

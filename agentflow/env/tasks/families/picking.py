@@ -104,8 +104,8 @@ class Picking(Family):
     @property
     def brief(self) -> Brief:
         knobs, (x, _, z) = self.parameters, self.parameters.ball
-        return Brief(
-            name=self.name,
+        return self.describe(
+            BLOCKS,
             objective="Build a machine that lifts the ball out of the pit and carries it away.",
             scene=(
                 *_pit_sentences(knobs.pit),
@@ -121,8 +121,6 @@ class Picking(Family):
                 "The run is a success if the ball ends outside the pit: above ground level and not "
                 "over the opening.",
             ),
-            blocks=self.allow(BLOCKS),
-            limits=self.limits,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002 - always the same

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot
 from typing import ClassVar, Literal
 
@@ -14,7 +14,7 @@ from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.flight import flight_lines
 from agentflow.env.feedback.text import number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
-from agentflow.env.scene import Scene
+from agentflow.env.scene import Scene, blocks_among
 from agentflow.env.tasks.base import ROUNDING, WorldView
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
 from agentflow.env.tasks.family import (
@@ -22,7 +22,6 @@ from agentflow.env.tasks.family import (
     GROUND,
     CommonKnobs,
     Family,
-    schedule_sentences,
 )
 from agentflow.env.tasks.features.cannons import CannonWatch
 from agentflow.env.tasks.knobs import knob
@@ -75,8 +74,8 @@ class Rocket(Family):
     def brief(self) -> Brief:
         knobs = self.parameters
         count = knobs.engines
-        return Brief(
-            name=self.name,
+        brief = self.describe(
+            BLOCKS,
             objective=_OBJECTIVES[knobs.aim],
             scene=(
                 *GROUND,
@@ -86,12 +85,9 @@ class Rocket(Family):
                 "nothing.",
                 *knobs.wind.sentences(),
             ),
-            schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
             score=tuple(_score_sentences(knobs, self.window)),
-            blocks=self.allow(BLOCKS),
-            required={TORCH: count, WATER_CANNON: count} if count else {},
-            limits=self.limits,
         )
+        return replace(brief, required={TORCH: count, WATER_CANNON: count} if count else {})
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Flat ground and wind."""
@@ -148,7 +144,7 @@ class RocketReferee:
         """Update thrust, height, landing and what the cannons did."""
         self._cannons.watch(world)
         place = self._last = world.centre(0)
-        touching = any(isinstance(body, int) for body in world.touching("ground"))
+        touching = bool(blocks_among(world.touching("ground")))
         self._measure_thrust(world, touching)
         self._watch_height(world.time, place)
         time, before = self._before

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, ClassVar, Literal
 
@@ -16,7 +16,7 @@ from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.descriptors import Descriptor, release_height, share_of
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
 from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_sentences, arena_things
 from agentflow.env.tasks.features.flights import RL_HEIGHT, RULES, Flight
 from agentflow.env.tasks.features.platforms import Platform
@@ -90,6 +90,9 @@ class Throwing(Family):
 
     family: ClassVar[str] = "throwing"
     knobs: ClassVar[type[CommonKnobs]] = ThrowingKnobs
+    performance: ClassVar[str] = "rl"
+    ranked: ClassVar[bool] = True
+    diagnosed: ClassVar[bool] = True
     descriptors: ClassVar[tuple[Descriptor, ...]] = (
         # falling weight does the rest of the work, so most cells of high shares of both stay empty
         Descriptor(Axis("share of the work done by springs", "", 0.0, 1.0, 4), share_of("springs")),
@@ -102,8 +105,8 @@ class Throwing(Family):
     def brief(self) -> Brief:
         knobs = self.parameters
         several = f"There are {knobs.reload} boulders; the score is the mean of their scores."
-        return Brief(
-            name=self.name,
+        brief = self.describe(
+            BLOCKS,
             objective=_objective(knobs),
             scene=(
                 *GROUND,
@@ -112,17 +115,13 @@ class Throwing(Family):
                 *_ring_sentences(knobs.ring),
                 *knobs.wind.sentences(),
             ),
-            schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
             score=(
                 *_SCORES[knobs.score](knobs, self.window),
                 *([several] if knobs.reload > 1 else []),
                 *RULES,
             ),
-            blocks=self.allow(BLOCKS),
-            limits=self.limits,
-            required={BOULDER: knobs.reload},
-            greatest=_greatest(knobs),
         )
+        return replace(brief, required={BOULDER: knobs.reload}, greatest=_greatest(knobs))
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Arena, platform, rings and wind."""

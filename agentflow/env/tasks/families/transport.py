@@ -12,16 +12,15 @@ from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.steering import steering_angles
 from agentflow.env.feedback.text import number, series, term_number, thing_name
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
-from agentflow.env.scene import Scene, Thing
-from agentflow.env.tasks.base import Body, Parameters, WorldView
-from agentflow.env.tasks.descriptors import Descriptor, count_driven_wheels, wheelbase
+from agentflow.env.scene import Body, Scene, Thing, things_among
+from agentflow.env.tasks.base import Parameters, WorldView
+from agentflow.env.tasks.descriptors import ON_WHEELS, Descriptor
 from agentflow.env.tasks.family import (
     ANY_START,
     GROUND,
     CommonKnobs,
     Family,
     joint_sentences,
-    schedule_sentences,
     wall,
 )
 from agentflow.env.tasks.features.journey import (
@@ -32,11 +31,10 @@ from agentflow.env.tasks.features.journey import (
     target_sentence,
 )
 from agentflow.env.tasks.features.resting import highest_point_under
-from agentflow.env.tasks.features.terrain import Roughness, slabs, terrain_sentences
+from agentflow.env.tasks.features.terrain import Roughness
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
 from agentflow.machine.tree import Machine
-from agentflow.search.elites.axes import Axis
 
 BLOCKS = (0, 1, 2, 5, 7, 13, 15, 16, 22, 28, 35, 40, 46, 50, 63)
 CARGO, ROOT_BLOCK = "cargo", 0
@@ -97,10 +95,7 @@ class Transport(Family):
 
     family: ClassVar[str] = "transport"
     knobs: ClassVar[type[CommonKnobs]] = TransportKnobs
-    descriptors: ClassVar[tuple[Descriptor, ...]] = (
-        Descriptor(Axis("number of powered wheels", "", -0.5, 11.5, 12), count_driven_wheels),
-        Descriptor(Axis("wheelbase", "m", 0.0, 16.0, 8), wheelbase),
-    )
+    descriptors: ClassVar[tuple[Descriptor, ...]] = ON_WHEELS
     parameters: TransportKnobs
 
     @property
@@ -116,8 +111,8 @@ class Transport(Family):
     @property
     def brief(self) -> Brief:
         knobs = self.parameters
-        return Brief(
-            name=self.name,
+        brief = self.describe(
+            BLOCKS,
             objective=_objective(knobs),
             scene=(
                 *GROUND,
@@ -127,15 +122,12 @@ class Transport(Family):
                 *_cargo_sentences(knobs.cargo),
                 target_sentence(knobs.target, _moved(knobs)),
                 *_wall_sentences(knobs.wall),
-                *terrain_sentences(knobs.ground),
+                *knobs.ground.sentences(),
                 *knobs.wind.sentences(),
             ),
-            schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
             score=tuple(_score_sentences(knobs)),
-            blocks=self.allow(BLOCKS),
-            limits=self.limits,
-            greatest=2 * POINTS,
         )
+        return replace(brief, greatest=2 * POINTS)
 
     def scene(self, machine: Machine | None = None) -> Scene:
         """Cargo, above the machine if there is one, wall, uneven ground, target and wind."""
@@ -143,7 +135,7 @@ class Transport(Family):
         things = (
             *_cargo_things(knobs.cargo, machine),
             *_wall_things(knobs.wall),
-            *slabs(knobs.ground, WIDE, 0),
+            *knobs.ground.things(WIDE, 0),
             target_mark(knobs.target),
         )
         return Scene(things, knobs.wind.velocity)
@@ -192,7 +184,7 @@ class TransportReferee:
     def _carried(self, world: WorldView) -> bool:
         """Whether the cargo is on the machine; notes what else it touches."""
         touching = world.touching(CARGO)
-        others = sorted(body for body in touching if isinstance(body, str))
+        others = things_among(touching)
         if others:
             self._lost = world.time, others[0]
         return bool(touching) and not others

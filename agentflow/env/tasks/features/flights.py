@@ -8,7 +8,8 @@ from math import hypot
 
 from agentflow.env.feedback.text import block_name, number, thing_name
 from agentflow.env.rollout import Moment, RolloutEvent
-from agentflow.env.tasks.base import ROUNDING, Body, WorldView
+from agentflow.env.scene import Body, blocks_among, things_among
+from agentflow.env.tasks.base import ROUNDING, WorldView
 from agentflow.env.tasks.features.rings import Ring, RingProgress
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import Machine
@@ -129,10 +130,10 @@ class Flight:
             self.progress.move_to(position)
 
     def _handle_contact(self, world: WorldView, touching: frozenset[Body]) -> None:
-        blocks = [body for body in touching if isinstance(body, int)]
-        scene = sorted(body for body in touching if isinstance(body, str))
+        blocks = blocks_among(touching)
+        scene = things_among(touching)
         if blocks:
-            self._holder, self._left, self._clean = min(blocks), world.time, not scene
+            self._holder, self._left, self._clean = blocks[0], world.time, not scene
             self._from = (world.centre(self.boulder)[2], world.centre(0)[2])
         elif self._flies(world):
             self._land(world, scene[0])

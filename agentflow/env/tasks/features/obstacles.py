@@ -23,6 +23,24 @@ class Ramp(Parameters):
     length: float = knob(6.6, 2, 20, "m", "length along z")
     at: float = knob(19, 10, 200, "m", "z of its middle")
 
+    def things(self, width: float) -> Iterator[Thing]:
+        """The quarter-pipe across a road of this width, m."""
+        if self.height:
+            yield from quarter_pipe("ramp", self.at, self.height, self.length, width)
+
+    def sentences(self) -> Iterator[str]:
+        """Describe the quarter-pipe to designers."""
+        if self.height:
+            start, end = self.at - self.length / 2, self.at + self.length / 2
+            radius, steepest = _arc(self.height, self.length)
+            last = degrees(steepest * (1 - 0.5 / FACETS))
+            yield (
+                f"A quarter-pipe lies across the whole road: it starts flat at z = {start:g} m and "
+                f"steepens to its edge at z = {end:g} m, {self.height:g} m high. Its profile is an "
+                f"arc of radius {radius:.1f} m in {FACETS} flat pieces, the last {last:.0f} "
+                "degrees steep. Behind the edge it drops to the ground."
+            )
+
 
 class Beam(Parameters):
     """A beam across the road for machines to pass under."""
@@ -31,6 +49,21 @@ class Beam(Parameters):
     at: float = knob(8, 5, 200, "m", "z of its middle")
     thickness: float = knob(1, 0.2, 4, "m", "height of the beam, and its length along z")
 
+    def things(self, width: float) -> Iterator[Thing]:
+        """The beam across a road of this width, m."""
+        if self.clearance:
+            size = (width, self.thickness, self.thickness)
+            yield wall("beam", 0.0, self.at, size, base=self.clearance)
+
+    def sentences(self) -> Iterator[str]:
+        """Describe the beam to designers."""
+        if self.clearance:
+            yield (
+                f"A beam, {self.thickness:g} m high and long, crosses the whole road with its "
+                f"middle at z = {self.at:g} m and its underside {self.clearance:g} m above the "
+                "ground."
+            )
+
 
 class Cone(Parameters):
     """A cone on the road."""
@@ -38,42 +71,6 @@ class Cone(Parameters):
     height: float = knob(0, 0, 10, "m", "height of its tip; 0 removes it")
     diameter: float = knob(12, 1, 20, "m", "diameter of its base")
     further: float = knob(15, 0, 200, "m", "distance of its middle from the end of the turn")
-
-
-def ramp_things(ramp: Ramp, width: float) -> Iterator[Thing]:
-    """The quarter-pipe across a road of this width, m."""
-    if ramp.height:
-        yield from quarter_pipe("ramp", ramp.at, ramp.height, ramp.length, width)
-
-
-def ramp_sentences(ramp: Ramp) -> Iterator[str]:
-    """Describe the quarter-pipe to designers."""
-    if ramp.height:
-        start, end = ramp.at - ramp.length / 2, ramp.at + ramp.length / 2
-        radius, steepest = _arc(ramp.height, ramp.length)
-        last = degrees(steepest * (1 - 0.5 / FACETS))
-        yield (
-            f"A quarter-pipe lies across the whole road: it starts flat at z = {start:g} m and "
-            f"steepens to its edge at z = {end:g} m, {ramp.height:g} m high. Its profile is an arc "
-            f"of radius {radius:.1f} m in {FACETS} flat pieces, the last {last:.0f} degrees steep. "
-            "Behind the edge it drops to the ground."
-        )
-
-
-def beam_things(beam: Beam, width: float) -> Iterator[Thing]:
-    """The beam across a road of this width, m."""
-    if beam.clearance:
-        size = (width, beam.thickness, beam.thickness)
-        yield wall("beam", 0.0, beam.at, size, base=beam.clearance)
-
-
-def beam_sentences(beam: Beam) -> Iterator[str]:
-    """Describe the beam to designers."""
-    if beam.clearance:
-        yield (
-            f"A beam, {beam.thickness:g} m high and long, crosses the whole road with its middle "
-            f"at z = {beam.at:g} m and its underside {beam.clearance:g} m above the ground."
-        )
 
 
 def bump(name: str, z: float, height: float, length: float, width: float) -> Thing:

@@ -27,6 +27,38 @@ class Roughness(Parameters):
     first: float = knob(10, 10, 200, "m", "z where uneven ground begins")
     last: float = knob(200, 20, 500, "m", "z where uneven ground ends")
 
+    def things(self, width: float, seed: int) -> Iterator[Thing]:
+        """Adjacent slabs with tilted tops, up to `height` above the ground."""
+        if not self.height:
+            return
+        rng = Random(f"ground {seed}")
+        columns, rows = ceil(width / SLAB), max(0, ceil((self.last - self.first) / SLAB))
+        for row in range(rows):
+            for column in range(columns):
+                side = width / columns
+                x = (column + 0.5) * side - width / 2
+                z = self.first + (row + 0.5) * SLAB
+                rise = self.height * rng.uniform(LEAN, 1 - LEAN)
+                tilt = rng.uniform(0, LEAN * self.height) / hypot(side / 2, SLAB / 2)
+                turn = rng.uniform(0, 2 * pi)
+                yield Thing(
+                    f"slab {row + 1}-{column + 1}",
+                    "box",
+                    (side, THICK, SLAB),
+                    (x, rise - THICK / 2, z),
+                    about_axis((cos(turn), 0.0, sin(turn)), tilt),
+                    color=SOIL,
+                )
+
+    def sentences(self) -> Iterator[str]:
+        """Describe the ground to designers."""
+        if self.height:
+            yield (
+                f"From z = {self.first:g} m to z = {self.last:g} m the ground is uneven: slabs "
+                f"{SLAB:g} m long and about as wide, tilted at random, rise up to "
+                f"{self.height:g} m."
+            )
+
 
 class Stones(Parameters):
     """Randomly scattered stones."""
@@ -38,55 +70,22 @@ class Stones(Parameters):
     last: float = knob(200, 20, 500, "m", "z where stones end")
     seed: int = knob(0, 0, 1_000_000, "", "random seed of positions and sizes")
 
-
-def slabs(rough: Roughness, width: float, seed: int) -> Iterator[Thing]:
-    """Adjacent slabs with tilted tops, up to `height` above the ground."""
-    if not rough.height:
-        return
-    rng = Random(f"ground {seed}")
-    columns, rows = ceil(width / SLAB), max(0, ceil((rough.last - rough.first) / SLAB))
-    for row in range(rows):
-        for column in range(columns):
-            side = width / columns
-            x = (column + 0.5) * side - width / 2
-            z = rough.first + (row + 0.5) * SLAB
-            rise = rough.height * rng.uniform(LEAN, 1 - LEAN)
-            tilt = rng.uniform(0, LEAN * rough.height) / hypot(side / 2, SLAB / 2)
-            turn = rng.uniform(0, 2 * pi)
+    def things(self, width: float) -> Iterator[Thing]:
+        """Fixed balls, half underground."""
+        rng = Random(f"stones {self.seed}")
+        length = max(0.0, self.last - self.first)
+        for index in range(round(self.density * length * width)):
+            x, z = rng.uniform(-width / 2, width / 2), rng.uniform(self.first, self.last)
+            size = rng.uniform(self.smallest, max(self.smallest, self.largest))
             yield Thing(
-                f"slab {row + 1}-{column + 1}",
-                "box",
-                (side, THICK, SLAB),
-                (x, rise - THICK / 2, z),
-                about_axis((cos(turn), 0.0, sin(turn)), tilt),
-                color=SOIL,
+                f"stone {index + 1}", "sphere", (size, size, size), (x, 0.0, z), color=STONE
             )
 
-
-def stones(stone: Stones, width: float) -> Iterator[Thing]:
-    """Fixed balls, half underground."""
-    rng = Random(f"stones {stone.seed}")
-    length = max(0.0, stone.last - stone.first)
-    for index in range(round(stone.density * length * width)):
-        x, z = rng.uniform(-width / 2, width / 2), rng.uniform(stone.first, stone.last)
-        size = rng.uniform(stone.smallest, max(stone.smallest, stone.largest))
-        yield Thing(f"stone {index + 1}", "sphere", (size, size, size), (x, 0.0, z), color=STONE)
-
-
-def terrain_sentences(rough: Roughness) -> Iterator[str]:
-    """Describe the ground to designers."""
-    if rough.height:
-        yield (
-            f"From z = {rough.first:g} m to z = {rough.last:g} m the ground is uneven: slabs "
-            f"{SLAB:g} m long and about as wide, tilted at random, rise up to {rough.height:g} m."
-        )
-
-
-def stone_sentences(stone: Stones) -> Iterator[str]:
-    """Describe the stones to designers."""
-    if stone.density:
-        yield (
-            f"From z = {stone.first:g} m to z = {stone.last:g} m stones are scattered over the "
-            f"whole road, {stone.density:g} per square metre: fixed balls, {stone.smallest:g} to "
-            f"{stone.largest:g} m in diameter, half buried in the ground."
-        )
+    def sentences(self) -> Iterator[str]:
+        """Describe the stones to designers."""
+        if self.density:
+            yield (
+                f"From z = {self.first:g} m to z = {self.last:g} m stones are scattered over the "
+                f"whole road, {self.density:g} per square metre: fixed balls, {self.smallest:g} to "
+                f"{self.largest:g} m in diameter, half buried in the ground."
+            )

@@ -42,8 +42,8 @@ class Actuators:
         assembly = self._assembly
         for link in self._built.links:
             place = self._built.joints.get(link.joint)
-            drive = merge_drives(assembly.joints, link.joint, link.parallel)
-            if place is not None and any(motor.speed for motor in drive.motors):
+            drive = merge_drives(assembly.joints, link)
+            if place is not None and drive.turns:
                 joint = self._spec.joint(str(link.joint))
                 joint.frictionloss = 0.0
                 lightness = self._model.dof_invweight0[place.velocity]

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from agentflow.env.constants import Constants, constants
-from agentflow.env.export.losses import name_blocks
+from agentflow.env.export.losses import motion_losses, name_blocks
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Assembly
@@ -131,7 +131,7 @@ def _losses(
     releasing = [step.id for step in machine if library()[step.type].group == "decouplers"]
     lost = {
         "the pull of winches": [parts[winch.a].block for winch in devices.winches],
-        "the lift of blades": [parts[blade.part].block for blade in devices.blades],
+        **motion_losses(assembly),
         "the grip of grabbers": [parts[gripper.part].block for gripper in devices.grippers],
         "the release of decouplers": releasing,
     }

@@ -1,1 +1,0 @@
-"""The role that works with tools, and its conversation."""

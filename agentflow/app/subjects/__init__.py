@@ -1,0 +1,1 @@
+"""Simulates machines of files and runs: once, verified, perturbed, again, on all engines."""

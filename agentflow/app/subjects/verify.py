@@ -1,0 +1,112 @@
+"""Verifies scores; the verified score of a run's best machine is stored in the run."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import nullcontext
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from agentflow.app.design.execution import verification_event
+from agentflow.app.subjects.subject import Origin, Subject
+from agentflow.env.physics.engines import choose_engine
+from agentflow.env.pool.base import Simulator
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.verification import Verification, other_engines, score_on_others, verify_async
+from agentflow.runs import Notify, RunDirectory, read_result
+
+
+def verify(subject: Subject, workers: int, notify: Notify) -> dict[str, Any]:
+    """The verified score of a machine.
+
+    A complete verification in its run is returned as it is. Otherwise the machine is verified, and
+    the result is stored in the run, if any, provided that the machine still has its recorded score.
+
+    Args:
+        subject: The machine and its task.
+        workers: Number of processes.
+        notify: Receives the reason if the result is not stored.
+
+    Returns:
+        `task`, `seed`, `engine` (name and version, that of the run), `score` (the plain one, that
+        of the run), `verified` (see `Verification.to_json`), `others` (see `score_on_others`) and
+        `problems` (why the machine is invalid); `run` first if there is one.
+
+    Raises:
+        RunError: The run cannot be written.
+        ConfigError: The run was not verified, and its engine is not installed.
+    """
+    run = subject.run
+    missing = run is None or run.result.verified_score is None
+    if missing:
+        subject.require_engine()
+    verification, others = asyncio.run(_simulate(subject, workers, missing))
+    told = {"task": subject.task.name, "seed": subject.seed, "engine": _engine_of(subject)}
+    verified = None if verification is None else verification.to_json()
+    if run is None:
+        assert verification is not None  # was missing
+        now = verification.default
+        problems = [dict(problem) for problem in now.problems]
+        found = {"score": now.score, "verified": verified, "others": others}
+        return {**told, **found, "problems": problems}
+    if verification is not None:
+        _keep(run, subject, verification, notify)
+    verified = verified or run.result.to_json()["verified"]
+    found = {"score": run.result.score, "verified": verified, "others": others}
+    return {"run": str(run.path), **told, **found, "problems": []}
+
+
+async def verify_finished(path: Path, pool: Simulator) -> None:
+    """Verify a finished run that is not verified, if it has a valid machine, and store that."""
+    if read_result(path).valid:
+        subject = Subject.of_run(path)
+        subject.require_engine()
+        assert subject.machine is not None
+        assert subject.run is not None
+        run = partial(pool.run, subject.machine, subject.task, seed=subject.seed)
+        _store(subject.run, subject, await verify_async(run))
+
+
+def _engine_of(subject: Subject) -> str | None:
+    """Name and version of the engine, as recorded in a run."""
+    if subject.run is None:
+        return str(choose_engine(subject.task.engine).identity)
+    return subject.run.document.get("engine")
+
+
+async def _simulate(
+    subject: Subject, workers: int, missing: bool
+) -> tuple[Verification | None, list[dict[str, Any]]]:
+    """The verification if it is missing, and the scores on other engines."""
+    if subject.machine is None:
+        return Verification.invalid(subject.faults), []
+    pool = RolloutPool(workers)
+    run = partial(subject.simulate, pool)
+    async with pool if missing or other_engines(subject.task) else nullcontext():
+        found = await verify_async(run) if missing else None
+        return found, await score_on_others(run, subject.task)
+
+
+def _keep(run: Origin, subject: Subject, verification: Verification, notify: Notify) -> None:
+    """Store a verification, or say why not."""
+    now, recorded = verification.default, run.result.score
+    if now.score == recorded:
+        _store(run, subject, verification)
+        return
+    found = now.status if now.score is None else f"{now.score:.2f}"
+    notify(
+        f"the verification is not stored in {run.path}: the recorded score is {recorded:.2f}, but "
+        f"simulated again with current physics, it is {found}"
+    )
+
+
+def _store(run: Origin, subject: Subject, verification: Verification) -> None:
+    """Record the verification as `design` would have, so that a replay reproduces it."""
+    assert subject.machine is not None  # as every run that is a subject has one
+    directory = RunDirectory.resume(run.path)
+    try:
+        directory.event(verification_event(subject.machine, verification))
+        directory.finish(run.result.with_verification(verification.to_json()))
+    finally:
+        directory.close()

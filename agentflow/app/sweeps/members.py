@@ -1,0 +1,170 @@
+"""The runs of a sweep: each begun or resumed, in this process or on a node of a cluster."""
+
+from __future__ import annotations
+
+import os
+import platform
+import traceback
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from contextlib import asynccontextmanager, nullcontext
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from agentflow.app.design.config import config_json
+from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.run import RunOptions, design_async, resume_async
+from agentflow.app.sweeps.folder import RUNS, STORE
+from agentflow.cluster.store import RemoteStore
+from agentflow.config.run import DesignConfig
+from agentflow.config.sweep import SweepRun
+from agentflow.env.pool.base import Simulator
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.store import Store
+from agentflow.errors import AgentflowError, EndpointError, RunError
+from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
+from agentflow.models.choices import choose_models
+from agentflow.runs import Event, RunResult, read_document
+from agentflow.runs.events import RunEvent
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a run failed."""
+
+    reason: str
+    trace: str | None = None
+    """The traceback of a bug."""
+    endpoint: bool = False
+    """Whether the endpoint could not be used."""
+
+
+Outcome = RunResult | Failure
+"""What came of a run: its result, or why there is none."""
+Tell = Callable[[RunEvent | Event | str], None]
+"""Receives the events of a run, and its remarks for the user."""
+CarryOut = Callable[[SweepRun, Tell], Awaitable[Outcome]]
+"""Carries out a run; receives what it tells."""
+
+
+async def _carry_out(
+    run: SweepRun, folder: Path, store: Store, limiters: Limiters, tell: Tell
+) -> Outcome:
+    """Carry out a run in the folder of its sweep, and link its files to those of the store.
+
+    Args:
+        run: The run, possibly begun by an earlier process.
+        folder: The sweep's folder.
+        store: Simulates its machines.
+        limiters: Shared with the other runs.
+        tell: Receives events and remarks.
+    """
+    options = RunOptions(tell, tell, pool=store, limiters=limiters, named=config_json(run.config))
+    try:
+        result = await _run(run, folder / RUNS, options)
+        store.share(folder / RUNS / run.name, RunPlan.of(run.config).task, run.config.seed)
+    except AgentflowError as error:
+        return Failure(str(error), endpoint=isinstance(error, EndpointError))
+    except Exception as error:  # noqa: BLE001 - logged in full; other runs continue
+        return Failure(f"{type(error).__name__}: {error}", traceback.format_exc())
+    return result
+
+
+async def _run(run: SweepRun, runs: Path, options: RunOptions) -> RunResult:
+    path = runs / run.name
+    if not _can_resume(path):
+        return await design_async(run.config, runs, options, run.name)
+    require_same(RunPlan.of(run.config), path)
+    return await resume_async(path, options)
+
+
+def require_same(plan: RunPlan, path: Path) -> None:
+    """Refuse to mix new runs with one that was made under different conditions.
+
+    Raises:
+        RunError: The run at this path was.
+    """
+    if changes := plan.changes_since(read_document(path)):
+        raise RunError(
+            f"{path.parents[1]}: {path.name} was made with different {changes}: the remaining runs "
+            "would not be comparable; choose another folder with --out"
+        )
+
+
+def _can_resume(path: Path) -> bool:
+    """Whether a run can be resumed. Removes a folder whose run.yaml was never completed."""
+    if not path.exists():
+        return False
+    if (path / "run.yaml").exists():
+        return True
+    if all(entry.name.endswith("-run.yaml") for entry in path.iterdir()):  # half-written
+        for entry in path.iterdir():
+            entry.unlink()
+        path.rmdir()
+        return False
+    return True
+
+
+@asynccontextmanager
+async def carry_out_here(
+    folder: Path,
+    workers: int,
+    shared_store: str | None,
+    pool: Simulator | None = None,
+    limiters: Limiters | None = None,
+) -> AsyncIterator[CarryOut]:
+    """Carries out runs in this process, which share `workers` processes, or the given pool."""
+    async with RolloutPool(workers) if pool is None else nullcontext(pool) as simulator:
+        known = simulator if shared_store is None else RemoteStore(shared_store, simulator)
+        store, shared = Store(folder / STORE, known), limiters or LocalLimiters()
+        yield lambda run, tell: _carry_out(run, folder, store, shared, tell)
+
+
+@asynccontextmanager
+async def carry_out_on_ray(
+    folder: Path, workers: int, shared_store: str | None, jobs: int
+) -> AsyncIterator[CarryOut]:
+    """Carries out each run on a node, with its share of the workers, in a folder that all see."""
+    from agentflow.cluster.tasks import LostError, Tasks
+
+    async with Tasks(workers // jobs) as tasks:
+        place = folder.resolve(), Path.cwd(), tasks.processors, shared_store
+
+        async def on_node(run: SweepRun, tell: Tell) -> Outcome:
+            work = partial(_carry_out_on_node, *place, _keys(run.config), run)
+            try:
+                outcome: Outcome = await tasks.run(run.name, work, tell)
+            except LostError as error:
+                return Failure(str(error))
+            return outcome
+
+        yield on_node
+
+
+def _keys(config: DesignConfig) -> dict[str, str]:
+    """The keys of a run's endpoints, which the nodes need not know."""
+    names = {choice.key_variable or "" for choice in choose_models(config.model).values()}
+    return {name: os.environ[name] for name in names if name in os.environ}
+
+
+async def _carry_out_on_node(
+    folder: Path,
+    directory: Path,
+    workers: int,
+    shared_store: str | None,
+    keys: Mapping[str, str],
+    run: SweepRun,
+    limiters: Limiters,
+    tell: Tell,
+) -> Outcome:
+    """Carry out a run in this process of a node, in the working directory of the sweep."""
+    for needed in (folder, directory):
+        if not needed.is_dir():
+            return Failure(
+                f"the node {platform.node()} does not see {needed}: start the sweep in a folder "
+                "that all nodes share"
+            )
+    os.environ.update(keys)
+    os.chdir(directory)  # relative paths of the configuration mean the same
+    async with carry_out_here(folder, workers, shared_store, limiters=limiters) as carry:
+        return await carry(run, tell)

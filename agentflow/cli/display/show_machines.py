@@ -1,0 +1,167 @@
+"""Machines and blocks as text for people; programs use --json."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+from agentflow.cli.display.output import (
+    Data,
+    Field,
+    answer,
+    columns,
+    field,
+    output,
+    print_lines,
+    print_problems,
+    table,
+)
+from agentflow.metrics.formats import block_count, extents, number
+
+MARGINAL = 3
+"""Most marginal connections that are printed; the data holds all."""
+
+
+def _size(block: Data) -> str:
+    return "two-ended" if block["size"] is None else extents(block["size"])
+
+
+CHECKED = (
+    answer("file valid", "file_valid", "not checked"),
+    answer("spatially valid", "spatial_valid", "not checked"),
+    answer("machine valid", "machine_valid", "not checked"),
+    field("size", show=lambda size: f"{extents(size)} m"),
+)
+BLOCK = (
+    *map(field, ("type", "name", "category")),
+    Field("size", _size),
+    field("mass", show="{:g}".format),
+    Field("faces", lambda block: str(len(block["faces"]))),
+    Field("set", lambda block: "extended" if block["extended"] else "core"),
+)
+FACE = (
+    field("face", "face_id"),
+    field("position", show=lambda position: ", ".join(f"{value:g}" for value in position)),
+    field("direction"),
+)
+
+
+def show_report(report: Data) -> None:
+    """Print a validity report and its warnings."""
+    console = output()
+    print_lines(console, CHECKED, report)
+    print_problems(console, report["problems"])
+    for warning in report["warnings"]:
+        console.print(f"warning: {warning['message']}")
+    for block in report.get("blocks", ()):
+        if "end_a" in block:
+            console.print(f"block {block['id']}: from {block['end_a']} to {block['end_b']}")
+        else:
+            console.print(
+                f"block {block['id']}: at {block['position']} facing {block['orientation']}"
+            )
+
+
+def show_edit(outcome: Data) -> None:
+    """Print the verdict of each step, and the new machine if all succeeded."""
+    console = output()
+    for step in outcome["steps"]:
+        console.print(f"{step['verdict']}: {step['text']}")
+        if step["reason"]:
+            console.print(f"  {step['code']}: {step['reason']}")
+    console.print(outcome["outcome"])
+    if outcome["outcome"] == "success":
+        console.print(json.dumps(outcome["machine"]))
+
+
+def show_conversion(result: Data) -> None:
+    """Print what was written and which blocks were skipped; warnings."""
+    console = output()
+    for problem in result["left_out"]:
+        console.print(f"skipped: {problem['message']}")
+    for note in result["notes"]:
+        console.print(f"note: {note}")
+    for warning in result["warnings"]:
+        console.print(f"warning: {warning}")
+    console.print(f"{result['out']}: {result['blocks']} blocks")
+
+
+def show_rollout(result: Data) -> None:
+    """Print a rollout: status, score, feedback and query answers."""
+    console = output()
+    told = [result["status"], f"score {number(result['score'])}"]
+    if result["blocks"] is not None:
+        told.append(block_count(result["blocks"], result["most_blocks"]))
+    if result["engine"] is not None:
+        told.append(result["engine"])
+    console.print(", ".join(told))
+    print_problems(console, result["problems"])
+    if result["feedback"]:
+        console.print(result["feedback"])
+    if result["marginal"]:
+        console.print(marginal_line(result["marginal"]))
+    for answered in result.get("answers", ()):
+        console.print(str(answered))
+
+
+def marginal_line(found: Sequence[Data]) -> str:
+    """The connections nearest to their strength, in one line; `found` is not empty."""
+    nearest = sorted(found, key=lambda item: abs(item["load"] - 1))
+    told = [
+        f"block {item['block']} off block {item['partner']} "
+        f"{'nearly' if item['load'] < 1 else 'only just'} broke "
+        f"({100 * item['load']:.0f} % of its strength, {item['time']:.2f} s)"
+        for item in nearest[:MARGINAL]
+    ]
+    more = len(nearest) - MARGINAL
+    return f"marginal: {'; '.join([*told, f'and {more} more'] if more > 0 else told)}"
+
+
+def show_comparison(found: Data) -> None:
+    """Print both machines, and the blocks that only one of them has."""
+    console = output()
+    both = columns("", "A", "B")
+    for name, key in (("machine", "source"), ("blocks", "blocks"), ("mass, kg", "mass")):
+        both.add_row(name, *(_plain(machine[key]) for machine in found["machines"]))
+    both.add_row("size, m", *(_size(machine) for machine in found["machines"]))
+    if found["task"]:
+        status = (machine["status"] for machine in found["machines"])
+        score = (number(machine["score"]) for machine in found["machines"])
+        both.add_row(f"{found['task']}, seed {found['seed']}", *status)
+        both.add_row("score", *score)
+    if found["engine"]:
+        console.print(f"engine: {found['engine']}")
+    for note in found["notes"]:
+        console.print(note)
+    for kind in found["types"]:
+        both.add_row(f"{kind['type']} {kind['name']}", *map(str, kind["counts"]))
+    console.print_wide(both)
+    for name, machine in zip("AB", found["machines"], strict=True):
+        for problem in machine["problems"]:
+            console.print(f"{name} is not valid for {found['task']}: {problem}")
+    console.print(f"{found['same']} blocks are in both machines")
+    for name, blocks in zip("AB", found["only"], strict=True):
+        for block in blocks:
+            ends = " to ".join(str(end) for end in block["positions"])
+            where = f"{ends} facing {block['direction']}" if block["direction"] else ends
+            console.print(f"only in {name}: block {block['id']} ({block['name']}) at {where}")
+    for name, controls in zip("AB", found.get("controls", ()), strict=False):
+        for control in controls:
+            console.print(f"only in {name}: {control}")
+
+
+def _plain(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def show_blocks(blocks: Sequence[Data]) -> None:
+    """Print the block library as a table."""
+    output().print(table(BLOCK, blocks))
+
+
+def show_block(block: Data) -> None:
+    """Print one block and its faces."""
+    console = output()
+    facts = (block["category"], _size(block), f"{block['mass']:g} kg")
+    console.print(f"{block['type']} {block['name']}: {', '.join(facts)}")
+    console.print(table(FACE, block["faces"]))

@@ -1,0 +1,250 @@
+"""Runs as text for people: results of new ones, records of finished ones; programs use --json."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+
+from agentflow.cli.display.output import Data, Field, columns, field, output, print_lines, table
+from agentflow.cli.display.show_machines import marginal_line
+from agentflow.cli.display.show_scores import outcome, record_line, verified_line
+from agentflow.metrics.formats import NOTHING, block_count, change, money, number
+
+STAGE = (
+    field("stage", "name"),
+    Field("valid at once", lambda stage: f"{stage['valid_first']}/{stage['trajectories']}"),
+    Field("after retries", lambda stage: f"{stage['valid']}/{stage['trajectories']}"),
+    field("mean", show=number),
+    field("best", "max", number),
+)
+SEED = (
+    field("seed"),
+    field("score", show=number),
+    field("verified", show=number),
+    Field("found in stage", lambda run: run["best_stage"] or None),
+    field("calls"),
+    field("seconds", show=partial(number, digits=1)),
+    field("run"),
+)
+ON_FRONT = (
+    field("machine"),
+    field("robust", show=number),
+    field("score", show=number),
+    field("blocks"),
+    field("mass, kg", "mass", "{:g}".format),
+)
+SPENT = (
+    *map(field, ("role", "calls", "tokens", "reasoning")),
+    field("seconds", show=partial(number, digits=1)),
+    field("cost", "money", money),
+)
+MOST_OF_FRONT = 10
+"""Most machines of a Pareto front that are printed; the data holds all."""
+
+
+def show_result(result: Data, pictures: Mapping[str, str]) -> None:
+    """Print the result of a design run: score, stages, model, cost, paths."""
+    console = output()
+    if seeds := result.get("seeds"):
+        _show_seeds(seeds)
+    if result["valid"]:
+        count = result.get("blocks") or len(result["machine"])  # older results lack the count
+        blocks = block_count(count, result.get("most_blocks"))
+        console.print(
+            f"best score {number(result['score'])} ({result['task']}), "
+            f"{blocks}, found in stage {result['best_stage']}"
+        )
+    if verified := result.get("verified"):
+        console.print(verified_line(verified))
+    show_objectives(result)
+    console.print(table(STAGE, result["stages"]))
+    show_tools(result["stages"])
+    if attempts := result.get("attempts"):
+        console.print(_passes(attempts))
+    console.print(
+        f"model: {result['model']}; {result['calls']} calls, {result['tokens']} tokens, "
+        f"cost {money(result.get('cost'), 'unknown')}, "
+        f"{result['rollouts']} rollouts, {result['seconds']:.1f} s"
+    )
+    print_lines(console, (field("engine"), field("run")), result)  # older results lack the engine
+    for name, path in pictures.items():
+        console.print(f"{name}: {path}")
+    console.print(f"see every step in 3D: agentflow report {shlex.quote(result['run'])}")
+    if ending := ending_of(result):
+        console.print(ending)
+
+
+def _show_seeds(runs: Sequence[Data]) -> None:
+    """Print one line per run of several seeds, failed ones last; what follows is about the best."""
+    output().print_wide(table(SEED, (run for run in runs if not run["failed"])))
+    for run in runs:
+        if run["failed"]:
+            output().print(f"seed {run['seed']} failed: {run['failed']}")
+
+
+def show_objectives(result: Data) -> None:
+    """Print the robust score and the Pareto front of a run that compared them."""
+    console = output()
+    if result.get("robust") is not None:
+        robust = number(result["robust"])
+        console.print(f"robust score {robust}, the 10 % quantile of 10 conditions")
+    if front := result.get("front"):
+        console.print(f"Pareto front: {len(front)} of the simulated machines")
+        console.print(table(ON_FRONT, front[:MOST_OF_FRONT]))
+        if len(front) > MOST_OF_FRONT:
+            console.print(f"and {len(front) - MOST_OF_FRONT} more (--json)")
+
+
+def _passes(attempts: Data) -> str:
+    """Pass count of independent attempts with its 95 % interval."""
+    count, total = attempts["passes"], attempts["attempts"]
+    if not total:
+        return "passes: no attempts were made"
+    low, high = attempts["interval"]
+    return (
+        f"passes: {count} of {total} attempts ({attempts['share']:.0%}; 95 % interval {low:.0%} to "
+        f"{high:.0%}); {attempts['parsed']} parsed, {attempts['spatial']} spatially valid"
+    )
+
+
+def ending_of(result: Data) -> str:
+    """Why a run ended early, in one line; "" if it did not."""
+    if result["stopped"] == "budget":
+        after = "the result is the best so far" if result["valid"] else "no valid machine was found"
+        return f"stopped early: budget limit reached; {after}"
+    if result["stopped"] == "greatest score":
+        return "a machine has the greatest possible score, which ended its search"
+    if not result["valid"]:
+        return " ".join(result["reason"].split())
+    last = result["stages"][-1]
+    if last["valid"] == 0:
+        return f"ended early: no machine in stage {last['name']} was valid"
+    if last["attempts"] and not last["children"]:
+        return f"none of the {last['attempts']} refinements in stage {last['name']} was valid"
+    return ""
+
+
+def show_tools(stages: Sequence[Data]) -> None:
+    """Print how often each tool was called by stage, if any was: "9 (2 refused)"."""
+    counts = [stage.get("tools") or {} for stage in stages]
+    names = dict.fromkeys(name for count in counts for name in count)
+    found = columns("tool", *(stage["name"] for stage in stages))
+    for name in names:
+        found.add_row(name, *(_uses(count.get(name)) for count in counts))
+    if names:
+        output().print(found)
+
+
+def _uses(count: Mapping[str, int] | None) -> str:
+    if count is None:
+        return NOTHING
+    return f"{count['calls']}" + (f" ({count['refused']} refused)" if count["refused"] else "")
+
+
+def show_runs(runs: Iterable[Data]) -> None:
+    """Print a list of runs; a column names the engines if there are several."""
+    console, runs = output(), tuple(runs)
+    engines = {item["engine"] for item in runs if item["engine"]}
+    named = ("run", "state", "task", "workflow", "model", "seed", *["engine"] * (len(engines) > 1))
+    fields = (
+        *map(field, named),
+        field("score", show=number),
+        Field("verified", lambda item: number((item["verified"] or {}).get("score"))),
+        field("cost", show=money),
+    )
+    for item in runs:
+        if item["problem"]:
+            console.print(item["problem"])
+    if not runs:
+        console.print("no runs")
+        return
+    console.print_wide(table(fields, runs))
+    if len(engines) == 1:
+        console.print(f"engine: {engines.pop()}")
+
+
+def show_run(run: Data) -> None:
+    """Print one run."""
+    console = output()
+    console.print(f"{run['run']}: {run['state']}")
+    made = (run["task"], run["workflow"], run["model"], f"seed {run['seed']}", run["engine"])
+    console.print(", ".join(filter(None, made)))
+    if start := run["config"]["settings"].get("start"):
+        blocks = start["blocks"] if isinstance(start, dict) else start
+        console.print(f"started from a machine with {len(blocks)} blocks")
+    found = [f"best score {number(run['score'])}"]
+    if run["blocks"] is not None:
+        found.append(block_count(run["blocks"], run["most_blocks"]))
+        found.append(f"found in stage {run['best_stage']}")
+    console.print(", ".join(found))
+    if run["verified"]:
+        console.print(verified_line(run["verified"]))
+    show_objectives(run)
+    if (record := run["record"]) and record["share"] is not None:
+        console.print(record_line(record))
+    if run["marginal"]:
+        console.print(marginal_line(run["marginal"]))
+    if run["stopped"] or run["reason"]:
+        limit = "limit " * (run["stopped"] == "budget")
+        why = " ".join((run["reason"] or f"stopped: {run['stopped']} {limit}reached").split())
+        console.print(why)
+    console.print(table((*STAGE, field("calls"), field("rollouts")), run["stages"]))
+    show_tools(run["stages"])
+    console.print(table(SPENT, ({"role": role, **spent} for role, spent in run["spent"].items())))
+    _print_failures(run["failures"], every=False)
+    for remark in run["remarks"]:
+        console.print(f"notice: {remark}")
+
+
+def show_rescored(found: Data) -> None:
+    """Print the machines whose rollouts differ from the record."""
+    console = output()
+    other = [item for item in found["machines"] if not item["identical"]]
+    if other:
+        engines = found["engine"]
+        same = engines["recorded"] in (None, engines["now"])
+        times = [name if same else f"{name} ({engines[name]})" for name in ("recorded", "now")]
+        fields = (
+            field("machine"),
+            field("first simulated as", "place"),
+            field(times[0], "recorded", outcome),
+            field(times[1], "now", outcome),
+            field("difference", show=partial(change, digits=3)),
+        )
+        console.print_wide(table(fields, other))
+    if found["note"]:
+        console.print(found["note"])
+    for item in found["machines"]:
+        if item["note"]:
+            console.print(f"notice: {item['machine']} {item['note']}")
+    for name in ("constants", "engine"):
+        condition = found[name]
+        if condition["recorded"] != condition["now"]:
+            recorded = condition["recorded"] or "unknown"
+            console.print(f"{name}: recorded {recorded}, now {condition['now']}")
+    total = len(found["machines"])
+    console.print(f"{found['identical']} of {total} machines have the same rollout as recorded")
+
+
+def show_failures(found: Data) -> None:
+    """Print the count of each kind of failure."""
+    _print_failures(found, every=True)
+
+
+def _print_failures(found: Data, *, every: bool) -> None:
+    """Print the count of each kind; with `every`, also of kinds that did not occur."""
+    console = output()
+    console.print(
+        f"{found['refused']} of {found['replies']} replies rejected; "
+        f"{found['machines']} machines simulated"
+    )
+    totals = {"reply": f"{found['replies']} replies", "machine": f"{found['machines']} machines"}
+    fields = (
+        field("category", "level"),
+        field("failure", "name"),
+        field("count"),
+        field("out of", "unit", totals.__getitem__),
+    )
+    if kinds := [kind for kind in found["kinds"] if every or kind["count"]]:
+        console.print(table(fields, kinds))

@@ -1,0 +1,170 @@
+"""Scores as text for people: records, verified and robust scores, other engines."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from agentflow.cli.display.output import (
+    Cells,
+    Data,
+    Field,
+    Output,
+    field,
+    output,
+    print_problems,
+    table,
+)
+from agentflow.metrics.formats import NOTHING, block_count, change, number
+
+MOST_SENSITIVE = 5
+"""Number of blocks and of faces shown, the most sensitive first."""
+
+
+def outcome(item: Data) -> str:
+    """A score, with the status of its simulation unless that is ok."""
+    status = "" if item["status"] == "ok" else f" ({item['status']})"
+    return f"{number(item['score'])}{status}"
+
+
+def record_text(record: Data) -> str:
+    """A record: "70.21 (verified, pybullet 3.2.7) with 40 blocks, by hand"."""
+    blocks = block_count(record["blocks"], None)
+    made = f"{number(record['verified'])} (verified, {record['engine']})"
+    return f"{made} with {blocks}, {record['how']}"
+
+
+def record_line(record: Data) -> str:
+    """The share of the greatest or best known score that a score reaches, in one line."""
+    return f"{record['share']:.0%} of the {record['of']}; record: {record_text(record)}"
+
+
+def verified_line(verified: Data) -> str:
+    """The verified score and its spread, or which simulations are missing, in one line."""
+    scores = verified["scores"]
+    if verified["score"] is None:
+        missing = (f"{s['variation']}: {s['status']}" for s in scores if s["score"] is None)
+        return f"no verified score, because simulations failed ({', '.join(missing)})"
+    return (
+        f"verified score {number(verified['score'])}, the median of {len(scores)} simulations "
+        f"that scored {number(verified['low'])} to {number(verified['high'])}"
+    )
+
+
+def show_verified(found: Data) -> None:
+    """Print a verified score and the score under each variation."""
+    console = output()
+    if found["problems"]:
+        console.print(f"invalid, verified score {number(found['verified']['score'])}")
+        print_problems(console, found["problems"])
+        return
+    console.print(f"score {number(found['score'])} ({found['task']}, {found['engine']})")
+    console.print(verified_line(found["verified"]))
+    console.print(_variation_table("simulation", found["verified"]["scores"]))
+    for other in found["others"]:
+        console.print(f"not part of the median: {outcome(other)} with {other['engine']}")
+
+
+def show_perturbed(found: Data) -> None:
+    """Print how robust a design is."""
+    console = output()
+    if found["problems"]:
+        console.print("invalid; not simulated")
+        print_problems(console, found["problems"])
+        return
+    console.print(f"score {number(found['score'])} ({found['task']}, {found['engine']})")
+    console.print(f"robust score {number(found['robust'])}, the 10 % quantile of all conditions")
+    others = [
+        {**other, "variation": f"{other['engine']} (not in the quantile)"}
+        for other in found["others"]
+    ]
+    console.print(_variation_table("condition", [*found["conditions"], *others]))
+    _show_edits(console, found)
+
+
+def _variation_table(heading: str, scores: Sequence[Data]) -> Cells:
+    """The score under each variation, and its change against the first, the default one."""
+    default = scores[0]
+
+    def changed(item: Data) -> str:
+        return "" if item is default else _relative(default["score"], item["score"])
+
+    fields = (field(heading, "variation"), Field("score", outcome), Field("change", changed))
+    return table(fields, scores)
+
+
+def _relative(before: float | None, after: float | None) -> str:
+    """The relative change of a score; "-" if it has none."""
+    if not before or after is None:
+        return NOTHING
+    return f"{round(100 * (after / before - 1), 1) + 0.0:+.1f} %"  # no negative zero
+
+
+def _show_edits(console: Output, found: Data) -> None:
+    spread = found["edits"]
+    lost = f"; {spread['missing']} failed for technical reasons" if spread["missing"] else ""
+    console.print(f"{spread['count']} neighbours, one edit away{lost}")
+    if not spread["count"]:
+        return
+    if spread["kept"] is not None:
+        console.print(f"{spread['kept']:.0%} keep at least half of the score")
+    quantiles = (f"{share}: {number(at)}" for share, at in spread["quantiles"].items())
+    console.print(f"quantiles of their scores: {', '.join(quantiles)}")
+    fields = (Field("most sensitive", _place), field("mean score of its edits", "mean", number))
+    sensitive = (*found["blocks"][:MOST_SENSITIVE], *found["faces"][:MOST_SENSITIVE])
+    console.print(table(fields, sensitive))
+
+
+def _place(item: Data) -> str:
+    face = f"face {item['face']} of " if "face" in item else ""
+    return f"{face}block {item['block']} ({item['name']})"
+
+
+def show_engines(found: Data) -> None:
+    """Print the results of each machine, and the rank correlations of each family."""
+    console, engines = output(), found["engines"]
+    others = range(1, len(engines))
+    fields = (
+        field("machine"),
+        *(Field(engine, _of(at, outcome)) for at, engine in enumerate(engines)),
+        *(Field("difference", _difference(at)) for at in others),
+        *(
+            Field(f"first break ({engine})", _of(at, _first_break))
+            for at, engine in enumerate(engines)
+        ),
+    )
+    console.print_wide(table(fields, found["machines"]))
+    fields = (
+        field("family"),
+        field("machines"),
+        *(Field(f"{engines[at]}, Spearman", _correlation(at - 1)) for at in others),
+    )
+    console.print(table(fields, found["families"]))
+    console.print(f"correlations are with {engines[0]}")
+    if found["note"]:
+        console.print(found["note"])
+
+
+def _of(at: int, show: Callable[[Data], str]) -> Callable[[Data], str]:
+    """Shows the result of a machine on one of the engines."""
+    return lambda item: show(item["results"][at])
+
+
+def _difference(at: int) -> Callable[[Data], str | None]:
+    """What a machine scores more on another engine than on the first, if all could simulate it."""
+
+    def told(item: Data) -> str | None:
+        results = item["results"]
+        if any(result["status"] != "ok" for result in results):
+            return None
+        return change(results[at]["score"] - results[0]["score"])
+
+    return told
+
+
+def _correlation(at: int) -> Callable[[Data], str]:
+    return lambda family: number(family["correlations"][at], 3)
+
+
+def _first_break(result: Data) -> str:
+    broken = result["first_break"]
+    return "none" if broken is None else f"block {broken['block']}, {broken['time']:.2f} s"

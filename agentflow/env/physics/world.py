@@ -1,0 +1,240 @@
+"""What the worlds of all engines have in common; how a world is built and takes a step is the
+engine's own."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+
+from agentflow.env.constants import Constants
+from agentflow.env.physics.engine import Power, Touch
+from agentflow.env.physics.frames import swap, swap_quaternion
+from agentflow.env.physics.grips import Grips
+from agentflow.env.physics.laws.air import GustClock
+from agentflow.env.physics.laws.forces import Entry
+from agentflow.env.physics.laws.select import Forces, Law, device_laws, wind_laws
+from agentflow.env.physics.laws.tension import WinchForce
+from agentflow.env.physics.model import Assembly, State
+from agentflow.env.physics.readings import Readings, states_of
+from agentflow.env.physics.rows import ROTATION, Row, Rows
+from agentflow.env.physics.structure.layout import RowLayout
+from agentflow.env.physics.structure.spanning_tree import Skeleton, skeleton
+from agentflow.env.rollout import Array
+from agentflow.env.scene import Body, Scene, Thing
+from agentflow.machine.geometry.vectors import Quat, Vec3, rotate_vector, subtract
+
+Snapshot = tuple[Readings, Array]
+"""Rows, and what reads them."""
+Pair = tuple[Body, Body]
+"""Two bodies in the order of a touch."""
+
+
+class Contacts(Protocol):
+    """What touched what in the last step."""
+
+    def touching(self, body: Body) -> frozenset[Body]:
+        """As `engine.World.touching`."""
+
+    def all(self) -> list[Touch]:
+        """As `engine.World.contacts`."""
+
+
+class Motors(Protocol):
+    """The motors of all joints."""
+
+    step: float
+    """Length of a step, s."""
+
+    def set(self) -> None:
+        """Follow the levels."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """The machine until the next split, and the objects that read and drive it."""
+
+    layout: RowLayout
+    readings: Readings
+    rows: Rows
+    contacts: Contacts
+    forces: Forces
+    motors: Motors
+
+
+Own = TypeVar("Own", bound=Structure)
+
+
+class BaseWorld(ABC, Generic[Own]):
+    """An `engine.World`, see there for its members; a subclass adds `split` and `speeds`.
+
+    It sets `now` as it is made, and at each split.
+    """
+
+    now: Own
+    """What the engine holds until the next split."""
+    settle_rate: float
+    _grips: Grips[Any]
+    """They outlive splits."""
+
+    def __init__(self, physics: Constants, assembly: Assembly, scene: Scene, rate: float) -> None:
+        self._physics, self._assembly = physics, assembly
+        self._scene = self._unloaded = scene
+        self._things = {thing.name: thing for thing in scene.things}
+        self._rate, self._divisions = rate, 1
+        self._broken: frozenset[int] = frozenset()
+        self._levels: dict[Entry, float] = {"wind": 1.0}
+        """Of entries that were switched; the others are at 0, and only the wind is on at first."""
+        self.reactions = np.zeros((len(assembly.joints), 6))
+        self._winches = WinchForce(assembly.devices.winches, self._levels, self._interval)
+        self._wind = GustClock(scene, self._levels, self._interval)
+
+    # --- what the engine does ---------------------------------------------------------------
+
+    @abstractmethod
+    def _advance(self) -> None:
+        """Take a step of the current length."""
+
+    @abstractmethod
+    def _weigh_things(self) -> None:
+        """Give moving things the masses that they have in the scene now."""
+
+    @abstractmethod
+    def _inertia(self, thing: Thing) -> Vec3:
+        """Principal moments of a moving thing about its centre of mass, engine frame, kg m2."""
+
+    @abstractmethod
+    def _change_interval(self) -> None:
+        """Take steps of the new `_interval` from now on."""
+
+    @abstractmethod
+    def _motor_power(self) -> float:
+        """Mean power of the motors of joints in the last step, W."""
+
+    # --- what all do alike ------------------------------------------------------------------
+
+    def switch(self, entry: Entry, level: float) -> None:
+        self._levels[entry] = float(level)
+        if entry in self._grips.entries:
+            self._grips.switch(entry, level > 0)
+        elif entry == "loads":
+            self._scene = self._unloaded.loaded(level)
+            self._weigh_things()
+        else:
+            self.now.motors.set()
+
+    def step(self, divisions: int = 1) -> None:
+        if divisions != self._divisions:
+            self._divisions = divisions
+            self._winches.step = self._wind.step = self.now.motors.step = self._interval
+            self._change_interval()
+        self._advance()
+
+    @property
+    def _interval(self) -> float:
+        """Length of a step, s."""
+        return 1.0 / (self._rate * self._divisions)
+
+    def _plan(self, broken: Sequence[int] = ()) -> Skeleton:
+        """How the parts are connected after these joints broke as well."""
+        self._broken |= set(broken)
+        return skeleton(len(self._assembly.parts), self._assembly.joints, self._broken)
+
+    def _laws(self, layout: RowLayout) -> list[Law]:
+        """Laws of the devices and of the wind."""
+        assembly, drag = self._assembly, self._physics["wind_drag"]
+        laws = device_laws(assembly, layout.locations, self._levels, self._winches)
+        return laws + wind_laws(assembly, layout, self._scene, drag, self._wind)
+
+    # --- observation ------------------------------------------------------------------------
+
+    def state(self) -> State:
+        return self.now.readings.state(self.now.rows.table)
+
+    def centres(self) -> Array:
+        return self.now.readings.centres(self.now.rows.table)
+
+    def snapshot(self) -> Snapshot:
+        return self.now.readings, self.now.rows.table
+
+    def states(self, snapshots: Sequence[Any]) -> State:
+        return states_of(snapshots)
+
+    def centre(self, body: Body) -> Vec3:
+        if isinstance(body, int):
+            return self.now.readings.centre(self._row(body), body)
+        thing = self._things[body]
+        if not thing.mass:
+            return thing.position
+        px, py, pz, x, y, z, w, *_ = self._row(body)
+        return swap(subtract((px, py, pz), rotate_vector((x, y, z, w), swap(thing.balance))))
+
+    def rotation(self, body: Body) -> Quat:
+        if isinstance(body, int):
+            return self.now.readings.rotation(self._row(body), body)
+        thing = self._things[body]
+        return swap_quaternion(self._row(body)[ROTATION]) if thing.mass else thing.rotation
+
+    def origin(self, block: int) -> Vec3:
+        return self.now.readings.origin(self._row(block), block)
+
+    def _row(self, body: Body) -> Row:
+        """The row of a block's cluster or of a moving thing."""
+        now = self.now
+        if isinstance(body, int):
+            return now.rows[now.readings.row_of[body]]
+        return now.rows[len(now.layout.leading) + now.layout.things.index(body)]
+
+    def touching(self, body: Body) -> frozenset[Body]:
+        return self.now.contacts.touching(body)
+
+    def contacts(self) -> list[Touch]:
+        return self.now.contacts.all()
+
+    def power(self) -> Power:
+        devices = self.now.forces.power()
+        return devices._replace(motors=devices.motors + self._motor_power())
+
+    def energies(self, snapshot: Any) -> Array:
+        readings, rows = snapshot
+        moving = self._scene.moving
+        masses = [thing.mass for thing in moving]
+        inertias = [self._inertia(thing) for thing in moving]
+        found: Array = readings.energies(rows, masses, inertias, self._physics["gravity"])
+        return found
+
+    def momentum(self) -> Mapping[str, Array]:
+        return self.now.readings.momentum(self.now.rows.table)
+
+
+def pair_up(one: Body, other: Body) -> Pair | None:
+    """Two bodies in order; None if they are the same."""
+    if one == other:
+        return None
+    first, last = sorted((one, other), key=_order)
+    return first, last
+
+
+def _order(body: Body) -> tuple[bool, int, str]:
+    return (False, body, "") if isinstance(body, int) else (True, 0, body)
+
+
+def sum_touches(points: Iterable[tuple[Pair | None, float, Vec3]]) -> list[Touch]:
+    """Every pair of bodies that touch, once.
+
+    Args:
+        points: Of each point of contact, the bodies (None counts for nothing), the normal force
+            (N), and the place in the engine's frame, m.
+    """
+    found: dict[Pair, tuple[float, float, Vec3]] = {}
+    for pair, force, point in points:
+        if pair is None:
+            continue
+        total, most, place = found.get(pair, (0.0, -1.0, point))
+        if force > most:
+            most, place = force, point
+        found[pair] = total + force, most, place
+    return [Touch(*pair, swap(place), total) for pair, (total, _, place) in found.items()]

@@ -1,0 +1,232 @@
+"""What is noted during a rollout besides its samples: loads of every step, contacts, and work."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from agentflow.env.measurements import Contact, Energy, Hit, Peak
+from agentflow.env.physics.engine import Power, Touch, World
+from agentflow.env.physics.frames import WRENCH_ORDER
+from agentflow.env.physics.loads import Loads
+from agentflow.env.physics.model import Joint
+from agentflow.env.rollout import Array, Broken
+from agentflow.env.scene import Body
+from agentflow.machine.geometry.vectors import Vec3
+
+BLOCK = 256
+"""Steps whose loads are stored together: copying into an array is faster than making one."""
+MOST_PEAKS = 5
+"""Most peaks kept before, and after, the decisive moment."""
+LONGEST = 0.1
+"""Longest time over which the impulse of a hit is summed, s: bodies that rest on each other press
+for ever."""
+
+
+class LoadHistory:
+    """The loads of all joints in every step; E connections."""
+
+    def __init__(self, loads: Loads, joints: tuple[Joint, ...]) -> None:
+        self._loads, self._joints = loads, joints
+        self._blocks: list[Array] = []
+        self._block = np.empty((0, 0, 0))
+        """The last one."""
+        self._times: list[float] = []
+
+    def add(self, time: float) -> None:
+        """Keep the loads of the last step."""
+        at = len(self._times) % BLOCK
+        if not at:
+            self._block = np.empty((BLOCK, len(self._joints), 6))
+            self._blocks.append(self._block)
+        self._block[at] = self._loads.level
+        self._times.append(time)
+
+    @cached_property
+    def shares(self) -> Array:
+        """(S, E) load over strength of every connection in every step; 0 once it broke."""
+        last = len(self._times) - BLOCK * (len(self._blocks) - 1)
+        filled = [*self._blocks[:-1], self._blocks[-1][:last]]
+        columns = self._loads.connections
+        return np.concatenate([np.sqrt(_squares(b.take(columns, 1)).max(axis=2)) for b in filled])
+
+    def greatest(self, times: Array) -> Array:
+        """(T, E) greatest load over strength since the time before, of increasing `times`, s."""
+        ends = np.searchsorted(np.array(self._times), times + 1e-9, side="right")
+        starts = np.minimum(np.concatenate([[0], ends[:-1]]), len(self.shares) - 1)
+        found: Array = np.maximum.reduceat(self.shares, starts)
+        return found
+
+    def peaks(self, moment: float | None, broken: tuple[Broken, ...]) -> tuple[Peak, ...]:
+        """The greatest loads up to and after a moment, s; None: of the whole rollout.
+
+        A connection that broke has the load under which it broke.
+        """
+        times = np.array(self._times)
+        split = len(times) if moment is None else int(np.searchsorted(times, moment, side="right"))
+        found: list[Peak] = []
+        for first, last in ((0, split), (split, len(times))):
+            if first < last:
+                part = self._greatest_between(first, last)
+                low, high = times[first] - 1e-9, times[last - 1] + 1e-9
+                part += [_as_it_broke(b, first > 0) for b in broken if low <= b.time <= high]
+                found += _highest(part)
+        return tuple(found)
+
+    def _greatest_between(self, first: int, last: int) -> list[Peak]:
+        rows = first + self.shares[first:last].argmax(axis=0)
+        found = []
+        for column, row in enumerate(rows.tolist()):
+            joint = self._loads.connections[column]
+            level = self._blocks[row // BLOCK][row % BLOCK, joint]
+            force, moment = split_wrench(self._loads.wrench(level, joint))
+            own, load = self._joints[joint], float(self.shares[row, column])
+            time = self._times[row]
+            found.append(Peak(own.block, own.partner, time, load, force, moment, first > 0))
+        return found
+
+
+def split_wrench(wrench: Array) -> tuple[Vec3, Vec3]:
+    """Force and moment of (6,) numbers."""
+    a, b, c, d, e, f = wrench.tolist()
+    return (a, b, c), (d, e, f)
+
+
+def _squares(levels: Array) -> Array:
+    """(S, E, 2) squares of force and moment over strength, summed as `Loads` does."""
+    ordered = levels.take(WRENCH_ORDER, 2)
+    squares = (ordered * ordered).reshape(*levels.shape[:2], 2, 3)
+    return np.asarray(squares[..., 0] + squares[..., 1] + squares[..., 2])
+
+
+def _as_it_broke(item: Broken, after: bool) -> Peak:
+    return Peak(item.block, item.partner, item.time, item.load, item.force, item.moment, after)
+
+
+def _highest(peaks: list[Peak]) -> list[Peak]:
+    """The highest ones, each connection once."""
+    found: dict[tuple[int, int], Peak] = {}
+    for peak in sorted(peaks, key=lambda peak: -peak.load):
+        found.setdefault((peak.block, peak.partner), peak)
+    return list(found.values())[:MOST_PEAKS]
+
+
+@dataclass
+class _Pair:
+    """Two bodies that touched."""
+
+    standing: bool
+    begin: float
+    """Time at which the current hit began, s."""
+    place: Vec3
+    seen: float
+    """Time at which they last touched, s."""
+    impulse: float
+    first: Hit | None = None
+    hardest: Hit | None = None
+
+    def close(self) -> None:
+        """End the current hit."""
+        if self.hardest is None or self.impulse > self.hardest.impulse:
+            self.hardest = Hit(self.begin, self.place, self.impulse)
+            self.first = self.first or self.hardest
+
+
+class ContactLog:
+    """First and hardest hit of each two bodies that touched; `step` is the length of a step, s."""
+
+    def __init__(self, step: float) -> None:
+        self._step = step
+        self._pairs: dict[tuple[Body, Body], _Pair] = {}
+
+    def add(self, time: float, touches: Sequence[Touch]) -> bool:
+        """Add one reading; returns whether any two bodies touched for the first time.
+
+        Readings may skip steps: a hit ends when a pair is missing from a reading or a step was
+        skipped.
+        """
+        pairs, new = self._pairs, False
+        for a, b, place, force in touches:
+            pair = pairs.get((a, b))
+            if pair is None:
+                pairs[a, b] = _Pair(time <= 0.0, time, place, time, force * self._step)
+                new = True
+            elif time - pair.seen < 1.5 * self._step and time - pair.begin < LONGEST:
+                pair.seen, pair.impulse = time, pair.impulse + force * self._step
+            else:
+                pair.close()
+                pair.begin = pair.seen = time
+                pair.place, pair.impulse = place, force * self._step
+        return new
+
+    def contacts(self) -> tuple[Contact, ...]:
+        """All contacts in order of time."""
+        found = []
+        for (a, b), pair in self._pairs.items():
+            pair.close()
+            assert pair.first is not None
+            assert pair.hardest is not None
+            found.append(Contact(a, b, pair.first, pair.hardest, pair.standing, pair.seen))
+        return tuple(sorted(found, key=lambda contact: contact.first.time))
+
+
+class WorkLog:
+    """Adds up the work of the devices of a world from readings of their power.
+
+    The power in a step is that of the forces that act in it, which are constant, so that the work
+    is what the bodies gain. `step` is the length of an undivided step, s.
+    """
+
+    def __init__(self, world: World, step: float) -> None:
+        self._world, self._step = world, step
+        self._times, self._work = [0.0], [Power()]
+        self._last = Power()
+
+    def add(self, time: float) -> None:
+        """Read the mean power of the last step; over skipped steps it changed evenly."""
+        power, before, work = self._world.power(), self._last, self._work[-1]
+        gap = time - self._times[-1]
+        if gap < 1.5 * self._step:
+            before = power
+        self._work.append(
+            Power(
+                work.springs + gap * (power.springs + before.springs) / 2,
+                work.motors + gap * (power.motors + before.motors) / 2,
+            )
+        )
+        self._times.append(time)
+        self._last = power
+
+    def energy(
+        self, time: float, start: object, then: object, thrown: Body | None, things: tuple[str, ...]
+    ) -> Energy:
+        """Work until a time (s), and kinetic energy then.
+
+        Args:
+            time: Of the second snapshot.
+            start: Snapshot of t = 0.
+            then: Snapshot of that time.
+            thrown: What counts as thrown; None for nothing.
+            things: Names of the moving things; only one that is thrown counts.
+        """
+        work = np.array(self._work)
+        springs, motors = (np.interp(time, self._times, column) for column in work.T)
+        before, after = self._world.energies(start), self._world.energies(then)
+        blocks = len(after) - len(things)
+        counted = np.arange(len(after)) < blocks
+        index = blocks + things.index(thrown) if isinstance(thrown, str) else thrown
+        if index is not None:
+            counted[index] = True
+        kinetic = after[:, 0] - before[:, 0]
+        own = 0.0 if index is None else float(kinetic[index])
+        return Energy(
+            time=time,
+            springs=float(springs),
+            motors=float(motors),
+            gravity=float((before[:, 1] - after[:, 1])[counted].sum()),
+            thrown=own,
+            machine=float(kinetic[counted].sum()) - own,
+        )

@@ -1,0 +1,167 @@
+"""Changes of several blocks at once, and which changes a machine with problems allows.
+
+Each change takes a draft and returns the block to go on with: the new or moved one, or the parent
+of what was removed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+from agentflow.machine.brief import Brief
+from agentflow.machine.edits.draft import Draft, End
+from agentflow.machine.geometry.placement import face_at, place
+from agentflow.machine.geometry.pose import Placed, Units3
+from agentflow.machine.problems import Problem, Refused, block_label
+from agentflow.machine.tree import Machine, carried_by
+
+Change = Callable[[Draft], int]
+"""Changes a draft; the block to go on with."""
+
+
+def add(draft: Draft, kind: int, ends: Sequence[End]) -> int:
+    """Attach a new block to one face, or between two."""
+    return draft.attach(kind, ends).id
+
+
+def remove(draft: Draft, block: int) -> int:
+    """Remove a block with everything that is attached to it."""
+    parent = draft.editable(block, "removed").parent
+    for carried in reversed(carried_by(draft.steps.values(), block)):
+        draft.detach(carried)
+    return parent
+
+
+def move(draft: Draft, block: int, to: End) -> int:
+    """Attach a block, with what it carries, to another face."""
+    draft.reattach(block, to)
+    return block
+
+
+def copy(draft: Draft, block: int, to: End) -> int:
+    """Attach a copy of a block, and of what only it carries, to a face."""
+    step = draft.steps[block]
+    if step.two_ended or block == 0:
+        label = block_label(block, step.type)
+        raise Refused("not_copied", f"{label} cannot be copied; copy a block that it holds")
+    _, *carried = carried_by(draft.steps.values(), block, alone=True)
+    ids = {block: draft.attach(step.type, [to]).id}
+    for old in carried:
+        ends = [(ids[parent], face) for parent, face in draft.steps[old].attachments]
+        ids[old] = draft.attach(draft.steps[old].type, ends).id
+    return ids[block]
+
+
+def mirror(draft: Draft, block: int) -> int:
+    """Add the mirror image of a block and of what it carries, left and right of the root exchanged.
+
+    Refused if what it is attached to has no mirror image.
+    """
+    if block == 0:
+        reason = "the root is its own mirror image; choose a block that it holds"
+        raise Refused("not_mirrored", reason)
+    placed = {item.id: item for item in draft.geometry.blocks}
+    images = {old: placed[new] for old, new in _images(placed).items()}
+    first = draft.next_id
+    for old in carried_by(draft.steps.values(), block):
+        ends = [
+            _image_of_face(placed[parent], face, images)
+            for parent, face in placed[old].step.attachments
+        ]
+        image = draft.attach(placed[old].type, ends).id
+        images[old] = draft.geometry[image]
+    return first
+
+
+@dataclass(frozen=True)
+class Mending:
+    """Changes of one machine at a task, each of the machine as it is.
+
+    A change is legal if it brings no problem that the machine does not have already: a machine with
+    problems, such as an imported one, can be mended step by step.
+    """
+
+    machine: Machine
+    brief: Brief
+
+    def make(self, change: Change) -> tuple[Machine, int]:
+        """The changed machine, and the block to go on with.
+
+        Raises:
+            Refused: The change is not legal; the reason lists no free faces, which people see.
+        """
+        draft = Draft(self.machine, self.brief)
+        try:
+            chosen = change(draft)
+            for problem in _problems(draft):
+                if (problem.code, problem.blocks) not in self._known:
+                    raise Refused(problem.code, problem.message)
+        except Refused as refused:
+            raise Refused(refused.code, refused.reason.partition("; free faces of")[0]) from None
+        machine, ids = draft.finish()
+        return machine, ids.get(chosen, 0)
+
+    def turn(self, block: int) -> tuple[Machine, int]:
+        """As `make`, for a move to the next face of its parent that is legal.
+
+        Raises:
+            Refused: There is none; says why not the next one.
+        """
+        refusals = []
+        for end in self._other_faces(block):
+            try:
+                return self.make(partial(move, block=block, to=end))
+            except Refused as refused:
+                refusals.append(refused)
+        none = Refused("face_occupied", "its parent has no other free face to turn to")
+        raise refusals[0] if refusals else none
+
+    def _other_faces(self, block: int) -> Iterator[End]:
+        """The free faces of a block's parent, in order from its own."""
+        step = self.machine[block]
+        if not step.two_ended and block != 0:
+            free = place(self.machine).free_faces(step.parent)
+            after = [face for face in free if face > step.face_id]
+            before = [face for face in free if face < step.face_id]
+            yield from ((step.parent, face) for face in (*after, *before))
+
+    @cached_property
+    def _known(self) -> set[tuple[str, tuple[int, ...]]]:
+        """The problems that the machine has already."""
+        return {(each.code, each.blocks) for each in _problems(Draft(self.machine, self.brief))}
+
+
+def _problems(draft: Draft) -> list[Problem]:
+    return draft.problems + draft.crowding
+
+
+def _images(placed: Mapping[int, Placed]) -> dict[int, int]:
+    """Block -> the block that stands where its mirror image would."""
+    where = {(item.type, item.lo, item.hi, item.at): item.id for item in placed.values()}
+    found = {}
+    for item in placed.values():
+        lo, hi = (-item.hi[0], *item.lo[1:]), (-item.lo[0], *item.hi[1:])
+        other = where.get((item.type, lo, hi, _flip(item.at)))
+        if other is not None and not item.two_ended:
+            found[item.id] = other
+    return found
+
+
+def _image_of_face(parent: Placed, face: int, images: Mapping[int, Placed]) -> End:
+    """The face that is where the mirror image of a face would be."""
+    image = images.get(parent.id)
+    if image is None or image.shape is None or parent.shape is None:
+        reason = f"{parent.label} has no mirror image to attach to; mirror it first"
+        raise Refused("not_mirrored", reason)
+    wanted = _flip(face_at(parent, face))
+    for candidate in image.shape.faces:
+        if face_at(image, candidate.id) == wanted:
+            return image.id, candidate.id
+    reason = f"{parent.label} has no face where the mirror image of its face {face} is"
+    raise Refused("not_mirrored", reason)
+
+
+def _flip(point: Units3) -> Units3:
+    return (-point[0], point[1], point[2])

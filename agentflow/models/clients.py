@@ -1,0 +1,111 @@
+"""The clients of models: recorded on a tape, charged to a budget, within limits of endpoints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from agentflow.agents.registry import scripts
+from agentflow.config.run import DesignConfig, ModelConfig
+from agentflow.llm.build import open_client, wrap
+from agentflow.llm.client import Client
+from agentflow.llm.procedural import ProceduralClient
+from agentflow.llm.wrappers.budget import FREE, Budget, Price
+from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
+from agentflow.llm.wrappers.record import ReplayClient
+from agentflow.llm.wrappers.tape import Tape
+from agentflow.models.choices import ModelChoice, choose_models, known_prices
+
+
+@dataclass(frozen=True)
+class Models:
+    """The model of each role, and its client; roles with the same model share a client."""
+
+    clients: Mapping[str, Client]
+    choices: Mapping[str, ModelChoice]
+    budget: Budget = field(default_factory=Budget)
+    """What their calls have used."""
+
+    def name_of(self, roles: Iterable[str]) -> str:
+        """The name of these roles in results: one model, or each model with its roles."""
+        roles_of: dict[str, list[str]] = {}
+        for role in roles:
+            roles_of.setdefault(self.clients[role].name, []).append(role)
+        if len(roles_of) == 1:
+            return next(iter(roles_of))
+        return "; ".join(f"{name} ({', '.join(own)})" for name, own in roles_of.items())
+
+    async def aclose(self) -> None:
+        """Close every client once."""
+        for client in {id(client): client for client in self.clients.values()}.values():
+            await client.aclose()
+
+
+def open_models(
+    config: DesignConfig,
+    tape: Tape,
+    notify: Callable[[str], None],
+    client: Client | None = None,
+    limiters: Limiters | None = None,
+) -> Models:
+    """The configured models, or one client in their place, recorded on a tape.
+
+    What earlier processes recorded there counts in their budget. Those that are opened with the
+    same `limiters` share them; by default, these models have their own.
+    """
+    model, limiters = config.model, limiters or LocalLimiters()
+    choices, budget = choose_models(model), _charge_budget(model, tape)
+
+    def record(inner: Client, price: Price | None) -> Client:
+        return wrap(inner, tape=tape, budget=budget, price=price)
+
+    if client is not None:
+        recorded = record(client, model.prices.get(client.name))
+        return Models(dict.fromkeys(choices, recorded), choices, budget)
+
+    def open_choice(choice: ModelChoice) -> Client:
+        if choice.local:
+            return record(_local_client(choice, config.seed), FREE)
+        endpoint = choice.endpoint()
+        limits = limiters.of(endpoint.base_url, model.endpoint.limits)
+        reached = open_client(endpoint, model.endpoint, limits, warn=notify, on_wait=notify)
+        return record(reached, model.prices.get(choice.model))
+
+    opened: dict[tuple[str | None, ...], Client] = {}
+    clients = {}
+    for role, choice in choices.items():
+        key = (choice.model, choice.base_url, choice.key_variable)
+        if key not in opened:
+            opened[key] = open_choice(choice)
+        clients[role] = opened[key]
+    return Models(clients, choices, budget)
+
+
+def _charge_budget(model: ModelConfig, tape: Tape) -> Budget:
+    """The budget, charged with the calls that earlier processes recorded on a tape."""
+    budget, prices = Budget(model.budget), known_prices(model)
+    for call in tape.calls():
+        budget.count(call.request, call.reply, prices.get(call.model))
+    return budget
+
+
+def _local_client(choice: ModelChoice, seed: int) -> Client:
+    if choice.procedural:
+        return ProceduralClient(seed, scripts())
+    from agentflow.models.local.libraries import require_libraries
+
+    require_libraries("torch", "transformers")
+    from agentflow.models.local.loading import LocalClient
+
+    return LocalClient(Path(choice.model), seed)
+
+
+def replay_models(config: DesignConfig, tape: Tape, *, budget_spent: bool) -> Models:
+    """The configured models, answering from a tape only; see `ReplayClient`."""
+    choices = choose_models(config.model)
+    clients = {
+        role: ReplayClient(tape, choice.display_name, budget_spent=budget_spent)
+        for role, choice in choices.items()
+    }
+    return Models(clients, choices)

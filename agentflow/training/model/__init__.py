@@ -1,1 +1,0 @@
-"""A tiny model from scratch, and models in folders: loading, sampling, designing with them."""

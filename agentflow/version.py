@@ -1,0 +1,3 @@
+"""The version of agentflow, which the build reads from here as well. Imports nothing."""
+
+__version__ = "0.1.0"

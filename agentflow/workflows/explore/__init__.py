@@ -1,1 +1,0 @@
-"""The workflow `explore`: machines of many kinds rather than one good machine."""

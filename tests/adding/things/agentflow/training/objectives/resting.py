@@ -1,0 +1,19 @@
+"""A function test of machines that stay where they are."""
+
+from __future__ import annotations
+
+from agentflow.training.objectives.finding import Amount, Finding, Findings, FunctionTest
+from agentflow.training.objectives.motion import Motion
+
+
+class Rests(FunctionTest):
+    """The root stays where it is."""
+
+    metres: Amount
+
+    @property
+    def phrase(self) -> str:
+        return f"its Starting Block stays within {self.metres:g} m"
+
+    def measure(self, motion: Motion) -> Findings:
+        yield "metres", Finding(motion.distance(0, "any"), self.metres, "m", most=True)
