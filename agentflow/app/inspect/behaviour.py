@@ -29,7 +29,8 @@ ABOUT = (
     "Mispredicted: edits that failed, of those that were predicted to succeed. Surface: edits that "
     "keep the mechanism, of those of a machine that had failed. Local: edits that keep it, of all. "
     "Size: mean tree edit distance, blocks. Error, bias: median size and median of predicted minus "
-    "simulated score. Roles: share of the tokens of all replies. docs/behaviour.md has the rules."
+    "simulated score. Roles: share of the tokens of all replies. The rules are in "
+    "docs/reference/behaviour.md."
 )
 
 
