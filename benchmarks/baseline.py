@@ -41,7 +41,7 @@ def main() -> None:
             document = apply_settings({"task": task, "seed": seed}, options.settings)
             with tempfile.TemporaryDirectory() as folder:
                 score, count = score_of(document, Path(folder))
-                budget = [*options.settings, f"rollouts={count}", "workflow=random-dsl"]
+                budget = [*options.settings, f"max_simulations={count}", "workflow=random-dsl"]
                 baseline = apply_settings({"task": task, "seed": seed}, budget)
                 theirs.append(score_of(baseline, Path(folder))[0])
             ours.append(score)

@@ -73,7 +73,7 @@ def best_of_designs(level: str, workflow: str, seed: int) -> dict[str, Any]:
     """Best score of 60 rollouts, and the number that passed if the workflow counts attempts."""
     count = {
         "single": {"trajectories": ROLLOUTS, "search": {"rounds": 0}},
-        "random-dsl": {"rollouts": ROLLOUTS},
+        "random-dsl": {"max_simulations": ROLLOUTS},
     }.get(workflow, {"placements": ROLLOUTS})
     document = {
         "task": level,

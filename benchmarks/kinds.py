@@ -138,7 +138,7 @@ def judge(task: str, machines: Mapping[Machine, Rollout]) -> Found:
 
 def compare(task: str, seed: int, strategy: str, emitters: str, rollouts: int) -> Found:
     """The numbers of one run."""
-    settings = {"rollouts": rollouts, "emitters": EMITTERS[emitters]}
+    settings = {"max_simulations": rollouts, "emitters": EMITTERS[emitters]}
     if strategy == MAP_ELITES:
         return judge(task, asyncio.run(explore(task, seed, settings)))
     with patch.multiple(workflow, map_elites=mcts_beside_archive, Archive=Aimless):

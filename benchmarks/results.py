@@ -40,7 +40,7 @@ ORDER = (
 FURTHER = {
     "workflows": ("scores",),
     "search_strategy": ("expansions",),
-    "additional_tasks": ("players",),
+    "additional_tasks": ("human",),
 }
 """Sweep -> views to show in addition to the published layout."""
 HEAD = """\

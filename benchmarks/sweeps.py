@@ -40,7 +40,7 @@ SWEEP = {
     "base": {
         "task": "throwing",
         "workflow": "random-dsl",
-        "settings": {"trajectories": 4, "rollouts": 24},
+        "settings": {"trajectories": 4, "max_simulations": 24},
     },
     "axes": {"condition": {"one": {"history": True}, "other": {"history": False}}},
     "table": {"stage": "env_feedback", "metrics": ["valid", "mean", "max"]},

@@ -26,7 +26,7 @@ DESIGN = ("design", "--task", "rolling", "--workflow", "judged", "--set", "promp
 SWEEP = """
 title: Seeds of a toy
 about: Counts its own runs.
-base: {task: rolling, workflow: random-dsl, settings: {trajectories: 1, rollouts: 2}}
+base: {task: rolling, workflow: random-dsl, settings: {trajectories: 1, max_simulations: 2}}
 seeds: [0, 1]
 axes: {condition: {plain: {}}}
 table: {conditions: axes, stage: initial, metrics: [run_count, mean]}

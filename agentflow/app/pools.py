@@ -44,5 +44,5 @@ def connect(workers: int) -> None:
 def _require_ray() -> None:
     if not is_installed("ray"):
         raise ConfigError(
-            f"--on ray needs Ray; install it on every node with: {install('cluster')}"
+            f"--backend ray needs Ray; install it on every node with: {install('cluster')}"
         )

@@ -5,19 +5,23 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from contextlib import suppress
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
 from typing import Any
 
 from agentflow.cli.display.text import describe_os_error, escape_controls
+from agentflow.cli.renamed import update_arguments
+from agentflow.config.renamed import RenamedWarning, rename_note
 from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
 MODULES = (
     "analysis.models",
     "machines",
-    "analysis.perturb",
+    "analysis.robustness",
     "sweeps",
     "analysis.study",
     "benchmark",
@@ -74,8 +78,11 @@ def _run(given: list[str]) -> int | None:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     debug = "--debug" in given
     try:
-        rest = [item for item in given if item != "--debug"]
-        status = command_group()(args=rest, prog_name="agentflow", standalone_mode=False)
+        rest, renamed = update_arguments([item for item in given if item != "--debug"])
+        for earlier, now in renamed:
+            _print_note(rename_note(earlier, now))
+        with _renames_as_notes():
+            status = command_group()(args=rest, prog_name="agentflow", standalone_mode=False)
         sys.stdout.flush()
         if status == INTERRUPTED:  # some versions of typer return this on Ctrl-C
             return None
@@ -95,6 +102,27 @@ def _run(given: list[str]) -> int | None:
         if debug:
             traceback.print_exc()
         return _print_error(str(error), error.exit_status)
+
+
+@contextmanager
+def _renames_as_notes() -> Iterator[None]:
+    """Show warnings of earlier names in one line, once each; others as Python does."""
+
+    def show(message: Warning | str, category: type[Warning], *place: Any, **options: Any) -> None:
+        if issubclass(category, RenamedWarning):
+            _print_note(str(message))
+        else:
+            others(message, category, *place, **options)
+
+    with warnings.catch_warnings():
+        others, warnings.showwarning = warnings.showwarning, show
+        warnings.simplefilter("once", RenamedWarning)
+        yield
+
+
+def _print_note(text: str) -> None:
+    with suppress(OSError, ValueError):  # stderr is closed
+        print("agentflow: note:", escape_controls(text), file=sys.stderr, flush=True)
 
 
 def _print_usage_error(error: BaseException) -> int:

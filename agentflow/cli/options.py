@@ -86,10 +86,10 @@ Engine = Annotated[
 Seed = Annotated[int, typer.Option("--seed", help="Random seed.")]
 RunSeed = Annotated[int | None, typer.Option("--seed", help="Random seed (default: 0).")]
 Workers = Annotated[int, typer.Option("--workers", min=1, help=WORKERS)]
-On = Annotated[
+Backend = Annotated[
     Where,
     typer.Option(
-        "--on",
+        "--backend",
         help="Where to simulate: local (worker processes on this machine) or ray (a Ray cluster: "
         "that at RAY_ADDRESS, else one on this machine).",
     ),

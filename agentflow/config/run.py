@@ -10,6 +10,7 @@ from typing import Any, Literal, get_origin
 
 from pydantic import BaseModel, Field, ValidationError
 
+from agentflow.config.renamed import KEYS, update_names, warn_of_names
 from agentflow.errors import ConfigError
 from agentflow.files.faults import explain, find_bool_as_number
 from agentflow.files.yaml import NOT_YAML, read_yaml, read_yaml_file, yaml_problem
@@ -91,8 +92,8 @@ class DesignConfig(BaseModel, frozen=True, extra="forbid"):
     verify: bool = Field(
         True, description="simulate the best machine again under small variations of physics"
     )
-    keep_rollouts: Literal["winners", "all"] = Field(
-        "winners", description="rollouts to save: of each stage's best machine, or all"
+    keep_rollouts: Literal["best", "all"] = Field(
+        "best", description="rollouts to save: of each stage's best machine, or all"
     )
     workers: int = Field(
         2, ge=1, le=4096, description="processes for rollouts; does not affect results"
@@ -109,7 +110,11 @@ def load_document(path: Path) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise ConfigError(f"{path} must hold a mapping of configuration keys")
     config = document.get("config")
-    return config if "schema" in document and isinstance(config, dict) else document
+    if "schema" in document and isinstance(config, dict):
+        return config
+    for written in (document, document.get("base")):  # that of a run, or of a sweep
+        warn_of_names(written if isinstance(written, dict) else {})
+    return document
 
 
 def apply_settings(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
@@ -146,7 +151,7 @@ def set_key(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any
         ConfigError: The path runs through a plain value.
     """
     result = group = dict(document)
-    *groups, last = _keys_of(path)
+    *groups, last = keys = _keys_of(path)
     plain = _plain_keys()
     for depth, key in enumerate(groups, start=1):
         below = group.get(key, {})
@@ -155,7 +160,14 @@ def set_key(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any
         group[key] = dict(below)
         group = group[key]
     group[last] = value
+    warn_of_names(_nested(keys, value))
     return result
+
+
+def _nested(keys: tuple[str, ...], value: Any) -> dict[str, Any]:
+    """A document that holds one value."""
+    first, *rest = keys
+    return {first: _nested(tuple(rest), value) if rest else value}
 
 
 def suggest_key(knobs: Iterable[str]) -> str:
@@ -201,7 +213,7 @@ def build_config(document: object) -> DesignConfig:
     if not isinstance(document, Mapping):
         raise ConfigError("the configuration must be a mapping of keys")
     try:
-        found = DesignConfig.model_validate(dict(document))
+        found = DesignConfig.model_validate(update_names(document))
     except ValidationError as error:
         raise ConfigError(explain(error, DesignConfig, "configuration key")) from None
     if key := find_bool_as_number(document, found.model_dump()):
@@ -215,6 +227,6 @@ def _keys_of(path: str) -> tuple[str, ...]:
         if first == "knobs" and rest:
             return ("knobs", ".".join(rest))
         return (first, *rest)
-    if first in WorkflowSettings.model_fields:
+    if first in WorkflowSettings.model_fields or f"settings.{path}" in KEYS:
         return ("settings", first, *rest)
     return ("knobs", path)

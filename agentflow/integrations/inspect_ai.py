@@ -74,7 +74,7 @@ def _register_task(family: str) -> None:
             prompts=prompts,
             role=(Agent if tools else Designer).name,
         )
-        settings = WorkflowSettings(candidates_per_stage=1, rollouts=rollouts, vision=vision)
+        settings = WorkflowSettings(candidates_per_stage=1, max_simulations=rollouts, vision=vision)
         config = DesignConfig(
             workflow=TOOLS.name,
             settings=settings,

@@ -21,7 +21,7 @@ async def best_of_n(
     Only a strictly better child becomes the best, so a node may be expanded more than once.
     Arguments as for `mcts`; `settings.ucb` is not used.
     """
-    tree = SearchTree(root, evaluation, expand, evaluate, settings.waves, observe)
+    tree = SearchTree(root, evaluation, expand, evaluate, settings.request_rounds, observe)
     for round_ in tree.rounds(settings.rounds):
         await tree.grow(tree.best(), round_, settings.width)
     return tree.result(tree.best())

@@ -26,7 +26,7 @@ class Expanded:
     round: int
     node: int
     attempts: tuple[Attempt[Any], ...]
-    """Attempts of all waves, in label order."""
+    """Attempts of all request rounds, in label order."""
     children: tuple[int, ...]
     """Ids of the new nodes; empty only if the budget ran out first."""
     fallback: bool

@@ -27,12 +27,12 @@ async def mcts(
     Args:
         root: Candidate to start from.
         evaluation: Evaluation of the root.
-        expand: Runs one wave of attempts.
+        expand: Runs one round of attempts.
         evaluate: Evaluates a candidate; called once per distinct candidate.
-        settings: Rounds, width, waves and `ucb`.
+        settings: Rounds, width, request rounds and `ucb`.
         observe: Called with every event, in an order that does not depend on concurrency.
     """
-    tree = SearchTree(root, evaluation, expand, evaluate, settings.waves, observe)
+    tree = SearchTree(root, evaluation, expand, evaluate, settings.request_rounds, observe)
     for round_ in tree.rounds(settings.rounds):
         leaf = select(tree.nodes, settings.ucb)[-1]
         for child in await tree.grow(leaf, round_, settings.width):

@@ -20,7 +20,7 @@ async def random(
 
     Arguments as for `mcts`; `settings.width` and `settings.ucb` are not used.
     """
-    tree = SearchTree(root, evaluation, expand, evaluate, settings.waves, observe)
+    tree = SearchTree(root, evaluation, expand, evaluate, settings.request_rounds, observe)
     for round_ in tree.rounds(settings.rounds):
         await tree.grow(tree.nodes[-1], round_, width=1)
     return tree.result(tree.nodes[-1])

@@ -36,7 +36,9 @@ class SearchSettings(BaseModel, frozen=True, extra="forbid"):
     width: int = Field(
         4, ge=1, description="children per expansion (random search always makes one)"
     )
-    waves: int = Field(5, ge=1, description="maximum waves of attempts per expansion")
+    request_rounds: int = Field(
+        5, ge=1, description="maximum rounds of concurrent requests per expansion"
+    )
     ucb: UcbSettings = Field(UcbSettings(), description="selection settings of mcts")
 
     @property

@@ -49,17 +49,17 @@ class SearchTree(Generic[C]):
         evaluation: Evaluation,
         expand: Expand[C],
         evaluate: Evaluate[C],
-        waves: int,
+        request_rounds: int,
         observe: Observer,
     ) -> None:
-        """Start with an evaluated root; make at most `waves` waves of attempts per expansion."""
+        """Start with an evaluated root; ask at most `request_rounds` times per expansion."""
         self.nodes: list[Node[C]] = []
         self.stopped = False
         """Whether the budget has run out."""
         self._cost = SearchCost()
         self._expand = expand
         self._evaluate = EvaluateOnce(evaluate, {root: evaluation})
-        self._waves = waves
+        self._request_rounds = request_rounds
         self._observe = observe
         self._started = time.perf_counter()
         self._join([Node(0, root, None, evaluation)])
@@ -97,7 +97,7 @@ class SearchTree(Generic[C]):
             The children by id; empty only if the budget ran out before the first valid one.
         """
         self._observe(Selected(round_, tuple(node.id for node in self.path(parent))))
-        attempts = await self._run_waves(parent, f"round-{round_}/node-{parent.id}", width)
+        attempts = await self._request_children(parent, f"round-{round_}/node-{parent.id}", width)
         new = [(item.candidate, item.label) for item in attempts if item.candidate is not None]
         self._cost.expansions += bool(attempts)
         self._cost.attempts += len(attempts)
@@ -139,25 +139,25 @@ class SearchTree(Generic[C]):
             front = front_of.get(node.id)
             node.reward = node.evaluation.reward if front is None else 1 / front
 
-    async def _run_waves(self, node: Node[C], prefix: str, width: int) -> list[Attempt[C]]:
-        """Run waves of attempts until enough are valid, no waves are left or the budget is spent.
+    async def _request_children(self, node: Node[C], prefix: str, width: int) -> list[Attempt[C]]:
+        """Ask until enough attempts are valid, no request round is left or the budget is spent.
 
-        The first wave makes `width` attempts; each later wave makes one per missing child and is
-        given the earlier attempts. Attempts are numbered across waves.
+        The first round makes `width` attempts; each later one makes one per missing child and is
+        given the earlier attempts. Attempts are numbered across rounds.
         """
         attempts: list[Attempt[C]] = []
-        for _ in range(self._waves):
+        for _ in range(self._request_rounds):
             missing = width - sum(attempt.candidate is not None for attempt in attempts)
             if not missing or self.stopped:
                 break
             first = len(attempts) + 1
             labels = [f"{prefix}/try-{number}" for number in range(first, first + missing)]
             try:
-                wave = await self._expand(node, labels, tuple(attempts))
+                made = await self._expand(node, labels, tuple(attempts))
             except BudgetSpentError:
-                wave = ()
-            attempts += wave
-            self.stopped = len(wave) < missing
+                made = ()
+            attempts += made
+            self.stopped = len(made) < missing
         return attempts
 
     def result(self, result: Node[C]) -> SearchResult[C]:

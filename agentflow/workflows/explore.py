@@ -133,7 +133,7 @@ async def explore(run: WorkflowContext) -> WorkflowResult:
     """One first machine per trajectory, then a search with an archive of its own from each.
 
     First machines are random, or made by designers if refiners make new machines. The trajectories
-    share `settings.rollouts` evenly; reports merge their archives.
+    share `settings.max_simulations` evenly; reports merge their archives.
     """
     run.begin_stage(INITIAL)
     total = _rollouts(run.settings)
@@ -195,14 +195,14 @@ def _asks_models(settings: WorkflowSettings) -> bool:
 
 def _rollouts(settings: WorkflowSettings) -> int:
     search = settings.search
-    return settings.rollouts or settings.trajectories * (1 + search.rounds * search.width)
+    return settings.max_simulations or settings.trajectories * (1 + search.rounds * search.width)
 
 
 def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
     """The rollouts end the search, not its rounds: each makes one new machine at least, or none."""
     total = _rollouts(settings)
     search = settings.search.model_copy(update={"strategy": MAP_ELITES, "rounds": total})
-    return settings.model_copy(update={"rollouts": total, "search": search})
+    return settings.model_copy(update={"max_simulations": total, "search": search})
 
 
 def _calls(settings: WorkflowSettings) -> Mapping[str, int]:

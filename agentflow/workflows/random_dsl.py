@@ -27,7 +27,7 @@ MAX_REPEATS = 20
 async def random_dsl(run: WorkflowContext) -> WorkflowResult:
     """Random machines, one random edit each, then edits of each trajectory's best machine.
 
-    The stages are those of the other workflows. `settings.rollouts` limits the simulations of the
+    The stages are those of the other workflows. `settings.max_simulations` limits those of the
     whole run; by default every stage has one per trajectory, as in the published baseline.
     """
     rngs = {t: run.stream(f"traj-{t}") for t in run.trajectories}
@@ -50,7 +50,7 @@ async def random_dsl(run: WorkflowContext) -> WorkflowResult:
 
 
 def _rollouts(settings: WorkflowSettings) -> int:
-    return settings.rollouts or 3 * settings.trajectories
+    return settings.max_simulations or 3 * settings.trajectories
 
 
 async def _edit_each(

@@ -54,10 +54,10 @@ class WorkflowSettings(BaseModel):
     candidates: int = Field(
         1, ge=1, description="designs per structure and trajectory (hierarchical)"
     )
-    meta_designer: Literal["modules", "detailed", "off"] = Field(
-        "modules",
-        description="plan for the structures: modules, detailed (construction step by step), or "
-        "off: whole machines (hierarchical)",
+    meta_designer: Literal["structures", "detailed", "off"] = Field(
+        "structures",
+        description="what the plan says: structures (what each is for), detailed (how to build "
+        "each, step by step), or off: no plan, whole machines (hierarchical)",
     )
     start: tuple[dict[str, int], ...] | dict[str, list[dict[str, Any]]] = Field(
         (), description="construction tree of a machine to improve, in place of first designs"
@@ -87,7 +87,7 @@ class WorkflowSettings(BaseModel):
     refinement: Literal["steps", "whole_machine"] = Field(
         "steps", description="refiners write edit commands or a whole machine"
     )
-    rollouts: int | None = Field(
+    max_simulations: int | None = Field(
         None,
         ge=1,
         description="simulations of a run; default: 3 per trajectory (random-dsl), 24 (tools), as "
@@ -102,7 +102,7 @@ class WorkflowSettings(BaseModel):
     candidates_per_stage: int = Field(
         8, ge=1, description="machines that an agent may submit in a stage (tools)"
     )
-    looks: int = Field(
+    max_pictures: int = Field(
         24, ge=1, description="pictures that an agent may look at in a run (tools, with vision)"
     )
     external: ExternalSettings = Field(

@@ -62,7 +62,7 @@ class Workflow:
     runs_program: bool = False
     """Whether it runs the program that settings name, so that nobody else's page may start it."""
     has_rollout_limit: bool = False
-    """Whether `settings.rollouts` limits its simulations."""
+    """Whether `settings.max_simulations` limits its simulations."""
     baseline: str = ""
     """Workflow without a model that benchmarks compare it with; "" if there is none."""
     counts_passes: bool = False

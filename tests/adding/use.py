@@ -44,7 +44,7 @@ from agentflow.training.objectives.motion import Motion
 
 DESIGN = ("design", "--task", "strolling", "--workflow", "judged", "--engine", "tick")
 SET = ("prompts=loud", "trajectories=1", "verify=false")
-SEARCH = ("search.strategy=eager", "search.rounds=1", "search.width=1", "search.waves=1")
+SEARCH = ("search.strategy=eager", "search.rounds=1", "search.width=1", "search.request_rounds=1")
 
 
 class Kites(Movement):

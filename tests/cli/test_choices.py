@@ -33,7 +33,7 @@ OFFERED = {
 }
 OF_SEVERAL = {
     "form": [tuple(FORMATS), tuple(name for name in FORMATS if name != "json")],
-    "on": [get_args(Where)],
+    "backend": [get_args(Where)],
 }
 """Options of several commands, and what these may offer."""
 OWN = {("simulate", "power")}

@@ -56,7 +56,10 @@ def test_the_table_separates_published_rows(tmp_path: Path, capsys: Captured) ->
         (["overlap"], "the procedural model answers no questions about machines: name a language"),
         (["facing", "--pairs", "3"], "--pairs does not apply to facing; use --questions"),
         (["overlap", "--questions", "3"], "--questions does not apply to overlap; use --pairs"),
-        (["fate", "--published"], "only the diagnostic overlap has published values, not fate"),
+        (
+            ["outcome", "--published"],
+            "only the diagnostic overlap has published values, not outcome",
+        ),
         (["touch"], "Invalid value for 'DIAGNOSTIC'"),
         (["overlap", "--set", "verify=false"], "a diagnosis has no verify: it asks questions"),
     ],

@@ -20,7 +20,7 @@ from tests.app.pages.test_runs import RECORDED
 
 pytestmark = [pytest.mark.pybullet, pytest.mark.mujoco]
 CAR = str(Path(__file__).parents[2] / "examples" / "car.json")
-SMALL = {"trajectories": 1, "rollouts": 1, "verify": False}
+SMALL = {"trajectories": 1, "max_simulations": 1, "verify": False}
 Captured = pytest.CaptureFixture[str]
 BULLET, MUJOCO = "pybullet", "mujoco"
 
@@ -159,7 +159,7 @@ def test_verification_shows_the_other_engine_outside_the_median(
 @pytest.mark.slow
 def test_a_sweep_with_both_engines_pools_nothing(tmp_path: Path, capsys: Captured) -> None:
     file = tmp_path / "both.yaml"
-    base = {"task": "movement", "workflow": "random-dsl", "settings": {"rollouts": 1}}
+    base = {"task": "movement", "workflow": "random-dsl", "settings": {"max_simulations": 1}}
     table = {"metrics": ["mean", "share"]}
     axes = {"engine": [BULLET, MUJOCO]}
     file.write_text(yaml.safe_dump({"title": "Both", "base": base, "axes": axes, "table": table}))
@@ -169,7 +169,7 @@ def test_a_sweep_with_both_engines_pools_nothing(tmp_path: Path, capsys: Capture
     both = f"{identity(BULLET)}, {identity(MUJOCO)}"
     assert f"Physics engine: {both}; no number is of more than one." in text
     assert f"Shares of records compare with machines that {identity(BULLET)} simulated." in text
-    players = shown(capsys, "table", str(tmp_path / "both"), "--show", "players", "--format", "csv")
+    players = shown(capsys, "table", str(tmp_path / "both"), "--show", "human", "--format", "csv")
     assert [line.split(",")[3].strip(' "') for line in players.splitlines()[1:]] == [
         identity(BULLET),
         identity(MUJOCO),

@@ -43,7 +43,7 @@ def test_diff(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_unknown_set(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["prompts", "show", "--set", "compct"]) == 2
+    assert main(["prompts", "show", "--prompt-set", "compct"]) == 2
     assert capsys.readouterr().err.startswith(
         "agentflow: unknown prompt set 'compct'; known: compact, "
     )

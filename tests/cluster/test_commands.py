@@ -1,4 +1,4 @@
-"""Commands with --on ray: the same results and files as here, also after the driver was killed."""
+"""Commands with --backend ray: the same results and files, also after the driver was killed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"
 
 
 def test_a_design_is_the_one_that_is_made_here(tmp_path: Path, capsys: Captured) -> None:
-    assert main([*DESIGN, "--on", "ray", "--out", str(tmp_path)]) == 0
+    assert main([*DESIGN, "--backend", "ray", "--out", str(tmp_path)]) == 0
     result = json.loads(capsys.readouterr().out)  # nothing but JSON on standard output
     assert result["valid"]
     assert replay(Path(result["run"]), print) is None
@@ -44,16 +44,16 @@ def test_a_design_is_the_one_that_is_made_here(tmp_path: Path, capsys: Captured)
 
 def test_the_kinds_that_are_explored_are_those_found_here(tmp_path: Path, capsys: Captured) -> None:
     pytest.importorskip("ribs")
-    command = [*SMALL, "--workflow", "explore", "--on", "ray", "--out", str(tmp_path)]
+    command = [*SMALL, "--workflow", "explore", "--backend", "ray", "--out", str(tmp_path)]
     assert main(command) == 0
     assert replay(Path(json.loads(capsys.readouterr().out)["run"]), print) is None
 
 
 def test_a_driver_that_is_killed_is_resumed(tmp_path: Path, capsys: Captured) -> None:
-    command = [sys.executable, "-c", MAIN, *DESIGN, "--on", "ray", "--out", str(tmp_path)]
+    command = [sys.executable, "-c", MAIN, *DESIGN, "--backend", "ray", "--out", str(tmp_path)]
     kill_once_evaluated(command, tmp_path)
     (run,) = tmp_path.iterdir()
-    assert main(["design", "--resume", str(run), "--on", "ray", "--quiet", "--json"]) == 0
+    assert main(["design", "--resume", str(run), "--backend", "ray", "--quiet", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["valid"]
     assert replay(run, print) is None
 
@@ -70,7 +70,7 @@ def kill_once_evaluated(command: list[str], out: Path) -> None:
 def test_a_sweep_whose_driver_is_killed_is_resumed(tmp_path: Path) -> None:
     plan = tmp_path / "tiny.yaml"
     plan.write_text(yaml.safe_dump(TINY))
-    command = ["sweep", str(plan), "--on", "ray", "--out", str(tmp_path), "--quiet"]
+    command = ["sweep", str(plan), "--backend", "ray", "--out", str(tmp_path), "--quiet"]
     kill_once_evaluated([sys.executable, "-c", MAIN, *command], tmp_path)
     time.sleep(5)  # Ray ends the tasks of a driver that is gone
     assert main([*command, "--resume"]) == 0
@@ -82,7 +82,7 @@ def test_the_runs_of_a_sweep_are_those_that_are_made_here(tmp_path: Path) -> Non
     plan = tmp_path / "tiny.yaml"
     plan.write_text(yaml.safe_dump(TINY))
     shared = ["--store", (tmp_path / "shared").as_uri()]
-    command = ["sweep", str(plan), "--on", "ray", *shared, "--out", str(tmp_path), "--quiet"]
+    command = ["sweep", str(plan), "--backend", "ray", *shared, "--out", str(tmp_path), "--quiet"]
     assert main(command) == 0
     runs = sorted((tmp_path / "tiny" / "runs").iterdir())
     assert len(runs) == 4
@@ -95,7 +95,7 @@ def test_the_runs_of_a_sweep_are_those_that_are_made_here(tmp_path: Path) -> Non
 def test_an_evaluation_judges_as_here(tmp_path: Path) -> None:
     command = ["evaluate", "procedural", "--task", "movement", "--samples", "6", "--json"]
     for where in ("local", "ray"):
-        assert main([*command, "--on", where, "--out", str(tmp_path / where)]) == 0
+        assert main([*command, "--backend", where, "--out", str(tmp_path / where)]) == 0
     local, ray = ((tmp_path / where / "samples.jsonl").read_bytes() for where in ("local", "ray"))
     assert local == ray
 
@@ -107,7 +107,7 @@ def test_data_are_filtered_as_here(tmp_path: Path) -> None:
     assert main(generate(objectives, Path(answers))) == 0
     for where in ("local", "ray"):
         out = ["--out", str(tmp_path / where), "--quiet"]
-        assert main(["data", "filter", answers, "--on", where, *out]) == 0
+        assert main(["data", "filter", answers, "--backend", where, *out]) == 0
     sets = [
         [(tmp_path / where / file).read_bytes() for file in ("train.jsonl", "dev.jsonl")]
         for where in ("local", "ray")
@@ -123,7 +123,7 @@ def test_many_machines_are_simulated_as_here(tmp_path: Path, capsys: Captured) -
     command = ["simulate", str(machines), "--jsonl", "--task", "movement", "--set", "window=1"]
     found = {}
     for where in ("local", "ray"):
-        assert main([*command, "--on", where]) == 0
+        assert main([*command, "--backend", where]) == 0
         lines = map(json.loads, capsys.readouterr().out.splitlines())
         found[where] = [(line["status"], line["score"], line.get("digest")) for line in lines]
     assert found["local"] == found["ray"]

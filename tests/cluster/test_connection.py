@@ -24,7 +24,7 @@ def test_without_ray_the_extra_is_named() -> None:
     with pytest.raises(ConfigError) as error:
         pools_on("ray")
     assert str(error.value) == (
-        "--on ray needs Ray; install it on every node with: pip install 'agentflow[cluster]'"
+        "--backend ray needs Ray; install it on every node with: pip install 'agentflow[cluster]'"
     )
 
 
@@ -103,7 +103,7 @@ def test_a_cluster_with_another_ray() -> None:
 
 
 def test_one_machine_needs_no_cluster(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["simulate", "examples/car.json", "--task", "movement", "--on", "ray"]) == 2
+    assert main(["simulate", "examples/car.json", "--task", "movement", "--backend", "ray"]) == 2
     assert capsys.readouterr().err == (
-        "agentflow: --on ray is for many machines: add --jsonl, or remove --on\n"
+        "agentflow: --backend ray is for many machines: add --jsonl, or remove --backend\n"
     )

@@ -73,7 +73,7 @@ def test_a_task_family_outside_the_package(tmp_path: Path) -> None:
     car = str(EXAMPLES / "car.json")
     told = run(*ours, "simulate", car, "--task", "pushing", cwd=tmp_path, path=project)
     assert re.match(r"ok, score 1\d\.\d\d, 7 of 40 blocks, \S+ \S+\nScore: ", told)
-    few = ("--set", "trajectories=1", "--set", "rollouts=1", "--quiet", "--out", "runs")
+    few = ("--set", "trajectories=1", "--set", "max_simulations=1", "--quiet", "--out", "runs")
     options = ("design", "--task", "pushing", "--workflow", "random-dsl", *few)
     assert "(pushing), " in run(*ours, *options, cwd=tmp_path, path=project)
     few = ("--set", "trajectories=1", "--set", "search.rounds=0", "--quiet", "--out", "planned")

@@ -25,7 +25,7 @@ from tests.runs.results import a_result
 from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
 
 SETTINGS = WorkflowSettings.model_validate(
-    {"trajectories": 3, "search": {"rounds": 3, "width": 2, "waves": 2}}
+    {"trajectories": 3, "search": {"rounds": 3, "width": 2, "request_rounds": 2}}
 )
 
 

@@ -27,8 +27,8 @@ class Words:
     ) -> None:
         self.replies, self.scores = replies, scores
         self.budget, self.delays = budget, delays
-        self.waves: list[tuple[str, int, int]] = []
-        """(word, attempts requested, earlier attempts) of each wave."""
+        self.requests: list[tuple[str, int, int]] = []
+        """(word, attempts requested, earlier attempts) of each request round."""
         self.rollouts: list[tuple[str, str]] = []
         """(word, label) of each evaluation."""
         self.events: list[SearchEvent] = []
@@ -36,7 +36,7 @@ class Words:
     async def expand(
         self, node: Node[str], labels: Sequence[str], earlier: Sequence[Attempt[str]]
     ) -> list[Attempt[str]]:
-        self.waves.append((node.candidate, len(labels), len(earlier)))
+        self.requests.append((node.candidate, len(labels), len(earlier)))
         if self.budget is not None:
             labels = labels[: self.budget]
             self.budget -= len(labels)

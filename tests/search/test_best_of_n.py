@@ -16,11 +16,11 @@ async def run(words: Words, numbers: SearchSettings) -> SearchResult[str]:
 
 
 async def test_golden_tree() -> None:
-    """Four rounds, width 3, 2 waves. Root r scores 1.
+    """Four rounds, width 3, 2 request rounds. Root r scores 1.
 
     Round 1  r. Wave 1: a, refused, b; wave 2: c. 1 = a (0.5), 2 = b (3.0), 3 = c (3.0).
              b and c are equal and better than r: the lower id, b, takes over.
-    Round 2  b. Two waves of three, all refused: 4 = b again, not simulated; no improvement.
+    Round 2  b. Two rounds of three requests, all refused: 4 = b again, not simulated.
     Round 3  b (node 2) again. 5 = c (3.0, known), 6 = d (no score), 7 = e (2.9). None is better.
     Round 4  b once more. 8 = f (4.0), 9 = g (3.5), 10 = h (4.0). 8 takes over and is the result.
     """
@@ -38,7 +38,7 @@ async def test_golden_tree() -> None:
     }
     known = dict(zip("abcdefgh", [0.5, 3.0, 3.0, None, 2.9, 4.0, 3.5, 4.0], strict=True))
     words = Words(replies, known)
-    found = await run(words, SearchSettings(rounds=4, width=3, waves=2))
+    found = await run(words, SearchSettings(rounds=4, width=3, request_rounds=2))
     assert [(n.id, n.candidate, n.parent, n.evaluation.score) for n in found.nodes] == [
         (0, "r", None, 1.0),
         (1, "a", 0, 0.5),
@@ -69,7 +69,7 @@ async def test_the_search_ends_with_the_best_node_when_the_budget_runs_out() -> 
     found = await run(words, SearchSettings(rounds=5, width=4))
     assert [n.candidate for n in found.nodes] == ["r", "b", "a", "b"]
     assert (found.result, found.stopped, found.cost.rollouts) == (1, True, 2)
-    assert words.waves == [("r", 4, 0)]
+    assert words.requests == [("r", 4, 0)]
 
 
 @pytest.mark.slow

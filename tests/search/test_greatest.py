@@ -29,7 +29,7 @@ class Graded(Words):
 
 
 async def search(strategy: str, words: Words, root: Evaluation) -> SearchResult[Any]:
-    settings = SearchSettings(strategy=strategy, rounds=3, width=2, waves=1)
+    settings = SearchSettings(strategy=strategy, rounds=3, width=2, request_rounds=1)
     return await STRATEGIES[strategy]("r", root, words.expand, words.evaluate, settings)
 
 
@@ -47,7 +47,7 @@ async def test_nothing_follows_a_perfect_root(strategy: str) -> None:
     found = await search(
         strategy, words, Evaluation(True, 10.0, perfect=True, measurements=ONE_KIND)
     )
-    assert (words.waves, found.result, found.perfect, found.cost.rollouts) == ([], 0, True, 0)
+    assert (words.requests, found.result, found.perfect, found.cost.rollouts) == ([], 0, True, 0)
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
@@ -55,4 +55,4 @@ async def test_other_searches_go_on_to_the_last_round(strategy: str) -> None:
     words = Graded(REPLIES, {"a": 3.0, "b": 9.9, "c": 4.0})
     found = await search(strategy, words, Evaluation(True, 1.0, measurements=ONE_KIND))
     assert not found.perfect
-    assert len(words.waves) == 3
+    assert len(words.requests) == 3

@@ -12,7 +12,7 @@ from agentflow.search.node import Evaluation, SearchResult
 from agentflow.search.settings import SearchSettings, UcbSettings
 from tests.search.domain import Chance, Words, scores
 
-SMALL = SearchSettings(rounds=5, width=2, waves=3, ucb=UcbSettings(c=1.0))
+SMALL = SearchSettings(rounds=5, width=2, request_rounds=3, ucb=UcbSettings(c=1.0))
 REPLIES: dict[str, str | None] = {
     "round-1/node-0/try-1": None,
     "round-1/node-0/try-2": "a",
@@ -42,11 +42,11 @@ async def run(words: Words, numbers: SearchSettings = SMALL) -> SearchResult[str
 
 
 async def test_golden_tree() -> None:
-    """Five rounds, width 2, 3 waves, c = 1, rewards scaled by the tree so far. Root r scores 1.
+    """Five rounds, width 2, 3 request rounds, c = 1, rewards scaled by the tree so far. r scores 1.
 
-    Round 1  only the root. Wave 1 asks two: refused, a. Wave 2 asks the one missing: b.
+    Round 1  only the root. Request 1 is for two: refused, a. Request 2 for the one missing: b.
              1 = a (2.0), 2 = b (2.0). Visits/totals: 1: 1/2, 2: 1/2, root 2/4.
-    Round 2  1 and 2 are equal: the lower id. Three waves of two, all refused: the parent again.
+    Round 2  1 and 2 are equal: the lower id. Three requests of two, all refused: the parent again.
              3 = a (2.0, not simulated again). 3: 1/2, 1: 2/4, root 3/6.
     Round 3  rewards 1..2. 1: 1 + sqrt(ln 3 / 2) = 1.741; 2: 1 + sqrt(ln 3 / 1) = 2.048.
              4 = c (5.0), 5 = d (0.0) below 2. 4: 1/5, 5: 1/0, 2: 3/7, root 5/11.
@@ -81,10 +81,10 @@ async def test_golden_tree() -> None:
     assert cost.seconds > 0
 
 
-async def test_later_waves_fill_missing_children_and_see_earlier_attempts() -> None:
+async def test_later_requests_fill_missing_children_and_see_earlier_attempts() -> None:
     words = Words(REPLIES, SCORES)
     await run(words)
-    assert words.waves == [
+    assert words.requests == [
         *[("r", 2, 0), ("r", 1, 2)],
         *[("a", 2, 0), ("a", 2, 2), ("a", 2, 4)],
         *[("b", 2, 0), ("a", 2, 0), ("e", 2, 0)],
@@ -133,21 +133,21 @@ async def test_events() -> None:
     ]
 
 
-async def test_defaults_ask_waves_of_four() -> None:
+async def test_defaults_ask_for_four_at_once() -> None:
     """Four wanted; the first wave gives one, the second none, the third two, the fifth the last."""
     valid = {2: "a", 9: "b", 10: "c", 12: "d"}
     replies = {f"round-1/node-0/try-{i}": valid.get(i) for i in range(1, 20)}
     words = Words(replies, {"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0})
     found = await run(words, SearchSettings(rounds=1))
-    assert [asked for _, asked, _ in words.waves] == [4, 3, 3, 1, 1]
+    assert [asked for _, asked, _ in words.requests] == [4, 3, 3, 1, 1]
     assert [n.candidate for n in found.nodes] == ["r", "a", "b", "c", "d"]
 
 
-async def test_waves_end_with_fewer_children() -> None:
+async def test_requests_end_with_fewer_children() -> None:
     replies = {f"round-1/node-0/try-{i}": "a" if i == 3 else None for i in range(1, 17)}
     words = Words(replies, {"a": 0.5})
     found = await run(words, SearchSettings(rounds=1))
-    assert [asked for _, asked, _ in words.waves] == [4, 3, 3, 3, 3]
+    assert [asked for _, asked, _ in words.requests] == [4, 3, 3, 3, 3]
     assert [n.candidate for n in found.nodes] == ["r", "a"]
     assert (found.result, found.best) == (0, 0)
 
@@ -211,16 +211,16 @@ async def test_completion_order_changes_nothing() -> None:
 @given(
     seed=st.integers(0, 10**6),
     width=st.integers(1, 5),
-    waves=st.integers(1, 4),
+    requests=st.integers(1, 4),
     rounds=st.integers(0, 8),
     scale=st.sampled_from(["minmax", "none"]),
 )
 async def test_back_up_updates_visits_and_totals(
-    seed: int, width: int, waves: int, rounds: int, scale: str
+    seed: int, width: int, requests: int, rounds: int, scale: str
 ) -> None:
     """A node's visits and total cover itself and the scored nodes below it."""
     numbers = SearchSettings.model_validate(
-        {"rounds": rounds, "width": width, "waves": waves, "ucb": {"scale": scale}}
+        {"rounds": rounds, "width": width, "request_rounds": requests, "ucb": {"scale": scale}}
     )
     found = await run(Words(Chance(seed), scores(seed)), numbers)
     nodes = found.nodes

@@ -82,7 +82,7 @@ async def test_a_search_for_a_front_backs_up_the_number_of_each_front() -> None:
             "good": several(9.0, -5.0), "failing": several(),
         },
     )  # fmt: skip
-    settings = SearchSettings(rounds=2, width=2, waves=1)
+    settings = SearchSettings(rounds=2, width=2, request_rounds=1)
     root = several(2.0, -5.0)
     found = await mcts("root", root, words.expand, words.evaluate, settings)
     names = {node.candidate: node.reward for node in found.nodes}

@@ -16,7 +16,7 @@ async def run(words: Words, numbers: SearchSettings) -> SearchResult[str]:
 
 
 async def test_golden_chain() -> None:
-    """Four rounds of one child each, 2 waves; the width is not used. Root r scores 1.
+    """Four rounds of one child each, 2 request rounds; the width is not used. Root r scores 1.
 
     Round 1  r: refused, then a. 1 = a (7.0).
     Round 2  a: b at once. 2 = b (0.0), kept although it is worse.
@@ -33,7 +33,7 @@ async def test_golden_chain() -> None:
         "round-4/node-3/try-1": "c",
     }
     words = Words(replies, {"a": 7.0, "b": 0.0, "c": None})
-    found = await run(words, SearchSettings(rounds=4, width=4, waves=2))
+    found = await run(words, SearchSettings(rounds=4, width=4, request_rounds=2))
     assert [(n.id, n.candidate, n.parent, n.evaluation.score) for n in found.nodes] == [
         (0, "r", None, 1.0),
         (1, "a", 0, 7.0),

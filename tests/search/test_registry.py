@@ -26,7 +26,12 @@ def test_settings_list_the_same_names() -> None:
 
 def test_defaults() -> None:
     numbers = SearchSettings()
-    assert (numbers.strategy, numbers.rounds, numbers.width, numbers.waves) == ("mcts", 5, 4, 5)
+    assert (numbers.strategy, numbers.rounds, numbers.width, numbers.request_rounds) == (
+        "mcts",
+        5,
+        4,
+        5,
+    )
     assert (numbers.ucb.c, numbers.ucb.scale) == (math.sqrt(2), "minmax")
 
 
@@ -36,7 +41,7 @@ def test_every_setting_has_help(settings: type[SearchSettings] | type[UcbSetting
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"rounds": -1}, {"width": 0}, {"waves": 0}, {"depth": 3}, {"ucb": {"c": -1}}]
+    "wrong", [{"rounds": -1}, {"width": 0}, {"request_rounds": 0}, {"depth": 3}, {"ucb": {"c": -1}}]
 )
 def test_invalid_settings_are_rejected(wrong: dict[str, object]) -> None:
     with pytest.raises(ValidationError, match=next(iter(wrong))):

@@ -32,7 +32,7 @@ def test_better_is_valid_scored_and_above(new: Evaluation, old: Evaluation, expe
 @pytest.mark.parametrize("name", STRATEGIES)
 async def test_a_fallback_child_is_not_evaluated_again(name: str) -> None:
     words = Words({f"round-1/node-0/try-{i}": None for i in (1, 2)}, {})
-    numbers = SearchSettings(rounds=1, width=1, waves=2)
+    numbers = SearchSettings(rounds=1, width=1, request_rounds=2)
     found = await STRATEGIES[name]("r", ROOT, words.expand, words.evaluate, numbers)
     assert [(node.candidate, node.evaluation) for node in found.nodes] == [("r", ROOT)] * 2
     assert (words.rollouts, found.cost.rollouts) == ([], 0)
@@ -43,8 +43,8 @@ async def test_no_expansion_is_counted_when_the_budget_is_already_spent(
     name: str,
 ) -> None:
     words = Words({}, {}, budget=0)
-    numbers = SearchSettings(rounds=3, width=2, waves=3)
+    numbers = SearchSettings(rounds=3, width=2, request_rounds=3)
     found = await STRATEGIES[name]("r", ROOT, words.expand, words.evaluate, numbers)
-    assert len(words.waves) == 1
+    assert len(words.requests) == 1
     assert (len(found.nodes), found.result, found.stopped) == (1, 0, True)
     assert (found.cost.expansions, found.cost.attempts) == (0, 0)

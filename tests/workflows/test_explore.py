@@ -34,14 +34,14 @@ async def run(
 @pytest.mark.parametrize("rollouts", [1, 2, 3, 20])
 async def test_the_budget_of_rollouts_is_used_up_and_kept(rollouts: int) -> None:
     shelf = Shelf()
-    result, notes = await run({"trajectories": 2, "rollouts": rollouts}, shelf)
+    result, notes = await run({"trajectories": 2, "max_simulations": rollouts}, shelf)
     assert len(set(shelf.tried)) == len(shelf.tried) == rollouts
     assert sum(stage.rollouts for stage in result.stages) == rollouts
     assert len(notes.of("archive")) == (2 if rollouts > 2 else 0)
 
 
 async def test_machines_are_valid_and_every_cell_keeps_its_best() -> None:
-    result, notes = await run({"trajectories": 1, "rollouts": 40}, Shelf())
+    result, notes = await run({"trajectories": 1, "max_simulations": 40}, Shelf())
     filed = list(notes.of("niche").values())
     assert notes.of("archive")["env_feedback/traj-1"]["axes"] == [{**vars(BLOCKS), "labels": []}]
     best: dict[tuple[int, ...], float] = {}
@@ -61,7 +61,7 @@ async def test_machines_are_valid_and_every_cell_keeps_its_best() -> None:
 
 async def test_the_seed_and_nothing_else_decides() -> None:
     """Simulations that end in any order make the same events."""
-    settings = {"trajectories": 2, "rollouts": 24}
+    settings = {"trajectories": 2, "max_simulations": 24}
     _, one = await run(settings, Shelf())
     _, two = await run(settings, Shelf(delays=random.Random(1)))
     _, other = await run(settings, Shelf(), seed=1)
@@ -70,13 +70,13 @@ async def test_the_seed_and_nothing_else_decides() -> None:
 
 
 async def test_both_random_emitters_are_used() -> None:
-    _, notes = await run({"trajectories": 1, "rollouts": 60}, Shelf())
+    _, notes = await run({"trajectories": 1, "max_simulations": 60}, Shelf())
     told = [item["note"] for event in notes.of("expand").values() for item in event["attempts"]]
     assert {"random edit", "crossover"} <= set(told)
 
 
 async def test_refiners_are_told_which_kind_to_aim_at() -> None:
-    settings = {"emitters": ["refiner"], "trajectories": 1, "rollouts": 9, "querier": False}
+    settings = {"emitters": ["refiner"], "trajectories": 1, "max_simulations": 9, "querier": False}
     asked = Run(Author(seed=3, refused=0.0), settings)
     await asked("explore")
     labels = [label for label in asked.labels if label.startswith("refiner/feedback")]
@@ -87,7 +87,7 @@ async def test_refiners_are_told_which_kind_to_aim_at() -> None:
 
 
 async def test_answers_in_any_order_make_the_same_run() -> None:
-    settings = {"emitters": ["refiner", "edit"], "trajectories": 2, "rollouts": 20}
+    settings = {"emitters": ["refiner", "edit"], "trajectories": 2, "max_simulations": 20}
     one, two = (Run(Author(seed=3), settings, delays=d) for d in (None, random.Random(2)))
     await one("explore")
     await two("explore")
@@ -96,7 +96,7 @@ async def test_answers_in_any_order_make_the_same_run() -> None:
 
 async def test_a_greatest_score_does_not_end_the_search() -> None:
     notes, shelf = Notes(), Shelf(lambda _: 5.0)
-    numbers = WorkflowSettings.model_validate({"trajectories": 1, "rollouts": 12})
+    numbers = WorkflowSettings.model_validate({"trajectories": 1, "max_simulations": 12})
     task = replace(TASK, greatest=5.0)
 
     def nobody(role: str) -> Any:

@@ -75,7 +75,7 @@ async def test_random_edits_end_at_the_greatest_score() -> None:
 
     async def rollouts(greatest: float) -> tuple[int, str | None]:
         shelf, brief = Shelf(length), replace(BRIEF, greatest=greatest)
-        numbers = WorkflowSettings(trajectories=2, rollouts=60, start=tuple(START.to_json()))
+        numbers = WorkflowSettings(trajectories=2, max_simulations=60, start=tuple(START.to_json()))
         workflow = WORKFLOWS["random-dsl"]
         result = await workflow(brief, nobody, shelf, numbers, Notes(), 0)  # type: ignore[arg-type]
         return len(shelf.tried), result.stopped

@@ -20,7 +20,7 @@ from tests.workflows.world import (
     steps,
 )
 
-SMALL = {"trajectories": 3, "search": {"rounds": 1, "width": 1, "waves": 2}}
+SMALL = {"trajectories": 3, "search": {"rounds": 1, "width": 1, "request_rounds": 2}}
 GOLDEN = {
     "meta_designer/attempt-1": NOTHING,
     "meta_designer/attempt-2": fenced(BLUEPRINT),
@@ -229,7 +229,7 @@ async def test_vision_shows_refiners_the_machine_they_refine(vision: bool) -> No
 
 
 async def test_a_detailed_plan_sees_faces_and_is_told_step_by_step() -> None:
-    for setting in ("modules", "detailed"):
+    for setting in ("structures", "detailed"):
         run = Run(Author(refused=0.0), {**SMALL, "meta_designer": setting})
         await run()
         system, user = (message.text for message in run.client.requests[0].messages)

@@ -12,7 +12,7 @@ from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from tests.workflows.world import BRIEF, Author, Run
 
-SEARCH = {"trajectories": 3, "search": {"rounds": 4, "width": 2, "waves": 3}}
+SEARCH = {"trajectories": 3, "search": {"rounds": 4, "width": 2, "request_rounds": 3}}
 MOST = 4
 LIMITS = {
     "too_many_parts": Limits(parts=MOST),

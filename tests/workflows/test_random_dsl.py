@@ -56,7 +56,7 @@ async def test_eight_rollouts_per_stage() -> None:
 @pytest.mark.parametrize("rollouts", [1, 5, 8, 9, 20, 60])
 async def test_a_budget_of_rollouts_for_the_whole_run(rollouts: int) -> None:
     shelf = Shelf()
-    result, _ = await run({"rollouts": rollouts}, shelf)
+    result, _ = await run({"max_simulations": rollouts}, shelf)
     assert len(shelf.tried) == rollouts == sum(stage.rollouts for stage in result.stages)
     assert result.stages[0].rollouts == min(8, rollouts)
     assert len(result.stages) == (1 if rollouts <= 8 else 2 if rollouts <= 16 else 3)
@@ -64,7 +64,7 @@ async def test_a_budget_of_rollouts_for_the_whole_run(rollouts: int) -> None:
 
 async def test_selection_is_by_score_alone() -> None:
     """Only a strictly better machine takes over; the next edit is of the best."""
-    _, notes = await run({"trajectories": 2, "rollouts": 40}, Shelf(length))
+    _, notes = await run({"trajectories": 2, "max_simulations": 40}, Shelf(length))
     best = dict[str, str]()
     lengths = {digest: text.count('"type"') for digest, text in notes.machines.items()}
     kept = 0
@@ -79,7 +79,7 @@ async def test_selection_is_by_score_alone() -> None:
 
 async def test_a_climb_begins_at_the_better_of_two_machines_the_first_among_equals() -> None:
     scores = iter([1.0, 2.0, 3.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0])
-    _, notes = await run({"trajectories": 3, "rollouts": 9}, Shelf(lambda _: next(scores)))
+    _, notes = await run({"trajectories": 3, "max_simulations": 9}, Shelf(lambda _: next(scores)))
     tried, edits = notes.of("evaluation"), notes.of("edit")
     for number, stage in enumerate(("blind_refinement", "initial", "initial"), start=1):
         start = edits[f"env_feedback/traj-{number}/round-1"]["parent"]
@@ -88,14 +88,14 @@ async def test_a_climb_begins_at_the_better_of_two_machines_the_first_among_equa
 
 @pytest.mark.parametrize("score", [length, lambda _: 1.0], ids=["longer", "equal"])
 async def test_a_climb_tries_no_machine_twice(score: Callable[[Machine], float]) -> None:
-    _, notes = await run({"trajectories": 1, "rollouts": 30}, Shelf(score), seed=8)
+    _, notes = await run({"trajectories": 1, "max_simulations": 30}, Shelf(score), seed=8)
     edits = list(notes.of("edit").values())
     tried = [edits[0]["parent"], *(edit["machine"] for edit in edits)]
     assert len(set(tried)) == len(tried) > 25
 
 
 async def test_a_result_is_never_worse_than_what_was_seen() -> None:
-    result, notes = await run({"trajectories": 3, "rollouts": 30}, Shelf())
+    result, notes = await run({"trajectories": 3, "max_simulations": 30}, Shelf())
     scores = [event["score"] for event in notes.of("evaluation").values()]
     assert result.best is not None
     assert result.best.score == max(scores)
@@ -105,10 +105,12 @@ async def test_a_result_is_never_worse_than_what_was_seen() -> None:
 async def test_completion_order_changes_nothing() -> None:
     seen = []
     for seed in range(3):
-        result, notes = await run({"rollouts": 40}, Shelf(delays=random.Random(seed)), seed=3)
+        result, notes = await run(
+            {"max_simulations": 40}, Shelf(delays=random.Random(seed)), seed=3
+        )
         seen.append((result, notes.events))
     assert all(item == seen[0] for item in seen)
-    other, _ = await run({"rollouts": 40}, Shelf(), seed=4)
+    other, _ = await run({"max_simulations": 40}, Shelf(), seed=4)
     assert other.best != seen[0][0].best
 
 

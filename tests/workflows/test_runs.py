@@ -32,7 +32,7 @@ from tests.workflows.world import (
 ASKING = [name for name, flow in WORKFLOWS.items() if flow.asks_models and flow.fits(BRIEF)]
 WITHOUT_PROGRAM = [n for n, flow in WORKFLOWS.items() if flow.fits(BRIEF) and n != "external"]
 """Workflows for this task that need no agent program."""
-MEDIUM = {"trajectories": 4, "search": {"rounds": 3, "width": 2, "waves": 2}}
+MEDIUM = {"trajectories": 4, "search": {"rounds": 3, "width": 2, "request_rounds": 2}}
 
 
 def test_by_name() -> None:
@@ -182,7 +182,7 @@ async def test_one_querier_per_node() -> None:
         Author(seed=3, refused=0.0),
         {
             "trajectories": 1,
-            "search": {"strategy": "best_of_n", "rounds": 4, "width": 2, "waves": 1},
+            "search": {"strategy": "best_of_n", "rounds": 4, "width": 2, "request_rounds": 1},
         },
         shelf=Shelf(lambda found: -float(len(found))),
     )
@@ -206,7 +206,7 @@ async def test_a_node_fallen_back_to_knows_what_was_refused() -> None:
         "querier/traj-1/node-1/attempt-1": INQUIRY,
         "refiner/feedback/traj-1/round-2/node-1/try-1/attempt-1": edit("Add 1 to 0 in 1"),
     }
-    settings = {"trajectories": 1, "search": {"rounds": 2, "width": 1, "waves": 1}}
+    settings = {"trajectories": 1, "search": {"rounds": 2, "width": 1, "request_rounds": 1}}
     run = Run(Script(replies), settings, shelf=Shelf(lambda found: float(len(found))))
     result = await run("iterative")
     assert run.labels == list(replies)
@@ -233,7 +233,7 @@ async def test_a_node_expanded_again_knows_what_became_of_its_children() -> None
         f"{refiner}/round-2/node-0/try-1/attempt-1": edit("Add 1 to 0 in 4"),
         f"{refiner}/round-2/node-0/try-2/attempt-1": edit("Add 1 to 0 in 5"),
     }
-    search = {"strategy": "best_of_n", "rounds": 2, "width": 2, "waves": 2}
+    search = {"strategy": "best_of_n", "rounds": 2, "width": 2, "request_rounds": 2}
     shelf = Shelf(lambda found: -float(len(found)))
     run = Run(Script(replies), {"trajectories": 1, "search": search}, shelf=shelf)
     await run("iterative")
@@ -326,11 +326,15 @@ async def test_refinements_that_are_all_refused_leave_the_first_machines() -> No
     def replies(request):  # type: ignore[no-untyped-def]
         return Author(refused=float(request.role == "refiner"))(request)
 
-    run = Run(replies, {"trajectories": 2, "search": {"rounds": 2, "width": 2, "waves": 2}})
+    run = Run(
+        replies, {"trajectories": 2, "search": {"rounds": 2, "width": 2, "request_rounds": 2}}
+    )
     result = await run("iterative")
     assert [len(stage.survivors) for stage in result.stages] == [2, 0]
     assert result.best_stage == "initial"
-    run = Run(replies, {"trajectories": 2, "search": {"rounds": 2, "width": 2, "waves": 2}})
+    run = Run(
+        replies, {"trajectories": 2, "search": {"rounds": 2, "width": 2, "request_rounds": 2}}
+    )
     result = await run("single")
     assert result.best_stage == "initial"
     assert [event["fallback"] for event in run.notes.of("expand").values()] == [True] * 4
@@ -345,11 +349,15 @@ async def test_a_refusal_loop_is_visible_and_ends() -> None:
             return edit("Remove 99")
         return Author(refused=0.0)(request)
 
-    run = Run(replies, {"trajectories": 1, "search": {"rounds": 2, "width": 2, "waves": 3}})
+    run = Run(
+        replies, {"trajectories": 1, "search": {"rounds": 2, "width": 2, "request_rounds": 3}}
+    )
     await run("iterative")
     blind = [label for label in run.labels if "refiner/blind" in label]
     assert len(blind) == run.max_retry
-    run = Run(replies, {"trajectories": 1, "search": {"rounds": 2, "width": 2, "waves": 3}})
+    run = Run(
+        replies, {"trajectories": 1, "search": {"rounds": 2, "width": 2, "request_rounds": 3}}
+    )
     await run("single")
     codes = [
         event["code"] for event in run.notes.of("attempt").values() if event["role"] == "refiner"

@@ -38,7 +38,7 @@ def submit_cart(turn: int, _stage: str) -> Calls:
 
 
 async def test_stages_share_machines_and_leave_simulations_for_the_last() -> None:
-    run = Run(Author(seed=5, refused=0.0), {"rollouts": 7, "candidates_per_stage": 4})
+    run = Run(Author(seed=5, refused=0.0), {"max_simulations": 7, "candidates_per_stage": 4})
     result = await run("tools")
     assert [len(stage.candidates) for stage in result.stages] == [4, 4, 4]
     submitted = [sum(c.machine is not None for c in stage.candidates) for stage in result.stages]
@@ -124,7 +124,7 @@ async def test_pictures_go_back_to_the_model() -> None:
         look = ("look", {"machine": NAME, "view": "top"})
         return (("check", {"machine": CART}), look, look) if turn == 1 else ()
 
-    run = Run(saying(answer), {"vision": True, "looks": 1, "candidates_per_stage": 1})
+    run = Run(saying(answer), {"vision": True, "max_pictures": 1, "candidates_per_stage": 1})
     result = await run("tools")
     answers = run.client.requests[1].messages[-3:]
     assert [message.tool_call_id for message in answers] == ["call-0", "call-1", "call-2"]

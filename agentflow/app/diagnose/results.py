@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from agentflow.app.diagnose.facing import CLOSE
-from agentflow.app.diagnose.fate import ALL, STAND, TESTS
+from agentflow.app.diagnose.outcome import ALL, STAND, TESTS
 from agentflow.app.diagnose.overlap import Overlap
 from agentflow.app.diagnose.question import Diagnosis
 from agentflow.errors import UsageError
@@ -83,7 +83,7 @@ def _facing(results: Mapping[str, Any]) -> Layout:
     return ("right", INTERVAL, "blocks"), rows, about
 
 
-def _fate(results: Mapping[str, Any]) -> Layout:
+def _outcome(results: Mapping[str, Any]) -> Layout:
     rows = [
         (verb, (*_share(own["right"]), own["yes"]["share"], own["said_yes"]["share"]))
         for verb in (STAND, *TESTS, ALL)
@@ -93,7 +93,7 @@ def _fate(results: Mapping[str, Any]) -> Layout:
     return ("right", INTERVAL, "machines", "yes", "said yes"), rows, about
 
 
-_LAYOUTS = {"overlap": _overlap, "facing": _facing, "fate": _fate}
+_LAYOUTS = {"overlap": _overlap, "facing": _facing, "outcome": _outcome}
 
 
 def _share(rate: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from agentflow.agents.designer import Designer
 from agentflow.app.diagnose.facing import Facing
-from agentflow.app.diagnose.fate import Fate
+from agentflow.app.diagnose.outcome import Outcome
 from agentflow.app.diagnose.overlap import Overlap
 from agentflow.app.diagnose.question import (
     DOCUMENT,
@@ -42,7 +42,7 @@ AT_ONCE = 32
 DIAGNOSTICS: dict[str, Callable[[DesignConfig], Diagnostic]] = {
     Overlap.name: lambda _config: Overlap(),
     Facing.name: lambda _config: Facing(),
-    Fate.name: lambda config: Fate(config.engine, config.seed),
+    Outcome.name: lambda config: Outcome(config.engine, config.seed),
 }
 
 

@@ -1,4 +1,4 @@
-"""The figure of how robust a machine is, from the result of `agentflow perturb`."""
+"""The figure of how robust a machine is, from the result of `agentflow robustness`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from agentflow.app.subjects.perturb import KEPT
+from agentflow.app.subjects.robustness import KEPT
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.simulation.variations import DEFAULT
 from agentflow.errors import RunError
@@ -66,7 +66,7 @@ def page_writer(out: Path) -> Callable[[Mapping[str, Any]], None]:
 
 
 def kept_figure(path: Path, machine: Machine | None) -> dict[str, Any] | None:
-    """The figure of the result that `agentflow perturb` has kept in a run; None without one.
+    """The figure of the result that `agentflow robustness` has kept in a run; None without one.
 
     Raises:
         RunError: The file is damaged, or about another machine.
@@ -81,8 +81,8 @@ def kept_figure(path: Path, machine: Machine | None) -> dict[str, Any] | None:
         return robustness_figure(found)
     except ValueError:
         raise RunError(
-            f"{file} is damaged, or about another machine; make it again with: agentflow perturb "
-            f"{path}"
+            f"{file} is damaged, or about another machine; make it again with: "
+            f"agentflow robustness {path}"
         ) from None
 
 

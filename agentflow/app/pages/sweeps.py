@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.sweeps.registry import LAYOUT, MECHANISMS, PLAYERS, VERIFIED, VIEWS
+from agentflow.app.sweeps.registry import HUMAN, LAYOUT, MECHANISMS, VERIFIED, VIEWS
 from agentflow.app.sweeps.tables import SweepResult, layout_table, read_sweep_result
 from agentflow.app.sweeps.views import last_cell, variants
 from agentflow.metrics.scores import Scores
@@ -20,7 +20,7 @@ def sweep_report(path: Path, out: Path, **_: Any) -> Path:
     require_writable(out)
     result = read_sweep_result(path)
     views = {name: make(result) for name, make in VIEWS.items() if name != LAYOUT}
-    for name in (PLAYERS, VERIFIED, MECHANISMS):
+    for name in (HUMAN, VERIFIED, MECHANISMS):
         if not any(row.values[-1] is not None for row in views[name].rows):
             del views[name]
     tables = [layout_table(result, published=bool(result.sweep.table.published)), *views.values()]

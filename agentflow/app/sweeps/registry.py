@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
 LAYOUT = "published"
 """Name of the view in the published layout."""
-PLAYERS = "players"
-"""Name of the view relative to experienced players."""
+HUMAN = "human"
+"""Name of the view relative to experienced human players."""
 VERIFIED = "verified"
 """Name of the view of verified scores."""
 MECHANISMS = "mechanisms"
@@ -27,7 +27,7 @@ VIEWS: Registry[Callable[[SweepResult], Table]] = Registry(
         LAYOUT: "agentflow.app.sweeps.tables:layout_table",
         "scores": "agentflow.app.sweeps.views:scores_table",
         "usage": "agentflow.app.sweeps.views:usage_table",
-        PLAYERS: "agentflow.app.sweeps.views:players_table",
+        HUMAN: "agentflow.app.sweeps.views:players_table",
         "expansions": "agentflow.app.sweeps.views:expansions_table",
         VERIFIED: "agentflow.app.sweeps.views:verified_table",
         MECHANISMS: "agentflow.app.sweeps.mechanisms:mechanisms_table",

@@ -57,9 +57,9 @@ def design(
         typer.Option(help="Name of the run directory; default: date, task, workflow and seed."),
     ] = None,
     workers: Annotated[int | None, typer.Option(help=options.WORKERS)] = None,
-    on: options.On = "local",
+    backend: options.Backend = "local",
     keep_rollouts: Annotated[
-        Literal["winners", "all"] | None,
+        Literal["best", "all"] | None,
         typer.Option(help="Which rollouts to save: those of each stage's best machine, or all."),
     ] = None,
     resume: Annotated[Path | None, typer.Option(help="Run directory to resume.")] = None,
@@ -93,7 +93,7 @@ def design(
         "model.base_url": base_url,
         "settings.start": None if start is None else read_one(start).to_json(),
         "rationale_from": rationale_from,
-        "settings.rollouts": rollouts,
+        "settings.max_simulations": rollouts,
         "keep_rollouts": keep_rollouts,
     }
     if name is not None and (seeds is not None or Path(name).name != name or name.startswith(".")):
@@ -105,7 +105,7 @@ def design(
     if minutes is not None and seeds is None:
         raise UsageError("--minutes limits the runs of --seeds; give their number, as in --seeds 5")
     finished = resume is not None and state_of(resume) == "done"
-    open_pool = pools_on(on)
+    open_pool = pools_on(backend)
     allowed = allow if trust else approve  # asks before the progress display starts
     carry_out: Callable[[run.RunOptions], RunResult | SeedsResult]
     if resume is not None:

@@ -163,7 +163,7 @@ def simulate(
     workers: Annotated[
         int, typer.Option(min=1, help="Worker processes, for trials and with --jsonl.")
     ] = 2,
-    on: options.On = "local",
+    backend: options.Backend = "local",
     as_json: options.Json = False,
 ) -> None:
     """Simulate a machine on a task and print its score."""
@@ -187,10 +187,12 @@ def simulate(
         if save:
             raise UsageError("--save needs a single machine; remove --jsonl")
         found = read_lines(machine)
-        _print_all(simulate_lines(found, level, seed=seed, open_pool=pools_on(on), **how))
+        _print_all(simulate_lines(found, level, seed=seed, open_pool=pools_on(backend), **how))
         return
-    if on != "local":
-        raise UsageError(f"--on {on} is for many machines: add --jsonl, or remove --on")
+    if backend != "local":
+        raise UsageError(
+            f"--backend {backend} is for many machines: add --jsonl, or remove --backend"
+        )
     subject = resolve(machine, task, knobs, seed, engine)
     result = simulate_one(subject, say=show_count("trial"), save=save, **how)
     print_result(result, as_json, show_rollout)

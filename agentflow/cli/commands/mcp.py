@@ -22,7 +22,7 @@ def mcp(
     rollouts: Annotated[
         int | None, typer.Option(min=1, help="Simulations of a session.", show_default="24")
     ] = None,
-    looks: Annotated[
+    max_pictures: Annotated[
         int | None, typer.Option(min=1, help="Pictures of a session.", show_default="24")
     ] = None,
     no_vision: Annotated[
@@ -73,8 +73,8 @@ def mcp(
     defaults = ["vision=true", *([] if stages else ["candidates_per_stage=1"])]
     keys = {
         "task": task,
-        "settings.rollouts": rollouts,
-        "settings.looks": looks,
+        "settings.max_simulations": rollouts,
+        "settings.max_pictures": max_pictures,
         "settings.vision": False if no_vision else None,
     }
     config = load_config(None, [*ours, *defaults, *(settings or ())], keys)

@@ -39,7 +39,7 @@ def show(
     task: options.NamedTask = "throwing",
     name: Annotated[
         str,
-        typer.Option("--set", help=f"Prompt set to show: {', '.join(PROMPT_SETS.ours)}."),
+        typer.Option("--prompt-set", help=f"Prompt set to show: {', '.join(PROMPT_SETS.ours)}."),
     ] = "default",
     knobs: Annotated[
         list[str] | None,
@@ -50,10 +50,7 @@ def show(
     ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """Print a prompt exactly as a model gets it, with an estimate of its token count.
-
-    In this command, --set selects the prompt set, and --knob sets the task's parameters.
-    """
+    """Print a prompt exactly as a model gets it, with an estimate of its token count."""
     from agentflow.app.machines.files import machine_text
     from agentflow.app.prompts import render_prompt
     from agentflow.app.tasks import find_task

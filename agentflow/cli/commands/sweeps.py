@@ -38,7 +38,7 @@ def sweep(
     ] = None,
     jobs: options.Jobs = 2,
     workers: options.SharedWorkers = None,
-    on: options.On = "local",
+    backend: options.Backend = "local",
     store: Annotated[
         str | None,
         typer.Option(
@@ -81,7 +81,7 @@ def sweep(
             watcher,
             jobs=jobs,
             resume=resume,
-            on=on,
+            on=backend,
             shared_store=store,
         )
     if as_json:
@@ -107,7 +107,7 @@ def table(
         typer.Option(
             help="View. published: columns as in the published table. scores: means with "
             "intervals; of a sweep, also Best@N (expected best score of N machines). "
-            "Of a sweep only: usage (calls, tokens, time); players (best score divided by the "
+            "Of a sweep only: usage (calls, tokens, time); human (best score divided by the "
             "mean score of experienced players); expansions (best score by number of new "
             "machines); verified (scores of best machines and their verified scores); mechanisms "
             "(how many runs found machines of each mechanism class, and how good). Of "

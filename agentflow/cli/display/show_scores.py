@@ -64,7 +64,7 @@ def show_verified(found: Data) -> None:
         console.print(f"not part of the median: {outcome(other)} with {other['engine']}")
 
 
-def show_perturbed(found: Data) -> None:
+def show_robustness(found: Data) -> None:
     """Print how robust a design is."""
     console = output()
     if found["problems"]:

@@ -63,7 +63,7 @@ class BenchTools(vf.Toolset[BenchConfig, DesignState]):
         out = given.out or Path(self._exit_stack.enter_context(TemporaryDirectory()))
         pool = await self._exit_stack.enter_async_context(RolloutPool(1))
         settings = WorkflowSettings(
-            candidates_per_stage=1, rollouts=given.rollouts, vision=given.vision
+            candidates_per_stage=1, max_simulations=given.rollouts, vision=given.vision
         )
         config = DesignConfig(
             task=task.level,

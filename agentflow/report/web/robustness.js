@@ -7,7 +7,7 @@ import { scoreTable } from "./text.js";
 /** The page of one machine. */
 export function robustnessPage(data) {
   return [el("main", { class: "alone" },
-    el("header", {}, el("p", { class: "kind" }, "agentflow perturb"), el("h1", {}, data.task), el("p", { class: "lede" }, data.about)),
+    el("header", {}, el("p", { class: "kind" }, "agentflow robustness"), el("h1", {}, data.task), el("p", { class: "lede" }, data.about)),
     robustnessSection(data.robustness))];
 }
 

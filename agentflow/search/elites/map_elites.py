@@ -30,7 +30,7 @@ async def map_elites(
     """
     if archive is None:
         archive = Archive([item.axis for item in evaluation.measurements])
-    tree = SearchTree(root, evaluation, expand, evaluate, settings.waves, observe)
+    tree = SearchTree(root, evaluation, expand, evaluate, settings.request_rounds, observe)
     observe(ArchiveOpened(0, archive.axes))
     observe(Filed(0, tree.nodes[0], archive.offer(tree.nodes[0])))
     for round_ in tree.rounds(settings.rounds):

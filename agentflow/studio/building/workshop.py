@@ -68,7 +68,7 @@ class Workshop(AsyncExitStack):
     async def _session(self, task: str) -> RunSession:
         async with self._turn:
             if task not in self._open:
-                options = {"task": task, "settings.rollouts": TESTS}
+                options = {"task": task, "settings.max_simulations": TESTS}
                 ours = ("workflow=tools", f"model.name={PROCEDURAL}", "candidates_per_stage=1")
                 config = load_config(None, (*ours, "verify=false"), options)
                 runs = ClientRuns(

@@ -118,7 +118,7 @@ class Trajectory:
     async def expand(
         self, node: Node[Version], labels: Sequence[str], earlier: Sequence[Attempt[Version]]
     ) -> list[Attempt[Version]]:
-        """Run one wave of refiners on a node; they are told the results of earlier waves."""
+        """Ask refiners once about a node; they are shown the results of earlier requests."""
         self._evaluations[node.candidate.machine] = node.evaluation
         if not earlier:
             self._history = self._history_of(node)

@@ -76,14 +76,14 @@ async def work_in_stages(
     """Let a worker submit machines in one stage after the other.
 
     Only the stage with feedback has simulations; the submissions of the others are simulated when
-    the stage is over, at the charge of the same `settings.rollouts`. These stages may therefore
+    the stage is over, and count in `settings.max_simulations` too. These stages may therefore
     submit no more machines than leave an equal share for each stage that follows. All stages share
     their machines. A start machine takes the place of the stages without feedback. Where nothing is
     submitted, the best machine that was simulated in the stage counts.
     """
     settings, machines = run.settings, KnownMachines()
     rollouts = Allowance.of_simulations(count_rollouts(settings))
-    looks = Allowance.of_pictures(settings.looks) if settings.vision else None
+    looks = Allowance.of_pictures(settings.max_pictures) if settings.vision else None
     if settings.start_machine:
         run.begin_stage(INITIAL)
         run.end_stage(INITIAL, await simulate(run, INITIAL, await design_machines(run)))
@@ -126,7 +126,7 @@ def reason_of(earlier: Sequence[RunEvent]) -> str:
 
 def count_rollouts(settings: WorkflowSettings) -> int:
     """Simulations that a run may use."""
-    return settings.rollouts or ROLLOUTS
+    return settings.max_simulations or ROLLOUTS
 
 
 def _candidates(run: WorkflowContext, bench: Bench) -> list[Candidate]:

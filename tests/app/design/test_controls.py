@@ -31,7 +31,7 @@ def level(tmp_path: Path) -> str:
 def test_runs_find_machines_with_programs_and_replay(
     level: str, tmp_path: Path, workflow: str
 ) -> None:
-    settings = {"trajectories": 2, "rollouts": 6, "search.rounds": 2}
+    settings = {"trajectories": 2, "max_simulations": 6, "search.rounds": 2}
     made = agentflow.design(
         level,
         workflow=workflow,
@@ -64,7 +64,7 @@ def test_programs_are_revised_between_trials(level: str, tmp_path: Path) -> None
 def test_a_search_shows_all_trials_before_it(level: str, tmp_path: Path) -> None:
     Path(level).write_text(f"{LEVEL}trials: 3\n", encoding="utf-8")
     settings = {"trajectories": 1, "inspector": False, "querier": False}
-    search = {"rounds": 1, "width": 1, "waves": 1}
+    search = {"rounds": 1, "width": 1, "request_rounds": 1}
     made = agentflow.design(
         level,
         workflow="iterative",
@@ -87,7 +87,10 @@ def test_a_run_starts_from_a_machine_with_a_program(level: str, tmp_path: Path) 
     made = agentflow.design(
         level,
         workflow="random-dsl",
-        settings={"settings.start": {"blocks": car, "controls": controls}, "settings.rollouts": 2},
+        settings={
+            "settings.start": {"blocks": car, "controls": controls},
+            "settings.max_simulations": 2,
+        },
         out=tmp_path,
         workers=1,
         say=ignore,

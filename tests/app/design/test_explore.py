@@ -23,7 +23,7 @@ from agentflow.search.settings import MAP_ELITES
 
 SETTINGS = {
     "trajectories": 2,
-    "rollouts": 24,
+    "max_simulations": 24,
     "querier": False,
     "emitters": ["edit", "crossover", "refiner"],
 }

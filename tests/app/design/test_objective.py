@@ -114,7 +114,7 @@ def test_the_front_is_sorted_by_robust_score() -> None:
 def test_a_run_records_the_front_of_all_its_machines(tmp_path: Path) -> None:
     """The front against brute force over the record, on real physics."""
     given = {"task": "movement", "workflow": "random-dsl", "trajectories": 1, "objective": "pareto",
-             "rollouts": 4, "verify": False, "start": CAR.to_json()}  # fmt: skip
+             "max_simulations": 4, "verify": False, "start": CAR.to_json()}  # fmt: skip
     config = load_config(None, [f"{key}={json.dumps(value)}" for key, value in given.items()], {})
     result = design(config, tmp_path, RunOptions())
     path = Path(result.run)

@@ -98,7 +98,7 @@ def test_resuming_with_another_engine_is_refused(tmp_path: Path) -> None:
 def test_a_run_without_a_recorded_engine_resumes_with_a_note(tmp_path: Path) -> None:
     document = PLAN.run_document
     del document["engine"]
-    plan = {**document, "config": {**document["config"], "settings": {"rollouts": 1}}}
+    plan = {**document, "config": {**document["config"], "settings": {"max_simulations": 1}}}
     run = RunDirectory.create(tmp_path, "run", plan)
     run.close()
     notes: list[str] = []

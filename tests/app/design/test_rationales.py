@@ -53,7 +53,7 @@ def test_rationales_need_a_run_with_accepted_designs(tmp_path: Path) -> None:
     with pytest.raises(RunError):
         design(build_config({**TINY, "rationale_from": str(tmp_path / "gone")}), tmp_path)
     nobody = design(
-        build_config({"workflow": "random-dsl", "workers": 1, "settings": {"rollouts": 1}}),
+        build_config({"workflow": "random-dsl", "workers": 1, "settings": {"max_simulations": 1}}),
         tmp_path,
     )
     assert nobody.model == "none (random edits)"

@@ -26,7 +26,7 @@ TINY = {
     "workers": 1,
     "seed": 4,
     "verify": False,
-    "settings": {"trajectories": 2, "rollouts": 2},
+    "settings": {"trajectories": 2, "max_simulations": 2},
 }
 Captured = pytest.CaptureFixture[str]
 

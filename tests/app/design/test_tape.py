@@ -29,7 +29,7 @@ from agentflow.workflows.settings import WorkflowSettings
 from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
 
 SETTINGS = WorkflowSettings.model_validate(
-    {"trajectories": 3, "search": {"rounds": 2, "width": 2, "waves": 2}}
+    {"trajectories": 3, "search": {"rounds": 2, "width": 2, "request_rounds": 2}}
 )
 Written = dict[str, bytes]
 

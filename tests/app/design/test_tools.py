@@ -14,7 +14,7 @@ from agentflow.config.run import build_config
 from agentflow.runs import Event, read_document
 from agentflow.runs.events import ToolEvent
 
-SETTINGS = {"rollouts": 5, "candidates_per_stage": 1, "vision": True}
+SETTINGS = {"max_simulations": 5, "candidates_per_stage": 1, "vision": True}
 CONFIG = {"task": "movement", "workflow": "tools", "settings": SETTINGS, "verify": False}
 
 
@@ -72,6 +72,6 @@ def test_a_killed_run_with_tools_resumes_to_the_same_result(
 
 @pytest.mark.slow
 def test_prompts_of_agents_are_a_condition_of_their_runs_only(run: Path, tmp_path: Path) -> None:
-    other = {"task": "movement", "workflow": "random-dsl", "settings": {"rollouts": 1}}
+    other = {"task": "movement", "workflow": "random-dsl", "settings": {"max_simulations": 1}}
     plain = design(build_config({**other, "verify": False}), tmp_path).run
     assert read_document(Path(plain))["prompts"] != read_document(run)["prompts"]

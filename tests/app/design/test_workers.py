@@ -40,7 +40,7 @@ def by(name: str) -> RunOptions:
 
 @pytest.mark.slow
 def test_a_worker_designs_in_place_of_models(tmp_path: Path) -> None:
-    settings = {"candidates_per_stage": 1, "rollouts": 2}
+    settings = {"candidates_per_stage": 1, "max_simulations": 2}
     config = build_config(
         {"task": "movement", "workflow": "tools", "settings": settings, "verify": False}
     )
@@ -65,7 +65,9 @@ def test_a_worker_designs_in_place_of_models(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_what_a_killed_worker_did_counts(tmp_path: Path) -> None:
-    config = build_config({"task": "movement", "workflow": "tools", "settings": {"rollouts": 3}})
+    config = build_config(
+        {"task": "movement", "workflow": "tools", "settings": {"max_simulations": 3}}
+    )
 
     async def simulate(bench: Bench, _stage: StageName) -> None:
         checked = await bench.call("check", {"machine": CAR})

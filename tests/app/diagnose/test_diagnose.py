@@ -115,9 +115,9 @@ def test_rounded_centres_are_right_and_others_not(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_fates_are_judged_by_simulation_and_half_of_them_are_yes(tmp_path: Path) -> None:
-    out = tmp_path / "fate"
-    found = run("fate", lambda _: '{"stand": true, "drive": true, "throw": true}', out, 6)
+def test_outcomes_are_judged_by_simulation_and_half_of_them_are_yes(tmp_path: Path) -> None:
+    out = tmp_path / "outcome"
+    found = run("outcome", lambda _: '{"stand": true, "drive": true, "throw": true}', out, 6)
     judged = results(found)
     assert judged["faults"] == judged["unreadable"] == 0
     for verb, of in (("stand", 2), ("drive", 2), ("throw", 2), ("all", 6)):
@@ -129,7 +129,7 @@ def test_fates_are_judged_by_simulation_and_half_of_them_are_yes(tmp_path: Path)
         number = int(request.label.partition("/")[2])
         return json.dumps(found.answers[number].truth)
 
-    told = results(run("fate", knows, tmp_path / "told", 6))
+    told = results(run("outcome", knows, tmp_path / "told", 6))
     assert [told[verb]["right"]["share"] for verb in ("stand", "drive", "throw", "all")] == [1] * 4
 
 

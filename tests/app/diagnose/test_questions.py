@@ -8,8 +8,8 @@ from itertools import combinations
 import pytest
 
 from agentflow.app.diagnose.facing import Facing
-from agentflow.app.diagnose.fate import EDITS, Fate
 from agentflow.app.diagnose.machines import SIZES
+from agentflow.app.diagnose.outcome import EDITS, Outcome
 from agentflow.app.diagnose.overlap import MOST, Overlap
 from agentflow.app.diagnose.question import Diagnostic, Mark, digest_of
 from agentflow.env.tasks.registry import get_task
@@ -20,7 +20,7 @@ from agentflow.machine.geometry.placement import overlap_of
 from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.prompts.render import PromptSet
 
-DIAGNOSTICS: tuple[Diagnostic, ...] = (Overlap(), Facing(), Fate("auto", 0))
+DIAGNOSTICS: tuple[Diagnostic, ...] = (Overlap(), Facing(), Outcome("auto", 0))
 
 
 @pytest.mark.parametrize("diagnostic", DIAGNOSTICS, ids=lambda d: d.name)
@@ -30,7 +30,7 @@ def test_the_seed_decides_the_questions(diagnostic: Diagnostic) -> None:
     assert [question.label for question in first] == [
         f"{diagnostic.name}/{number}" for number in range(len(first))
     ]
-    edits = EDITS if diagnostic.name == "fate" else 0
+    edits = EDITS if diagnostic.name == "outcome" else 0
     for question in first:
         assert SIZES[0] - edits <= len(question.machine) <= SIZES[1] + edits
 
@@ -40,7 +40,7 @@ def test_the_seed_decides_the_questions(diagnostic: Diagnostic) -> None:
     [
         (Overlap(), 4, "8d11f7ae41de14e3"),
         (Facing(), 4, "97e7739809317d58"),
-        (Fate("auto", 0), 24, "295b5daf2ce42fc9"),
+        (Outcome("auto", 0), 24, "295b5daf2ce42fc9"),
     ],
 )
 def test_questions_are_the_same_in_all_versions_and_with_all_engines(
@@ -79,20 +79,20 @@ def test_facings_and_centres_are_those_of_valid_machines() -> None:
             assert (item["facing"], item["centre"]) == (block.facing, list(block.center))
 
 
-def test_machines_whose_fate_is_asked_are_valid_for_their_level() -> None:
-    for question in Fate("auto", 0).questions(4, 0):
+def test_machines_whose_outcome_is_asked_are_valid_for_their_level() -> None:
+    for question in Outcome("auto", 0).questions(4, 0):
         assert check(question.machine, get_task(question.about[0]).brief).task_valid
 
 
 def test_no_design_is_asked_about_twice_and_too_many_questions_are_refused() -> None:
-    fate = Fate("auto", 0)
-    questions = fate.questions(30, 0)
+    outcome = Outcome("auto", 0)
+    questions = outcome.questions(30, 0)
     assert len({question.machine.digest for question in questions}) == 30
-    assert Counter(question.about[1] for question in fate.questions(24, 0)) == dict.fromkeys(
+    assert Counter(question.about[1] for question in outcome.questions(24, 0)) == dict.fromkeys(
         ("stand", "drive", "throw"), 8
     )
-    with pytest.raises(UsageError, match=r"^fate has 30 questions, not 31: lower --questions$"):
-        fate.questions(31, 0)
+    with pytest.raises(UsageError, match=r"^outcome has 30 questions, not 31: lower --questions$"):
+        outcome.questions(31, 0)
 
 
 @pytest.mark.parametrize("name", PROMPT_SETS)
@@ -126,15 +126,15 @@ def test_questions_do_not_change_the_digests_of_runs() -> None:
 
 
 def test_machines_without_a_verdict_are_left_out_and_counted() -> None:
-    fate = Fate("auto", 0)
-    question = fate.questions(1, 0)[0]
+    outcome = Outcome("auto", 0)
+    question = outcome.questions(1, 0)[0]
     data = {"label": question.label, "machine": question.machine.to_json()}
     marks = [
         Mark(**data, truth=None, answer={"stand": True}),
         Mark(**data, truth={"stand": True}, answer={"stand": True}),
         Mark(**data, truth={"drive": False}, answer=None),
     ]
-    found = fate.score(marks)
+    found = outcome.score(marks)
     assert found["faults"] == 1
     assert (found["stand"]["right"]["count"], found["stand"]["right"]["of"]) == (1, 1)
     assert (found["drive"]["right"]["count"], found["drive"]["right"]["of"]) == (0, 1)

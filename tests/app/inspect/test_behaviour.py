@@ -79,7 +79,7 @@ def test_a_run_of_an_older_version_is_read(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_edits_of_an_agent_lead_from_one_simulated_machine_to_the_next(tmp_path: Path) -> None:
-    settings = ["task=movement", "workflow=tools", "rollouts=6", "candidates_per_stage=2"]
+    settings = ["task=movement", "workflow=tools", "max_simulations=6", "candidates_per_stage=2"]
     config = load_config(None, [*settings, "verify=false"], {})
     run = Path(design(config, tmp_path, RunOptions()).run)
     made = list(agent_edits(read_typed_events(run)))

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from agentflow.app.pages.robustness import kept_figure, page_writer, robustness_figure
-from agentflow.app.subjects.perturb import KEPT
+from agentflow.app.subjects.robustness import KEPT
 from agentflow.cli import main
 from agentflow.errors import RunError, UsageError
 from tests.app.pages.test_runs import RECORDED
@@ -97,7 +97,7 @@ def test_the_report_of_a_run_shows_how_robust_its_best_machine_is(
 ) -> None:
     run = tmp_path / "run"
     shutil.copytree(RECORDED, run)
-    assert main(["perturb", str(run), "--n", "1", "--json"]) == 0
+    assert main(["robustness", str(run), "--n", "1", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["task"], found["edits"]["count"]) == ("throwing", 1)
     assert main(["report", str(run), "--films", "0"]) == 0

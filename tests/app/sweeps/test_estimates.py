@@ -55,7 +55,7 @@ def test_token_estimates_match_the_recorded_run() -> None:
         ({"workflow": "iterative"}, 8 + 8 + 40 + 168, 176),
         ({"workflow": "single"}, 8 + 40, 48),
         ({"workflow": "random-dsl"}, 0, 24),
-        ({"workflow": "random-dsl", "settings": {"rollouts": 100}}, 0, 100),
+        ({"workflow": "random-dsl", "settings": {"max_simulations": 100}}, 0, 100),
         ({"task": "gearing", "workflow": "placement"}, 50, 50),
         ({"task": "gearing", "workflow": "random-placement"}, 0, 50),
     ],

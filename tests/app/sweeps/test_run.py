@@ -32,7 +32,7 @@ TINY: dict[str, Any] = {
         "task": "movement",
         "workflow": "random-dsl",
         "workers": 1,
-        "settings": {"trajectories": 2, "rollouts": 2},
+        "settings": {"trajectories": 2, "max_simulations": 2},
     },
     "seeds": [0, 1],
     "axes": {"condition": {"one": {"history": True}, "other": {"history": False}}},
@@ -343,7 +343,7 @@ def test_an_existing_sweep_refuses_other_settings(swept: tuple[SweepOutcome, Not
 
 @pytest.mark.slow
 def test_a_sweep_can_be_resumed_after_ctrl_c(tmp_path: Path) -> None:
-    base = {**TINY["base"], "settings": {"trajectories": 8, "rollouts": 24}}
+    base = {**TINY["base"], "settings": {"trajectories": 8, "max_simulations": 24}}
     path = write(tmp_path, base=base)
     command = [sys.executable, "-c", "import sys; from agentflow.cli import main; sys.exit(main())"]
     words = ["sweep", str(path), "--out", str(tmp_path / "out")]

@@ -33,7 +33,7 @@ def reduced(path: Path) -> list[str]:
         rounds = 2 if path.stem == "search_depth" else 1
         settings += [f"search.rounds={rounds}", "search.width=2"]
     if path.stem == "coding_agent":
-        settings += ["rollouts=6", "candidates_per_stage=2"]
+        settings += ["max_simulations=6", "candidates_per_stage=2"]
     if path.stem == "additional_tasks":  # some count ten trials for one rollout
         settings += ["trajectories=1", "search.width=1"]
     return settings

@@ -313,7 +313,7 @@ def test_best_scores_relative_to_players(tmp_path: Path) -> None:
         },
         axes={"task": ["delivery", "movement"]},
     )
-    assert values(view(path, "players")) == {
+    assert values(view(path, "human")) == {
         ("delivery", MODEL): (44.4, 88.8, 0.5),
         ("movement", MODEL): (9.0, None, None),
     }
@@ -326,7 +326,7 @@ def test_engines_are_never_pooled(tmp_path: Path) -> None:
     }
     axes = {"condition": {"usual": {}, "other": {}}}
     path = sweep(tmp_path, runs, base={"task": "delivery"}, axes=axes)
-    assert values(view(path, "players")) == {
+    assert values(view(path, "human")) == {
         ("delivery", f"{MODEL}, pybullet 3.2.7"): (2.0, 88.8, 2.0 / 88.8),
         ("delivery", f"{MODEL}, other 1"): (4.0, 88.8, 4.0 / 88.8),
     }

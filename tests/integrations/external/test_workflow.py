@@ -41,7 +41,7 @@ def configure(code: str, **external: Any) -> DesignConfig:
     """A run with two machines per stage, whose program is Python code."""
     code = f"import json, os, shutil, subprocess, sys, time\n{code}"
     program = {"command": [sys.executable, "-c", code], "limit_s": 60, **external}
-    settings = {"external": program, "candidates_per_stage": 2, "rollouts": 6}
+    settings = {"external": program, "candidates_per_stage": 2, "max_simulations": 6}
     return build_config(
         {"task": "movement", "workflow": "external", "settings": settings, "verify": False}
     )

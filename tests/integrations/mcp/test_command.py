@@ -42,8 +42,11 @@ def test_says_what_to_install() -> None:
 
 def test_settings_hold_where_no_option_is_given(capsys: pytest.CaptureFixture[str]) -> None:
     for options, words in (
-        (["--set", "rollouts=0"], "settings.rollouts: must be at least 1, not 0"),
-        (["--set", "looks=many"], "settings.looks: expected a whole number, not 'many'"),
+        (["--set", "max_simulations=0"], "settings.max_simulations: must be at least 1, not 0"),
+        (
+            ["--set", "max_pictures=many"],
+            "settings.max_pictures: expected a whole number, not 'many'",
+        ),
         (["--set", "vision=5"], "settings.vision: expected true or false, not 5"),
         (["--set", "task=walking"], "unknown task 'walking'"),
         (["--set", "workflow=single"], "remove workflow and model.name from --set"),

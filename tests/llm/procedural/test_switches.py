@@ -26,14 +26,14 @@ DESIGNED = [name for name in FAMILIES if brief_of(name).given == LONE_ROOT]
 GIVEN = [name for name in FAMILIES if name not in DESIGNED]
 TINY = {
     "trajectories": 2,
-    "search": {"rounds": 1, "width": 2, "waves": 2},
+    "search": {"rounds": 1, "width": 2, "request_rounds": 2},
     "candidates_per_stage": 2,
-    "rollouts": 6,
+    "max_simulations": 6,
 }
 SWITCHES: dict[str, tuple[object, ...]] = {
     "representation": ("tree", "coordinates"),
     "refinement": ("steps", "whole_machine"),
-    "meta_designer": ("modules", "detailed", "off"),
+    "meta_designer": ("structures", "detailed", "off"),
     "feedback": ("active", "basic", "score_only"),
     "spatial": (True, False),
 }

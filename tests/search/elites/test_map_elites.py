@@ -119,7 +119,7 @@ async def test_golden_search() -> None:
     }
     known = {"b": 5.0, "c": 7.0, "cc": 0.0, "bb": None, "ba": 9.0, "bee": 2.0}
     words = Kinds(replies, known)
-    found = await run(words, SearchSettings(rounds=3, width=2, waves=1))
+    found = await run(words, SearchSettings(rounds=3, width=2, request_rounds=1))
     assert [item.path for item in words.events if isinstance(item, Selected)] == [
         (0,),
         (0, 2),
@@ -170,7 +170,7 @@ async def test_expand_can_read_a_given_archive() -> None:
 @given(st.integers(0, 10_000))
 async def test_concurrency_changes_nothing(seed: int) -> None:
     """Replies that arrive in any order make the same tree, archive and events."""
-    numbers = SearchSettings(rounds=4, width=3, waves=2)
+    numbers = SearchSettings(rounds=4, width=3, request_rounds=2)
 
     async def search(delays: random.Random | None) -> tuple[SearchResult[str], Words]:
         table = {

@@ -48,11 +48,11 @@ def behaviour(
 @commands.command(epilog="Example: agentflow diagnose overlap --model NAME --out overlap")
 def diagnose(
     name: Annotated[
-        Literal["overlap", "facing", "fate"],
+        Literal["overlap", "facing", "outcome"],
         typer.Argument(
             metavar="DIAGNOSTIC",
             help="overlap: which blocks overlap. facing: which way blocks face, where their "
-            "centres are. fate: will the machine stand, drive or throw; judged by simulation.",
+            "centres are. outcome: will the machine stand, drive or throw; judged by simulation.",
         ),
     ],
     out: Annotated[
@@ -66,7 +66,7 @@ def diagnose(
     ] = None,
     questions: Annotated[
         int | None,
-        typer.Option(min=1, help="Questions, for facing and fate.", show_default=str(QUESTIONS)),
+        typer.Option(min=1, help="Questions, for facing and outcome.", show_default=str(QUESTIONS)),
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the questions.")] = 0,
     form: options.Format = "text",

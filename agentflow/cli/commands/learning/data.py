@@ -100,7 +100,7 @@ def filter(
     engine: options.Engine = None,
     licence: Licence = None,
     workers: Workers = 2,
-    on: options.On = "local",
+    backend: options.Backend = "local",
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> None:
@@ -119,7 +119,7 @@ def filter(
         licence=licence,
         workers=workers,
         show=_progress("machine", quiet),
-        open_pool=pools_on(on),
+        open_pool=pools_on(backend),
     )
     _print_card(card, out, as_json)
 

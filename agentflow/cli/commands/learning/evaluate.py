@@ -59,7 +59,7 @@ def evaluate(
         int | None,
         typer.Option(min=1, help="Worker processes for simulation (default: 2)."),
     ] = None,
-    on: options.On = "local",
+    backend: options.Backend = "local",
     as_json: options.Json = False,
 ) -> None:
     """Evaluate a model: sample whole machines, simulate them, count how many are valid and good.
@@ -93,6 +93,6 @@ def evaluate(
         name=name,
         notify=print_remark,
         say=show_count("sample"),
-        open_pool=pools_on(on),
+        open_pool=pools_on(backend),
     )
     print_result(found.model_dump(mode="json"), as_json, show_evaluation)

@@ -85,7 +85,7 @@ def grpo(
     ] = None,
     settings: TrainingSettings = None,
     resume: Resume = False,
-    on: options.On = "local",
+    backend: options.Backend = "local",
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> None:
@@ -107,4 +107,4 @@ def grpo(
     from agentflow.training.grpo.train import train_grpo
 
     notify = partial(print_remark, quiet=quiet)
-    print_result(train_grpo(built, out, resume, notify, pools_on(on)), as_json, show_training)
+    print_result(train_grpo(built, out, resume, notify, pools_on(backend)), as_json, show_training)

@@ -42,16 +42,16 @@ ALL = "all"
 """Name of the numbers of all questions."""
 
 
-class Fate(Diagnostic):
+class Outcome(Diagnostic):
     """Whether a machine stands, drives or throws."""
 
-    name: ClassVar[str] = "fate"
+    name: ClassVar[str] = "outcome"
 
     def __init__(self, engine: str, seed: int) -> None:
         self._engine, self._seed = engine, seed
 
     def questions(self, size: int, seed: int) -> list[Question]:
-        """Designs of `fate.yaml`: for every verb as many that do it as not, in random order."""
+        """Designs of `outcome.yaml`: for every verb as many that do it as not, in random order."""
         rng = Random(f"diagnose/fate/{seed}")
         cells = [
             [(verb, name) for name in rng.sample(names, len(names))]
@@ -59,11 +59,11 @@ class Fate(Diagnostic):
             for names in lists.values()
         ]
         if size > (most := sum(map(len, cells))):
-            raise UsageError(f"fate has {most} questions, not {size}: lower --questions")
+            raise UsageError(f"outcome has {most} questions, not {size}: lower --questions")
         chosen = list(islice(chain.from_iterable(zip(*cells, strict=True)), size))
         rng.shuffle(chosen)
         return [
-            Question(f"fate/{number}", draw_edited(name), None, [_level(name), verb])
+            Question(f"outcome/{number}", draw_edited(name), None, [_level(name), verb])
             for number, (verb, name) in enumerate(chosen)
         ]
 
@@ -109,7 +109,7 @@ class Fate(Diagnostic):
 @cache
 def _known_designs() -> Mapping[str, Mapping[bool, list[str]]]:
     """Verb -> whether they do it -> names of designs."""
-    text = files("agentflow.app.diagnose").joinpath("fate.yaml").read_text("utf-8")
+    text = files("agentflow.app.diagnose").joinpath("outcome.yaml").read_text("utf-8")
     known: Mapping[str, Mapping[bool, list[str]]] = yaml.safe_load(text)
     return known
 

@@ -1,4 +1,4 @@
-"""`agentflow perturb` as a user types it."""
+"""`agentflow robustness` as a user types it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CAR = str(Path(__file__).parents[2] / "examples" / "car.json")
 
 
 def ask(*arguments: str, capsys: pytest.CaptureFixture[str]) -> str:
-    assert main(["perturb", *arguments, "--task", "movement"]) == 0
+    assert main(["robustness", *arguments, "--task", "movement"]) == 0
     return capsys.readouterr().out
 
 

@@ -1,6 +1,6 @@
-"""Finds designs for `agentflow/app/diagnose/fate.yaml`: what each does, where both engines agree.
+"""Finds designs for `app/diagnose/outcome.yaml`: what each does, where both engines agree.
 
-Usage: python -m benchmarks.fates [--count 60]
+Usage: python -m benchmarks.outcomes [--count 60]
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import asyncio
 from collections import defaultdict
 from itertools import product
 
-from agentflow.app.diagnose.fate import STAND, TESTS, Fate, draw_edited
+from agentflow.app.diagnose.outcome import STAND, TESTS, Outcome, draw_edited
 from agentflow.app.diagnose.question import Question
 
 ENGINES = ("pybullet", "mujoco")
@@ -27,7 +27,7 @@ def main() -> None:
         for level, name in names
         for verb in VERBS[level]
     ]
-    judged = [asyncio.run(Fate(engine, 0).judge(asked, 2)) for engine in ENGINES]
+    judged = [asyncio.run(Outcome(engine, 0).judge(asked, 2)) for engine in ENGINES]
     found: dict[tuple[str, bool], list[str]] = defaultdict(list)
     for first, second in zip(*judged, strict=True):
         if first.truth is not None and first.truth == second.truth:

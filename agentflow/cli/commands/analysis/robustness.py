@@ -1,4 +1,4 @@
-"""The command perturb. Importing this module registers it."""
+"""The command robustness. Importing this module registers it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from agentflow.cli import options
 from agentflow.cli.root import commands, print_result
 
 
-@commands.command(epilog="Example: agentflow perturb examples/car.json --task movement --n 20")
-def perturb(
+@commands.command(epilog="Example: agentflow robustness examples/car.json --task movement --n 20")
+def robustness(
     source: options.MachineOrRun,
     task: options.Task = None,
     knobs: options.Knobs = None,
@@ -41,9 +41,9 @@ def perturb(
     and the result is kept in the run, whose report then shows it.
     """
     from agentflow.app.pages.robustness import page_writer
-    from agentflow.app.subjects.perturb import measure_robustness
+    from agentflow.app.subjects.robustness import measure_robustness
     from agentflow.app.subjects.subject import resolve
-    from agentflow.cli.display.show_scores import show_perturbed
+    from agentflow.cli.display.show_scores import show_robustness
     from agentflow.cli.display.text import show_count
 
     subject = resolve(source, task, knobs, seed, engine)
@@ -52,4 +52,4 @@ def perturb(
     found = measure_robustness(subject, count=number, workers=workers, say=say)
     if write is not None and not found["problems"]:
         write(found)
-    print_result(found, as_json, show_perturbed)
+    print_result(found, as_json, show_robustness)
