@@ -7,7 +7,7 @@ from pathlib import Path
 from agentflow.agents.designer import Designer, extract_rationale
 from agentflow.config.run import DesignConfig
 from agentflow.errors import RunError
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.runs import read_document
 from agentflow.runs.events import AttemptEvent, read_typed_events
 
@@ -36,8 +36,8 @@ def rationales_of(path: Path) -> tuple[str, ...]:
         if isinstance(event, AttemptEvent) and event.role == Designer.name and event.valid
     }
     plans: dict[int, dict[int, str]] = {}
-    with Tape(path / "calls.jsonl", lambda _line: None, writable=False) as tape:
-        for entry in tape.calls():
+    with CallLog(path / "calls.jsonl", lambda _line: None, writable=False) as call_log:
+        for entry in call_log.calls():
             place = accepted.get(entry.request.label)
             if place is not None and place.trajectory:
                 text = extract_rationale(entry.reply.text)
