@@ -13,10 +13,10 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import EvaluationEvent, QueryEvent, RunEvent, ToolEvent
 from agentflow.runs.places import Place, StageName
 from agentflow.tools import designing, measuring
-from agentflow.tools.desk import Budget, Call, Desk, KnownMachines
-from agentflow.tools.results import Refused, StageEnded, ToolResult, ToolSpec
+from agentflow.tools.host import BenchHost
+from agentflow.tools.results import RefusedCall, StageEnded, ToolResult, ToolSpec
 from agentflow.tools.schema import Tool
-from agentflow.tools.world import World
+from agentflow.tools.workspace import Call, KnownMachines, StageBudget, Workspace
 
 TOOLS = (
     Tool.of(designing.brief),
@@ -55,10 +55,10 @@ class Bench:
     """Tools over one task, with a budget."""
 
     def __init__(
-        self, world: World, stage: StageName, budget: Budget, machines: KnownMachines
+        self, host: BenchHost, stage: StageName, budget: StageBudget, machines: KnownMachines
     ) -> None:
         """Open it for one stage; stages of a run share `machines`."""
-        self._desk = Desk(world, stage, budget, machines)
+        self._workspace = Workspace(host, stage, budget, machines)
         self._tools = {tool.spec.name: tool for tool in TOOLS if self._offers(tool)}
         self._calls = 0
         self._unfinished: set[asyncio.Event] = set()
@@ -67,7 +67,7 @@ class Bench:
         """Why the stage ended before its last submission; "" if it did not."""
 
     def _offers(self, tool: Tool) -> bool:
-        budget = self._desk.budget
+        budget = self._workspace.budget
         charged = {"simulations": budget.rollouts, "pictures": budget.looks}
         return not tool.needs or charged[tool.needs] is not None
 
@@ -78,42 +78,42 @@ class Bench:
 
     def _told(self, tool: Tool) -> ToolSpec:
         """A tool as clients are told about it: where machines bring controls, how to write them."""
-        spec, controlled = tool.spec, self._desk.world.brief.limits.controls is not None
+        spec, controlled = tool.spec, self._workspace.host.brief.limits.controls is not None
         return replace(spec, description=spec.description + tool.with_controls * controlled)
 
     @property
     def machines(self) -> KnownMachines:
         """The machines of the run so far, by name."""
-        return self._desk.machines
+        return self._workspace.machines
 
     @property
     def submitted(self) -> Sequence[Machine]:
         """The submitted machines, in order."""
-        return tuple(self._desk.submitted)
+        return tuple(self._workspace.submitted)
 
     @property
     def brief_text(self) -> str:
         """What the tool `brief` tells; reading it is no call."""
-        return self._desk.brief_text
+        return self._workspace.brief_text
 
     @property
     def budget_text(self) -> str:
         """What is left of the budget, in one sentence."""
-        return self._desk.budget_text
+        return self._workspace.budget_text
 
     @property
     def ended(self) -> bool:
         """Whether the stage has ended, by its last submission or by `end`."""
-        return self._desk.ended.is_set()
+        return self._workspace.ended.is_set()
 
     async def wait_ended(self) -> None:
         """Wait until the stage has ended."""
-        await self._desk.ended.wait()
+        await self._workspace.ended.wait()
 
     def end(self, reason: str = "") -> None:
         """End the stage with what has been submitted; the reason is told where machines lack."""
         self.reason = self.reason or reason
-        self._desk.ended.set()
+        self._workspace.ended.set()
 
     async def close(self) -> None:
         """End the stage, and wait until the calls in progress have been refused."""
@@ -135,7 +135,9 @@ class Bench:
         finished = asyncio.Event()
         self._unfinished.add(finished)
         try:
-            return await self._answer(name, arguments, Place(self._desk.stage, call=self._calls))
+            return await self._answer(
+                name, arguments, Place(self._workspace.stage, call=self._calls)
+            )
         finally:
             self._unfinished.remove(finished)
             finished.set()
@@ -148,8 +150,8 @@ class Bench:
             if self.ended:
                 raise StageEnded
             given = _read_arguments(arguments)
-            result = await self._before_end(self._find(name)(Call(self._desk, place), given))
-        except Refused as refused:
+            result = await self._before_end(self._find(name)(Call(self._workspace, place), given))
+        except RefusedCall as refused:
             code = refused.code
             result = ToolResult(str(refused), {"refused": str(refused), **refused.data}, None, True)
         self._note(place, name, given, result, code)
@@ -178,32 +180,34 @@ class Bench:
             load: Content hash -> machine.
         """
         self._calls = max(self._calls, event.place.call)
-        desk, place = self._desk, event.place
+        workspace, place = self._workspace, event.place
         if isinstance(event, EvaluationEvent) and place.call:
-            await desk.simulate(load(event.machine), place)
+            await workspace.simulate(load(event.machine), place)
         elif isinstance(event, QueryEvent):
-            await desk.world.query(load(event.machine), event.queries, place)
+            await workspace.host.query(load(event.machine), event.queries, place)
         elif isinstance(event, ToolEvent):
             if event.machine:
                 self._take_over(event, load(event.machine))
-            desk.world.note(event)
+            workspace.host.note(event)
 
     def _take_over(self, event: ToolEvent, machine: Machine) -> None:
-        """What a successful call has left on the desk."""
-        desk, given = self._desk, self._tools[event.tool].read(event.arguments)
+        """What a successful call has left in the workspace."""
+        workspace, given = self._workspace, self._tools[event.tool].read(event.arguments)
         edited = event.tool == designing.edit.__name__
-        origin = (desk.machines.find(given["machine"]).name, given["script"]) if edited else ()
-        known = desk.name(machine, *origin)
+        origin = (workspace.machines.find(given["machine"]).name, given["script"]) if edited else ()
+        known = workspace.name(machine, *origin)
         if event.tool == measuring.submit.__name__:
-            desk.submit(known, given["last"])
-        elif event.tool == measuring.look.__name__ and desk.budget.looks:
-            desk.budget.looks.take()
+            workspace.submit(known, given["last"])
+        elif event.tool == measuring.look.__name__ and workspace.budget.looks:
+            workspace.budget.looks.take()
 
     def _find(self, name: str) -> Tool:
         if name in self._tools:
             return self._tools[name]
         why = "is not on offer in this stage" if name in TOOL_NAMES else "does not exist"
-        raise Refused(f"the tool {ascii(name)[:40]} {why}; the tools are {', '.join(self._tools)}")
+        raise RefusedCall(
+            f"the tool {ascii(name)[:40]} {why}; the tools are {', '.join(self._tools)}"
+        )
 
     def _note(
         self,
@@ -214,8 +218,8 @@ class Bench:
         code: str,
     ) -> None:
         machine = None if result.refused else result.data.get("machine")
-        known = self._desk.machines.find(machine) if isinstance(machine, str) else None
-        self._desk.world.note(
+        known = self._workspace.machines.find(machine) if isinstance(machine, str) else None
+        self._workspace.host.note(
             ToolEvent(
                 place,
                 tool=name if name in TOOL_NAMES else UNKNOWN,
@@ -236,11 +240,11 @@ def _read_arguments(arguments: object) -> Mapping[str, Any]:
             arguments = json.loads(text) if text.strip() else None
         except (ValueError, RecursionError) as error:
             problem = f"the arguments are not JSON ({str(error)[:100]})"
-            raise Refused(f"{problem}; send a JSON object") from None
+            raise RefusedCall(f"{problem}; send a JSON object") from None
     if arguments is None:
         return {}
     if not isinstance(arguments, Mapping):
-        raise Refused(f"the arguments are a {type(arguments).__name__}; send a JSON object")
+        raise RefusedCall(f"the arguments are a {type(arguments).__name__}; send a JSON object")
     clean: Mapping[str, Any] = _clean(arguments)
     return clean
 
@@ -248,11 +252,11 @@ def _read_arguments(arguments: object) -> Mapping[str, Any]:
 def _clean(value: Any, depth: int = 0) -> Any:
     """Data from an agent as plain JSON data that can be encoded as UTF-8."""
     if depth > DEEPEST:
-        raise Refused(f"the arguments are nested more than {DEEPEST} deep; send flatter ones")
+        raise RefusedCall(f"the arguments are nested more than {DEEPEST} deep; send flatter ones")
     if isinstance(value, str):
         if len(value) > MOST_CHARACTERS:
             size = f"an argument has {len(value)} characters"
-            raise Refused(f"{size}; send at most {MOST_CHARACTERS}")
+            raise RefusedCall(f"{size}; send at most {MOST_CHARACTERS}")
         return value.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
     if isinstance(value, Mapping):
         return {_clean(str(key)): _clean(item, depth + 1) for key, item in value.items()}

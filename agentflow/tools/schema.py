@@ -11,8 +11,8 @@ from typing import Any, Literal, get_type_hints
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic.fields import FieldInfo
 
-from agentflow.tools.desk import Call
-from agentflow.tools.results import Refused, ToolResult, ToolSpec
+from agentflow.tools.results import RefusedCall, ToolResult, ToolSpec
+from agentflow.tools.workspace import Call
 
 ToolFunction = Callable[..., Awaitable[ToolResult]]
 """Takes a `Call` and typed arguments."""
@@ -83,7 +83,7 @@ class Tool:
         try:
             given = self._arguments.model_validate(arguments)
         except ValidationError as error:
-            raise Refused(self._misfit(error)) from None
+            raise RefusedCall(self._misfit(error)) from None
         return {name: getattr(given, name) for name in type(given).model_fields}
 
     def _misfit(self, error: ValidationError) -> str:

@@ -12,7 +12,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt, RunEvent
 from agentflow.runs.places import StageName
 from agentflow.search.node import Evaluation, SearchCost
-from agentflow.tools.world import View
+from agentflow.tools.host import View
 
 GREATEST: Final = "greatest score"
 """Why a search or a run ended: a machine has the greatest possible score of the task."""

@@ -30,7 +30,7 @@ from agentflow.runs.events import (
 from agentflow.runs.places import Place, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
-from agentflow.tools.world import View
+from agentflow.tools.host import View
 from agentflow.workflows.base import (
     GREATEST,
     AskContexts,

@@ -22,7 +22,7 @@ from agentflow.workflows.hierarchical import HIERARCHICAL
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.statistics import stage_row
 from tests.runs.results import a_result
-from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
+from tests.workflows.fakes import BRIEF, PROMPTS, Author, Delayed, Shelf
 
 SETTINGS = WorkflowSettings.model_validate(
     {"trajectories": 3, "search": {"rounds": 3, "width": 2, "waves": 2}}

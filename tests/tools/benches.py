@@ -16,10 +16,10 @@ from agentflow.llm.scripted import ScriptedClient
 from agentflow.prompts.render import PromptSet
 from agentflow.runs.places import FEEDBACK, StageName
 from agentflow.tools.bench import Bench
-from agentflow.tools.desk import Allowance, Budget, KnownMachines
+from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.stages import RunWorld
+from agentflow.workflows.tools.stages import RunHost
 
 CAR = Path("examples/car.json").read_text(encoding="utf-8")
 
@@ -50,9 +50,9 @@ async def open_bench(
             0,
         )
         run.begin_stage(stage)
-        budget = Budget(
+        budget = StageBudget(
             submissions,
             None if rollouts is None else Allowance.of_simulations(rollouts),
             None if looks is None else Allowance.of_pictures(looks),
         )
-        yield Bench(RunWorld(run), stage, budget, KnownMachines()), record
+        yield Bench(RunHost(run), stage, budget, KnownMachines()), record

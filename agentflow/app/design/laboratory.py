@@ -26,7 +26,7 @@ from agentflow.machine.geometry.balance import mass
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
-from agentflow.tools.world import View
+from agentflow.tools.host import View
 from agentflow.workflows.base import SimulationSummary
 from agentflow.workflows.settings import Objective
 

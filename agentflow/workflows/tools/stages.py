@@ -11,8 +11,8 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, CandidateEvent, RunEvent
 from agentflow.runs.places import FEEDBACK, INITIAL, STAGES, Place, StageName
 from agentflow.tools.bench import Bench
-from agentflow.tools.desk import Allowance, Budget, KnownMachines
-from agentflow.tools.world import View
+from agentflow.tools.host import View
+from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
 from agentflow.workflows.base import Candidate, SimulationSummary, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
@@ -25,8 +25,8 @@ Worker = Callable[[Bench, StageName], Awaitable[None]]
 """Works at the bench of a stage; the stage ends when it returns, with what it has submitted."""
 
 
-class RunWorld:
-    """Implements the `World` of a bench over a run of a workflow."""
+class RunHost:
+    """Implements the `BenchHost` of a bench over a run of a workflow."""
 
     def __init__(self, run: WorkflowContext) -> None:
         self._run = run
@@ -95,8 +95,8 @@ async def work_in_stages(
             share = max(1, rollouts.left // (len(stages) - number))
             submissions = min(submissions, share)
         left = len(stages) - number - 1
-        budget = Budget(submissions, rollouts if stage == FEEDBACK else None, looks, left)
-        bench = Bench(RunWorld(run), stage, budget, machines)
+        budget = StageBudget(submissions, rollouts if stage == FEEDBACK else None, looks, left)
+        bench = Bench(RunHost(run), stage, budget, machines)
         run.begin_stage(stage)
         await worker(bench, stage)
         await bench.close()

@@ -26,7 +26,7 @@ from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
-from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
+from tests.workflows.fakes import BRIEF, PROMPTS, Author, Delayed, Shelf
 
 SETTINGS = WorkflowSettings.model_validate(
     {"trajectories": 3, "search": {"rounds": 2, "width": 2, "waves": 2}}

@@ -31,7 +31,7 @@ class Simulation(Protocol):
         """What happened, as text."""
 
 
-class World(Protocol):
+class BenchHost(Protocol):
     """One task, where machines are simulated and everything is recorded."""
 
     @property
