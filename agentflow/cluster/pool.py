@@ -130,7 +130,7 @@ class RayPool(Pool):
                 require_same(conditions(), theirs, node)
                 failures = 0
                 self._ready.set()
-                while await self._play(worker, await self._next_batch()):
+                while await self._run_batch(worker, await self._next_batch()):
                     pass
             except RayError as error:  # before it was ready
                 failures += 1
@@ -152,14 +152,14 @@ class RayPool(Pool):
             batch.append(trial)
         return [trial for trial in batch if not trial.reply.done()]
 
-    async def _play(self, worker: Any, batch: list[_Trial]) -> bool:
-        """Have a worker play a batch; whether it can play another."""
+    async def _run_batch(self, worker: Any, batch: list[_Trial]) -> bool:
+        """Have a worker run a batch; whether it can run another."""
         if not batch:
             return True
         begin = time.perf_counter()
         limit = max(trial.limit for trial in batch)
         try:
-            sent = worker.play.remote([trial.job for trial in batch])
+            sent = worker.run_batch.remote([trial.job for trial in batch])
             replies, work = await asyncio.wait_for(result_of(sent), limit)
         except asyncio.TimeoutError:
             self._retry(batch, hung=True)

@@ -59,7 +59,7 @@ class RunStory:
         return found
 
     @property
-    def _told(self) -> Mapping[str, Any]:
+    def _result_data(self) -> Mapping[str, Any]:
         """The result as data; empty for an unfinished run."""
         return {} if self.result is None else self.result.to_json()
 
@@ -82,7 +82,7 @@ class RunStory:
             "nodes": [asdict(node) for node in self.nodes],
             "progress": score_curve(self.events),
             "archive": archive_of(self.events),
-            "front": self._told.get("front"),
+            "front": self._result_data.get("front"),
             "stages": [stage.data for stage in record.stages],
             "validity": validity(attempts),
             "reasons": rejection_reasons(attempts),
@@ -102,7 +102,7 @@ class RunStory:
             "workflow": config.get("workflow", ""),
             "seed": config.get("seed", 0),
             "score": self.result.score if self.result else record.best,
-            "verified": self._told.get("verified"),
+            "verified": self._result_data.get("verified"),
             "sentence": self._sentence(record.best is not None),
             "about": f"{model}: {record.calls} calls, {len(record.machines)} machines simulated",
             "prices": priced,

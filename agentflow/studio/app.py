@@ -14,8 +14,8 @@ from starlette.routing import BaseRoute, Route
 
 from agentflow.listening import end_is_asked_for, listen, serving
 from agentflow.report.page import read_bundle
+from agentflow.studio.building.person_runs import PersonRuns
 from agentflow.studio.building.routes import Building
-from agentflow.studio.building.workshop import Workshop
 from agentflow.studio.folder import RunFolder
 from agentflow.studio.guard import Access, Guard, Limits, Refusal, told
 from agentflow.studio.sessions.recorder import Recorder
@@ -78,11 +78,11 @@ async def _open_app(runs: Path) -> AsyncIterator[Starlette]:
     async with (
         Simulations() as simulations,
         Designs.open(folder) as designs,
-        Workshop(folder, simulations) as workshop,
+        PersonRuns(folder, simulations) as person_runs,
     ):
         with Recorder(runs) as recorder:
             routes += Watching(folder, designs, simulations).routes
-            routes += Building(folder, workshop, simulations).routes
+            routes += Building(folder, person_runs, simulations).routes
             routes += Sessions(recorder).routes
             yield Starlette(routes=routes, exception_handlers=PLAIN)
 

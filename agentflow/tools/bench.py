@@ -74,9 +74,9 @@ class Bench:
     @property
     def tools(self) -> tuple[ToolSpec, ...]:
         """The tools on offer in this stage."""
-        return tuple(self._told(tool) for tool in self._tools.values())
+        return tuple(self._spec_of(tool) for tool in self._tools.values())
 
-    def _told(self, tool: Tool) -> ToolSpec:
+    def _spec_of(self, tool: Tool) -> ToolSpec:
         """A tool as clients are told about it: where machines bring controls, how to write them."""
         spec, controlled = tool.spec, self._workspace.host.brief.limits.controls is not None
         return replace(spec, description=spec.description + tool.with_controls * controlled)

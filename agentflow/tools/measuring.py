@@ -39,7 +39,7 @@ async def simulate(call: Call, machine: str) -> ToolResult:
     greatest = workspace.host.brief.greatest
     if greatest is not None and result.score is not None and result.score >= greatest:
         told = f"No machine can score higher; `submit` it. {told}"
-    text = f"Machine {known.name}: {_told(result)}\n{told}"
+    text = f"Machine {known.name}: {_result_text(result)}\n{told}"
     data = {"score": result.score, "status": result.status, "feedback": result.feedback}
     return _counted(workspace, text, {"machine": known.name, **data, "known": before is not None})
 
@@ -100,7 +100,7 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
     require_complete(known.machine, workspace.host.brief)
     told = "."
     if workspace.budget.rollouts is not None:
-        told = f": {_told(await _simulate(call, known.machine), short=True)}"
+        told = f": {_result_text(await _simulate(call, known.machine), short=True)}"
     workspace.submit(known, last)
     number = f"submission {len(workspace.submitted)} of {workspace.budget.submissions}"
     text = f"Machine {known.name} is {number}{told}"
@@ -123,7 +123,7 @@ def _simulated(workspace: Workspace, name: str) -> KnownMachine:
     return known
 
 
-def _told(result: Simulation, *, short: bool = False) -> str:
+def _result_text(result: Simulation, *, short: bool = False) -> str:
     score = "no score" if result.score is None else f"score {result.score:.2f}"
     return f"{score} ({result.status})." + ("" if short else f"\n{result.feedback}")
 

@@ -1,4 +1,4 @@
-"""The types that workflows use and return: laboratory, record, candidates, stages, results."""
+"""The types that workflows use and return: evaluator, record, candidates, stages, results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ AskContexts = Callable[[str], AskContext]
 
 @dataclass(frozen=True)
 class SimulationSummary:
-    """A simulation as workflows see it: the `details` of a laboratory's evaluation."""
+    """A simulation as workflows see it: the `details` of an evaluator's evaluation."""
 
     score: float | None
     status: str
@@ -43,7 +43,7 @@ class SimulationSummary:
     """What edit histories tell besides the score: name -> value."""
 
 
-class Laboratory(Protocol):
+class Evaluator(Protocol):
     """Simulates machines for the task of a run."""
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:

@@ -35,7 +35,7 @@ from agentflow.workflows.base import (
     GREATEST,
     AskContexts,
     Candidate,
-    Laboratory,
+    Evaluator,
     Record,
     SimulationSummary,
     Stage,
@@ -72,7 +72,7 @@ class WorkflowContext:
         workflow: str,
         brief: Brief,
         contexts: AskContexts,
-        laboratory: Laboratory,
+        evaluator: Evaluator,
         settings: WorkflowSettings,
         record: Record,
         seed: int,
@@ -84,7 +84,7 @@ class WorkflowContext:
         self.reached_greatest = False
         """Set once a search has ended because no machine can score higher than its best."""
         self._workflow, self._contexts, self._seed = workflow, contexts, seed
-        self._laboratory, self._record = laboratory, record
+        self._evaluator, self._record = evaluator, record
         self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
         self._stages: list[Stage] = []
         self._counts: dict[str, _Count] = {}
@@ -210,7 +210,7 @@ class WorkflowContext:
 
     async def query(self, machine: Machine, queries: Sequence[object], place: Place) -> str:
         """Answer queries on an evaluated machine, and record them at the querier's place."""
-        answer = await self._laboratory.query(machine, queries)
+        answer = await self._evaluator.query(machine, queries)
         self.note(QueryEvent(place, machine.digest, list(queries), answer))
         return answer
 
@@ -221,11 +221,11 @@ class WorkflowContext:
 
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Pictures of a machine for a refiner; none if vision is switched off."""
-        return await self._laboratory.views(machine) if self.settings.vision else ()
+        return await self._evaluator.views(machine) if self.settings.vision else ()
 
     async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
         """A picture of a machine as built, or at a time of its simulation, as PNG."""
-        return await self._laboratory.look(machine, view, time)
+        return await self._evaluator.look(machine, view, time)
 
     def prompts_of(self, role: Role[In, Out], given: In) -> tuple[str, str]:
         """The system and the user prompt of a role."""
@@ -285,7 +285,7 @@ class WorkflowContext:
 
     async def _evaluate(self, machine: Machine, label: str) -> Evaluation:
         self.save(machine)
-        evaluation = await self._laboratory.evaluate(machine, label)
+        evaluation = await self._evaluator.evaluate(machine, label)
         greatest, reward = self.brief.greatest, evaluation.reward
         reached = greatest is not None and reward is not None and reward >= greatest
         alone = evaluation.objectives is None  # else smaller machines are better still

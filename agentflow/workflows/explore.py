@@ -24,9 +24,9 @@ from agentflow.search.settings import MAP_ELITES
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import Emitter, WorkflowSettings
+from agentflow.workflows.stages.designs import design_machines, draw_machine, simulate
 from agentflow.workflows.stages.feedback import Trajectory, Version
 from agentflow.workflows.stages.search_record import SearchRecorder
-from agentflow.workflows.stages.shared import design_machines, draw_machine, simulate
 from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
 
 MAX_REPEATS = 20

@@ -12,8 +12,8 @@ from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.iterative import ITERATIVE
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.construction import build
+from agentflow.workflows.stages.designs import design_machines, failure_reason
 from agentflow.workflows.stages.refinement import count_calls, refine
-from agentflow.workflows.stages.shared import design_machines, failure_reason
 
 STRUCTURES = 4
 """Structures of a typical blueprint, for cost estimates."""

@@ -14,7 +14,7 @@ from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import candidate_of, draw_machine, simulate
+from agentflow.workflows.stages.designs import candidate_of, draw_machine, simulate
 from agentflow.workflows.workflow import RANDOM_EDITS, Workflow, completes_machines
 
 MOST_PLACED = 10

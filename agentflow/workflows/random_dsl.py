@@ -17,7 +17,7 @@ from agentflow.search.tree import is_better
 from agentflow.workflows.base import Candidate, Stage, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import draw_machine, simulate
+from agentflow.workflows.stages.designs import draw_machine, simulate
 from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
 
 MAX_REPEATS = 20

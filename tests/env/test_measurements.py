@@ -16,7 +16,7 @@ from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.constants import constants
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.gltf import rollout_glb
-from agentflow.env.feedback.compose import contact_line, telling
+from agentflow.env.feedback.compose import contact_line, explanatory
 from agentflow.env.feedback.text import rounded
 from agentflow.env.measurements import Contact, Energy, Hit
 from agentflow.env.physics.engines import default_engine
@@ -321,7 +321,7 @@ def test_contacts_of_what_is_thrown_and_what_stops_a_machine_are_told_before_har
     thrown_by = contact(3, "cargo", 1.0, 20.0, 1.1)
     lying = contact(9, "ground", 1.0, 5.0, 5.0)
     moment = Moment(1.0, "the cargo's top speed", "cargo")
-    told = telling([*hard, stopped, thrown_by, lying], moment, 5.0)
+    told = explanatory([*hard, stopped, thrown_by, lying], moment, 5.0)
     assert told == [hard[3], hard[4], thrown_by, stopped]
     assert contact_line(told, 5.0) == [
         "Contacts (impulse in N s, place): block 4 on block 5 at 0.40 s: 104 (0.0, 0.0, 0.4); "

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from agentflow.agents.base import AskContext
-from agentflow.app.design.laboratory import PhysicsLaboratory
+from agentflow.app.design.evaluator import PhysicsEvaluator
 from agentflow.app.design.replay import MemoryRecord
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
@@ -39,12 +39,12 @@ async def open_bench(
     record = MemoryRecord()
     contexts = AskContext(ScriptedClient([]), PromptSet())
     async with RolloutPool(1) as pool:
-        laboratory = PhysicsLaboratory(level, pool, seed=0)
+        evaluator = PhysicsEvaluator(level, pool, seed=0)
         run = WorkflowContext(
             "tools",
             replace(level.brief, greatest=greatest),
             lambda _: contexts,
-            laboratory,
+            evaluator,
             WorkflowSettings(),
             record,
             0,

@@ -38,7 +38,7 @@ class Slow:
 
 
 class SlowShelf(Shelf):
-    """A laboratory of two workers."""
+    """An evaluator of two workers."""
 
     def __init__(self) -> None:
         super().__init__()

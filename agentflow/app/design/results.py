@@ -40,7 +40,7 @@ def finding_of(plan: RunPlan, execution: Execution) -> Finding:
         **plan.task.brief.budget_json(machine),
         "best_stage": result.best_stage,
         "stages": [stage_row(stage) for stage in result.stages],
-        "rollouts": len(execution.laboratory.rollouts),
+        "rollouts": len(execution.evaluator.rollouts),
         "stopped": result.stopped,
         "reason": result.reason,
         **({"attempts": _pass_rate(result)} if counts_passes else {}),
@@ -88,7 +88,7 @@ def best_machine(result: RunResult | None) -> Machine | None:
 
 def save_rollouts(path: Path, config: DesignConfig, execution: Execution) -> None:
     """Save the state trajectories of all machines, or of each stage's best machine."""
-    rollouts = execution.laboratory.rollouts
+    rollouts = execution.evaluator.rollouts
     chosen = set(rollouts) if config.keep_rollouts == "all" else _stage_winners(execution.result)
     for digest in sorted(chosen):
         with write_output(path / "rollouts" / f"{digest}.npz", RunError) as part:

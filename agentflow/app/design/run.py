@@ -217,8 +217,8 @@ class DesignRun:
             engine=plan.engine,
             **models.budget.to_json(),
             seconds=round(directory.seconds, 2),
-            simulated_seconds=round(execution.laboratory.simulated_seconds, 3),
-            worker_seconds=round(execution.laboratory.worker_seconds, 3),
+            simulated_seconds=round(execution.evaluator.simulated_seconds, 3),
+            worker_seconds=round(execution.evaluator.worker_seconds, 3),
             run=str(directory.path),
         )
         directory.finish(result)

@@ -24,8 +24,8 @@ from agentflow.machine.edits.draft import End
 from agentflow.machine.formats.detect import read_for
 from agentflow.runs import read_document
 from agentflow.studio.answers import Arguments, Nothing, get, post
+from agentflow.studio.building.person_runs import PersonRuns
 from agentflow.studio.building.state import describe_state, find_spots, spots_to_add
-from agentflow.studio.building.workshop import Workshop
 from agentflow.studio.folder import LONGEST, RunFolder
 from agentflow.studio.simulations import Simulations
 from agentflow.study.session import Written
@@ -102,9 +102,11 @@ class Recorded(Arguments):
 class Building:
     """Answers about machines that are being built."""
 
-    def __init__(self, folder: RunFolder, workshop: Workshop, simulations: Simulations) -> None:
+    def __init__(
+        self, folder: RunFolder, person_runs: PersonRuns, simulations: Simulations
+    ) -> None:
         """Prepare; nothing is simulated yet."""
-        self._folder, self._workshop, self._simulations = folder, workshop, simulations
+        self._folder, self._person_runs, self._simulations = folder, person_runs, simulations
 
     @property
     def routes(self) -> list[BaseRoute]:
@@ -169,7 +171,7 @@ class Building:
 
     async def test(self, given: Built) -> dict[str, Any]:
         """Simulate a machine, and record it."""
-        return await self._workshop.test(given.task, given.read()[0])
+        return await self._person_runs.test(given.task, given.read()[0])
 
     async def film(self, given: Built) -> dict[str, Any]:
         """The film of a machine."""
@@ -179,7 +181,7 @@ class Building:
 
     async def finish(self, given: OnTask) -> dict[str, Any]:
         """Complete the run of a task."""
-        return await self._workshop.finish(given.task)
+        return await self._person_runs.finish(given.task)
 
 
 def _read_for_task(task: Task, source: object, *, is_bsg: bool = False) -> Machine:

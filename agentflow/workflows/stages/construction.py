@@ -20,7 +20,7 @@ from agentflow.runs.places import INITIAL, Place
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate
 from agentflow.workflows.context import WorkflowContext
-from agentflow.workflows.stages.shared import failure_reason, first_attempt_of
+from agentflow.workflows.stages.designs import failure_reason, first_attempt_of
 
 
 @dataclass(frozen=True)

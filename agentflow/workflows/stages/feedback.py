@@ -21,13 +21,13 @@ from agentflow.search.node import Attempt, Evaluation, Node
 from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.base import Candidate, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
-from agentflow.workflows.stages.search_record import SearchRecorder
-from agentflow.workflows.stages.shared import (
+from agentflow.workflows.stages.designs import (
     edit_record,
     failure_reason,
     first_attempt_of,
     with_result,
 )
+from agentflow.workflows.stages.search_record import SearchRecorder
 
 
 @dataclass(frozen=True)

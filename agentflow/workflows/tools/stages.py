@@ -16,7 +16,7 @@ from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
 from agentflow.workflows.base import Candidate, SimulationSummary, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import design_machines, simulate
+from agentflow.workflows.stages.designs import design_machines, simulate
 
 ROLLOUTS = 24
 """Simulations of a run by default: as many as three stages of eight machines need."""

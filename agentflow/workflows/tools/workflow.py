@@ -15,7 +15,7 @@ from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.random_dsl import RANDOM_DSL
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import UNANSWERED
+from agentflow.workflows.stages.designs import UNANSWERED
 from agentflow.workflows.tools.stages import (
     Worker,
     count_rollouts,

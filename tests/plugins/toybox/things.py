@@ -23,8 +23,8 @@ from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.stages.designs import design_machines, simulate
 from agentflow.workflows.stages.feedback import feedback_loop
-from agentflow.workflows.stages.shared import design_machines, simulate
 from agentflow.workflows.workflow import Workflow
 
 

@@ -34,8 +34,8 @@ PICTURE = (960, 720)
 """Width and height of pictures for models, in pixels."""
 
 
-class PhysicsLaboratory:
-    """Simulates machines at one task. Implements the workflows' `Laboratory`."""
+class PhysicsEvaluator:
+    """Simulates machines at one task. Implements the workflows' `Evaluator`."""
 
     def __init__(
         self, task: Task, pool: Simulator, seed: int, objective: Objective = "score"
@@ -102,7 +102,7 @@ class PhysicsLaboratory:
     async def verify(self, machine: Machine) -> Verification:
         """Simulate an evaluated machine under every variation.
 
-        These simulations count neither as rollouts nor in the times of this laboratory.
+        These simulations count neither as rollouts nor in the times of this evaluator.
         """
         run = partial(self._pool.run, machine, self._task, seed=self._seed)
         return await verify_async(run, self.rollouts[machine.digest])

@@ -1,4 +1,4 @@
-"""Stages that workflows share: whole-machine designs, criticism, blind refinement."""
+"""Stages of whole designs that workflows share: design, simulate, criticise, refine blindly."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ async def _retry(
             **run.role_input,
             machine=best.machine,
             history=history if run.settings.history else History(),
-            **_told(run, best.evaluation),
+            **_shown(run, best.evaluation),
             trial=trial + 1,
         )
         at = Place(stage, trajectory=candidate.trajectory, try_=trial)
@@ -200,10 +200,10 @@ def _simulation_of(run: WorkflowContext, candidate: Candidate) -> dict[str, Any]
     """Score and feedback of a designed machine, as far as the settings show them."""
     if not run.settings.simulate_first or candidate.evaluation is None:
         return {}
-    return _told(run, candidate.evaluation)
+    return _shown(run, candidate.evaluation)
 
 
-def _told(run: WorkflowContext, evaluation: Evaluation) -> dict[str, Any]:
+def _shown(run: WorkflowContext, evaluation: Evaluation) -> dict[str, Any]:
     """Score and feedback of a simulation for a refiner, as far as the settings show them."""
     summary: SimulationSummary = evaluation.details
     told = "" if run.settings.feedback == "score_only" else summary.feedback

@@ -47,7 +47,7 @@ class RefereeView:
         """Level of each entry that was switched."""
 
 
-class Play:
+class Trial:
     """One trial in progress."""
 
     def __init__(

@@ -22,7 +22,7 @@ TESTS = 2000
 """Most tests of one run; a bench keeps as many machines."""
 
 
-class Workshop(AsyncExitStack):
+class PersonRuns(AsyncExitStack):
     """Tests machines and records each test in a run; leaving the context completes all runs."""
 
     def __init__(self, folder: RunFolder, simulations: Simulations) -> None:
