@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 
 Cost = Callable[[str, Mapping[str, int]], "float | None"]
 """(model, usage) -> money; None if the model has no price."""
@@ -104,6 +104,6 @@ def bill(
         total += spent
         roles[role] = roles.get(role, Spent()) + spent
         if stage_of is not None:
-            stage = stage_of(role, Place.parse(call["request"]["label"]).purpose)
+            stage = stage_of(role, Location.parse(call["request"]["label"]).purpose)
             stages[stage] = stages.get(stage, Spent()) + spent
     return Bill(total, roles, stages)

@@ -11,7 +11,7 @@ from typing import Any
 
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import EvaluationEvent, QueryEvent, RunEvent, ToolEvent
-from agentflow.runs.places import Place, StageName
+from agentflow.runs.locations import Location, StageName
 from agentflow.tools import designing, measuring
 from agentflow.tools.host import BenchHost
 from agentflow.tools.results import RefusedCall, StageEnded, ToolResult, ToolSpec
@@ -136,13 +136,13 @@ class Bench:
         self._unfinished.add(finished)
         try:
             return await self._answer(
-                name, arguments, Place(self._workspace.stage, call=self._calls)
+                name, arguments, Location(self._workspace.stage, call=self._calls)
             )
         finally:
             self._unfinished.remove(finished)
             finished.set()
 
-    async def _answer(self, name: str, arguments: object, place: Place) -> ToolResult:
+    async def _answer(self, name: str, arguments: object, location: Location) -> ToolResult:
         """Carry out a call or refuse it, and record it."""
         given: Mapping[str, Any] = {}
         code = ""
@@ -150,11 +150,13 @@ class Bench:
             if self.ended:
                 raise StageEnded
             given = _read_arguments(arguments)
-            result = await self._before_end(self._find(name)(Call(self._workspace, place), given))
+            result = await self._before_end(
+                self._find(name)(Call(self._workspace, location), given)
+            )
         except RefusedCall as refused:
             code = refused.code
             result = ToolResult(str(refused), {"refused": str(refused), **refused.data}, None, True)
-        self._note(place, name, given, result, code)
+        self._note(location, name, given, result, code)
         return result
 
     async def _before_end(self, work: Awaitable[ToolResult]) -> ToolResult:
@@ -179,12 +181,12 @@ class Bench:
             event: An event of the call; others are ignored.
             load: Content hash -> machine.
         """
-        self._calls = max(self._calls, event.place.call)
-        workspace, place = self._workspace, event.place
-        if isinstance(event, EvaluationEvent) and place.call:
-            await workspace.simulate(load(event.machine), place)
+        self._calls = max(self._calls, event.location.call)
+        workspace, location = self._workspace, event.location
+        if isinstance(event, EvaluationEvent) and location.call:
+            await workspace.simulate(load(event.machine), location)
         elif isinstance(event, QueryEvent):
-            await workspace.host.query(load(event.machine), event.queries, place)
+            await workspace.host.query(load(event.machine), event.queries, location)
         elif isinstance(event, ToolEvent):
             if event.machine:
                 self._take_over(event, load(event.machine))
@@ -211,7 +213,7 @@ class Bench:
 
     def _note(
         self,
-        place: Place,
+        location: Location,
         name: str,
         arguments: Mapping[str, Any],
         result: ToolResult,
@@ -221,7 +223,7 @@ class Bench:
         known = self._workspace.machines.find(machine) if isinstance(machine, str) else None
         self._workspace.host.note(
             ToolEvent(
-                place,
+                location,
                 tool=name if name in TOOL_NAMES else UNKNOWN,
                 arguments=_shorten(arguments),
                 refused=result.refused,

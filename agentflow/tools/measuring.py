@@ -56,7 +56,7 @@ async def query(
     """
     known = _simulated(call.workspace, machine)
     asked = [item.model_dump() for item in queries]
-    text = await call.workspace.host.query(known.machine, asked, call.place)
+    text = await call.workspace.host.query(known.machine, asked, call.location)
     return ToolResult(text, {"machine": known.name, "answers": text})
 
 
@@ -110,7 +110,7 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
 
 async def _simulate(call: Call, machine: Machine) -> Simulation:
     require_complete(machine, call.workspace.host.brief)
-    return await call.workspace.simulate(machine, call.place)
+    return await call.workspace.simulate(machine, call.location)
 
 
 def _simulated(workspace: Workspace, name: str) -> KnownMachine:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import problems_of
-from agentflow.runs.places import Place, StageName
+from agentflow.runs.locations import Location, StageName
 from agentflow.tools.host import BenchHost, Simulation
 from agentflow.tools.results import RefusedCall, StageEnded
 
@@ -146,10 +146,10 @@ class StageBudget:
 
 @dataclass(frozen=True)
 class Call:
-    """One call of a tool: where it works, and its place in the run."""
+    """One call of a tool: where it works, and its location in the run."""
 
     workspace: Workspace
-    place: Place
+    location: Location
 
 
 @dataclass
@@ -175,7 +175,7 @@ class Workspace:
         """The simulation of a machine, as far as this stage may know it."""
         return None if self.budget.rollouts is None else self.host.simulated(machine)
 
-    async def simulate(self, machine: Machine, place: Place) -> Simulation:
+    async def simulate(self, machine: Machine, location: Location) -> Simulation:
         """Simulate a machine; a new one is charged to the budget unless every call is cancelled."""
         rollouts = self.budget.rollouts
         if rollouts is None:
@@ -184,7 +184,7 @@ class Workspace:
             rollouts.take()
         self._waiting[machine] += 1
         try:
-            return await self.host.simulate(machine, place)
+            return await self.host.simulate(machine, location)
         finally:
             self._waiting[machine] -= 1
             if not self._waiting[machine] and self.result_of(machine) is None:

@@ -10,7 +10,7 @@ from agentflow.agents.base import AskContext
 from agentflow.agents.history import EditRecord, History
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt, RunEvent
-from agentflow.runs.places import StageName
+from agentflow.runs.locations import StageName
 from agentflow.search.node import Evaluation, SearchCost
 from agentflow.tools.host import View
 

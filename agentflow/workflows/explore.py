@@ -15,7 +15,7 @@ from agentflow.machine.edits.crossover import cross
 from agentflow.machine.edits.random import random_edit
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS
-from agentflow.runs.places import FEEDBACK, INITIAL, Place
+from agentflow.runs.locations import FEEDBACK, INITIAL, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.elites.archive import Archive, Cell
 from agentflow.search.elites.map_elites import map_elites
@@ -157,7 +157,7 @@ async def _search(run: WorkflowContext, start: Candidate, rollouts: int) -> Cand
     assert start.evaluation is not None
     archive = Archive[Version]([item.axis for item in start.evaluation.measurements])
     emitters = Emitters(run, start.trajectory, archive, rollouts)
-    recorder = SearchRecorder(run, Place(FEEDBACK, trajectory=start.trajectory))
+    recorder = SearchRecorder(run, Location(FEEDBACK, trajectory=start.trajectory))
     found = await map_elites(
         Version(start.machine),
         replace(start.evaluation, perfect=False),

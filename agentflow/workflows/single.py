@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agentflow.agents.designer import Designer
 from agentflow.agents.refiner import Refiner
-from agentflow.runs.places import FEEDBACK, INITIAL
+from agentflow.runs.locations import FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext

@@ -19,7 +19,7 @@ JUDGEMENT = '''
 
 @dataclass(frozen=True)
 class JudgementEvent(RunEvent, kind="judgement"):
-    """A machine was judged; at the place of the call."""
+    """A machine was judged; at the location of the call."""
 
     text: str
 

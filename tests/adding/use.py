@@ -34,7 +34,7 @@ from agentflow.metrics.tables import Table
 from agentflow.report.sweep import sweep_data
 from agentflow.runs import read_calls, read_document
 from agentflow.runs.events import JudgementEvent, read_typed_events
-from agentflow.runs.places import INITIAL
+from agentflow.runs.locations import INITIAL
 from agentflow.runs.record import RunRecord
 from agentflow.tools.bench import Bench
 from agentflow.tools.workspace import KnownMachines, StageBudget

@@ -20,13 +20,13 @@ from agentflow.runs.events import (
     StageEvent,
     ToolEvent,
 )
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from tests.metrics.events import attempt as answered
 from tests.metrics.events import candidate, evaluation
 from tests.metrics.test_niches import EVENTS as NICHES
 
 STAGE = StageEvent(
-    Place("initial"),
+    Location("initial"),
     name="initial",
     trajectories=8,
     parsed_first=8,
@@ -51,12 +51,12 @@ def attempt(valid: bool, tokens: int, problem: str = "") -> AttemptEvent:
 
 
 EVENTS = (
-    RunStartEvent(Place("start"), "throwing", "iterative", "a model"),
-    StageBeginEvent(Place("initial"), 8),
-    CallsEvent(Place.parse("designer/traj-1/attempt-1"), 3, 0.01234),
+    RunStartEvent(Location("start"), "throwing", "iterative", "a model"),
+    StageBeginEvent(Location("initial"), 8),
+    CallsEvent(Location.parse("designer/traj-1/attempt-1"), 3, 0.01234),
     attempt(False, 100, "The reply holds no [bold]machine[/bold]:\n- nothing [bold]at all[/bold]"),
     attempt(True, 250),
-    BeamEvent(Place(structure=1), ("00",)),
+    BeamEvent(Location(structure=1), ("00",)),
     evaluation("initial/traj-1", 12.5),
     evaluation("initial/traj-2", None, status="timeout"),
     candidate("initial", 1, 12.5),
@@ -65,7 +65,7 @@ EVENTS = (
 
 
 REFUSED = ToolEvent(
-    Place("initial", call=7), "check", {}, refused=True, answer="Not valid:\n- [bold]overlap"
+    Location("initial", call=7), "check", {}, refused=True, answer="Not valid:\n- [bold]overlap"
 )
 
 
@@ -124,7 +124,7 @@ def test_nothing_known_is_shown_as_such() -> None:
 
 
 def test_an_unknown_cost_is_unknown(progress: Progress) -> None:
-    progress.note(CallsEvent(Place("x"), 0, None))
+    progress.note(CallsEvent(Location("x"), 0, None))
     assert "cost unknown" in plain(seen(progress, 100))[2]
     progress.note(DrawingEvent())
     assert plain(seen(progress, 100))[1].startswith("drawing pictures · ")

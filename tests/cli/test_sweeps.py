@@ -13,7 +13,7 @@ from rich.console import Console
 from agentflow.cli import main
 from agentflow.cli.display.sweep_live import View
 from agentflow.runs.events import StageBeginEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from tests.app.sweeps.test_run import DEAD, TINY
 from tests.metrics.events import evaluation
 from tests.runs.results import a_result
@@ -179,7 +179,7 @@ def test_the_live_view_has_a_line_per_run_and_fits_the_terminal() -> None:
     view = View(40, console)
     for number in range(20):
         view.run_started(f"run-{number}")
-        view.event(f"run-{number}", StageBeginEvent(Place("initial"), 1))
+        view.event(f"run-{number}", StageBeginEvent(Location("initial"), 1))
         view.event(f"run-{number}", evaluation("initial/traj-1", number + 0.5))
         if number < 18:
             view.run_finished(f"run-{number}", a_result(score=number + 0.5))

@@ -14,7 +14,7 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.prompts.render import PromptSet
-from agentflow.runs.places import FEEDBACK, StageName
+from agentflow.runs.locations import FEEDBACK, StageName
 from agentflow.tools.bench import Bench
 from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
 from agentflow.workflows.context import WorkflowContext

@@ -30,7 +30,7 @@ from agentflow.config.run import build_config
 from agentflow.errors import EndpointError
 from agentflow.files.documents import digest_of
 from agentflow.runs.events import EvaluationEvent, read_typed_events
-from agentflow.runs.places import INITIAL
+from agentflow.runs.locations import INITIAL
 from agentflow.runs.result import BUDGET
 from agentflow.version import __version__
 

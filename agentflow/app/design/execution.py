@@ -16,7 +16,7 @@ from agentflow.env.verification import Verification
 from agentflow.machine.tree import Machine
 from agentflow.models.clients import Models
 from agentflow.runs.events import RunStartEvent, VariedScore, VerificationEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from agentflow.workflows.base import Record, WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.workflow import Workflow
@@ -55,7 +55,7 @@ async def execute(
     config = plan.config
     workflow = workflow or WORKFLOWS[config.workflow]
     model = model_name(config, models, workflow)
-    record.event(RunStartEvent(Place("start"), plan.task.name, config.workflow, model))
+    record.event(RunStartEvent(Location("start"), plan.task.name, config.workflow, model))
 
     def context_for(role: str) -> AskContext:
         sampling = models.choices[role].sampling
@@ -81,7 +81,7 @@ def verification_event(machine: Machine, verification: Verification) -> Verifica
     """The event of the verification of a run's best machine."""
     found = verification.to_json()
     scores = tuple(VariedScore(**item) for item in found.pop("scores"))
-    return VerificationEvent(Place("best"), machine.digest, **found, scores=scores)
+    return VerificationEvent(Location("best"), machine.digest, **found, scores=scores)
 
 
 def model_name(config: DesignConfig, models: Models, workflow: Workflow) -> str:

@@ -26,7 +26,7 @@ from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
 from agentflow.metrics.usage import Bill, Spent, bill
 from agentflow.models.choices import cost_function
 from agentflow.runs import RunResult, read_calls
-from agentflow.runs.places import STAGES
+from agentflow.runs.locations import STAGES
 
 CURVE = (0, 1, 2, 4, 8, 12, 16, 20, 30, 40)
 """Numbers of expansions at which strategies are compared."""
@@ -236,7 +236,7 @@ def _numbers(runs: Iterable[FinishedRun]) -> tuple[RunNumbers, ...]:
 
 def last_cell(result: SweepResult, runs: Sequence[FinishedRun]) -> Cell:
     """The cell of the last stage that any of the runs reached."""
-    reached = {item.place.name for run in runs for item in run.numbers.record.candidates}
+    reached = {item.location.name for run in runs for item in run.numbers.record.candidates}
     last = [stage for stage in STAGES if stage in reached]
     return Cell(_numbers(runs), last[-1] if last else result.sweep.table.stage)
 

@@ -106,7 +106,7 @@ class Progress:
         run, start, stage = self.record, self.record.start, self.record.stage
         seconds = time.monotonic() - self.started
         head = f"{start.task} · {start.workflow} · {start.model}" if start else "starting"
-        name = self.ending or (stage.place.name if stage else "waiting")
+        name = self.ending or (stage.location.name if stage else "waiting")
         trajectories = stage.trajectories if stage else 0
         rate = f", {run.valid_calls / run.calls:.0%} valid" if run.calls else ""
         best = "-" if run.best is None else f"{run.best:.2f}"

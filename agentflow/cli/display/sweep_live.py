@@ -78,7 +78,7 @@ class Line:
     def cells(self, name: str) -> tuple[str, ...]:
         """The run as a row of the view."""
         run, seconds = self.record, (self.ended or time.monotonic()) - self.started
-        stage = run.stage.place.name if run.stage and self.state == "running" else ""
+        stage = run.stage.location.name if run.stage and self.state == "running" else ""
         counts = (str(run.calls), str(run.evaluations), number(self.best), f"{seconds:.0f} s")
         return (name, self.state, self.message or stage, *counts)
 

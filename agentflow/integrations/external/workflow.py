@@ -26,7 +26,7 @@ from agentflow.integrations.external.folder import (
 )
 from agentflow.integrations.external.process import Command, Ending, run_program
 from agentflow.runs.events import FilesEvent, FileVerdict, ProgramEvent, RunEvent
-from agentflow.runs.places import Place, StageName
+from agentflow.runs.locations import Location, StageName
 from agentflow.tools import Bench
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
@@ -71,7 +71,7 @@ async def _work(run: WorkflowContext, bench: Bench, stage: StageName) -> Sequenc
     """Run the program and hand in its files; how it ended."""
     with _folder(stage) as folder:
         ending = await _run(run, bench, stage, folder)
-        program = ProgramEvent(Place(stage), ending.status, ending.timed_out)
+        program = ProgramEvent(Location(stage), ending.status, ending.timed_out)
         run.note(program)
         found = read_machine_files(folder / MACHINES)
     verdicts = []
@@ -80,7 +80,7 @@ async def _work(run: WorkflowContext, bench: Bench, stage: StageName) -> Sequenc
             break
         verdicts.append(await _hand_in(bench, file))
     more = len(found.read) - len(verdicts) + found.more
-    files = FilesEvent(Place(stage), tuple(verdicts), more, found.problem)
+    files = FilesEvent(Location(stage), tuple(verdicts), more, found.problem)
     run.note(files)
     return [program, files]
 

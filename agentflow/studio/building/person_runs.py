@@ -11,7 +11,7 @@ from agentflow.app.sessions import ClientRuns, RunSession
 from agentflow.config.run import PROCEDURAL
 from agentflow.machine import Machine
 from agentflow.runs import read_result
-from agentflow.runs.places import FEEDBACK
+from agentflow.runs.locations import FEEDBACK
 from agentflow.studio.folder import RunFolder
 from agentflow.studio.guard import Refusal
 from agentflow.studio.simulations import Simulations

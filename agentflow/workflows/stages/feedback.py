@@ -15,7 +15,7 @@ from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.errors import BudgetSpentError
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt
-from agentflow.runs.places import FEEDBACK, Place
+from agentflow.runs.locations import FEEDBACK, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Attempt, Evaluation, Node
 from agentflow.search.registry import STRATEGIES
@@ -59,7 +59,7 @@ async def feedback_loop(
     assert candidate.machine is not None
     assert candidate.evaluation is not None
     trajectory = Trajectory(run, candidate.trajectory, blueprint, model_role)
-    recorder = SearchRecorder(run, Place(FEEDBACK, trajectory=candidate.trajectory))
+    recorder = SearchRecorder(run, Location(FEEDBACK, trajectory=candidate.trajectory))
     trials = candidate.trials
     root = Version(candidate.machine, None if trials.entries else candidate.edit, trials)
     found = await STRATEGIES[numbers.strategy](
@@ -111,7 +111,7 @@ class Trajectory:
 
     async def evaluate(self, version: Version, label: str) -> Evaluation:
         """Simulate a version."""
-        found = await self._run.evaluate(version.machine, self._place(FEEDBACK, label))
+        found = await self._run.evaluate(version.machine, self._location(FEEDBACK, label))
         self._evaluations[version.machine] = found
         return found
 
@@ -136,13 +136,13 @@ class Trajectory:
     async def _refine(
         self, node: Node[Version], given: RefinerInput, label: str
     ) -> Attempt[Version] | None:
-        place = self._place("refiner/feedback", label)
+        location = self._location("refiner/feedback", label)
         outcome = await self._run.ask(
-            Refiner(), given, place, stage=FEEDBACK, model_role=self._model_role, once=True
+            Refiner(), given, location, stage=FEEDBACK, model_role=self._model_role, once=True
         )
         if outcome is None:
             return None
-        if (place.round, place.try_) == (1, 1):
+        if (location.round, location.try_) == (1, 1):
             self.first = first_attempt_of(outcome)
         if outcome.output is None:
             return Attempt(label, None, failure_reason(outcome))
@@ -150,9 +150,9 @@ class Trajectory:
         version = Version(outcome.output.machine, edit, self._history, label)
         return Attempt(label, version, edit.script)
 
-    def _place(self, name: str, label: str) -> Place:
-        """Turn a label of the search into a place in this trajectory."""
-        return replace(Place.parse(label), name=name, trajectory=self._number)
+    def _location(self, name: str, label: str) -> Location:
+        """Turn a label of the search into a location in this trajectory."""
+        return replace(Location.parse(label), name=name, trajectory=self._number)
 
     def _given(self, node: Node[Version], earlier: Sequence[Attempt[Version]]) -> RefinerInput:
         settings = self._run.settings
@@ -194,11 +194,11 @@ class Trajectory:
             score=node.evaluation.score,
             feedback=_feedback(node),
         )
-        place = Place(Querier.name, trajectory=self._number, node=node.id)
-        outcome = await run.ask(Querier(), given, place, stage=FEEDBACK)
+        location = Location(Querier.name, trajectory=self._number, node=node.id)
+        outcome = await run.ask(Querier(), given, location, stage=FEEDBACK)
         if outcome is None or outcome.output is None or not outcome.output.queries:
             return ""
-        return await run.query(machine, outcome.output.queries, place)
+        return await run.query(machine, outcome.output.queries, location)
 
 
 def _verdict(attempt: Attempt[Version]) -> str:

@@ -9,7 +9,7 @@ from agentflow.agents.inspector import Inspector
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.querier import Querier
 from agentflow.agents.refiner import Refiner
-from agentflow.runs.places import BLIND, FEEDBACK, INITIAL
+from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext

@@ -9,7 +9,7 @@ from agentflow.agents.tool_agent import Agent, AgentInput
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, CandidateEvent, RunEvent
-from agentflow.runs.places import FEEDBACK, INITIAL, STAGES, Place, StageName
+from agentflow.runs.locations import FEEDBACK, INITIAL, STAGES, Location, StageName
 from agentflow.tools.bench import Bench
 from agentflow.tools.host import View
 from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
@@ -47,15 +47,15 @@ class RunHost:
         summary: SimulationSummary | None = evaluation.details if evaluation else None
         return summary
 
-    async def simulate(self, machine: Machine, place: Place) -> SimulationSummary:
+    async def simulate(self, machine: Machine, location: Location) -> SimulationSummary:
         """Simulate a machine; the only trajectory of an agent has the number 1."""
-        evaluation = await self._run.evaluate(machine, replace(place, trajectory=1))
+        evaluation = await self._run.evaluate(machine, replace(location, trajectory=1))
         summary: SimulationSummary = evaluation.details
         return summary
 
-    async def query(self, machine: Machine, queries: Sequence[object], place: Place) -> str:
+    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> str:
         """Recorded states of a simulated machine, as tables."""
-        return await self._run.query(machine, queries, place)
+        return await self._run.query(machine, queries, location)
 
     async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
         """A PNG picture of a machine as built, or at a time of its simulation."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from agentflow.agents.tool_agent import Agent, AgentInput
 from agentflow.llm.messages import Message, Tool, ToolCall
-from agentflow.runs.places import STAGES, Place, StageName
+from agentflow.runs.locations import STAGES, Location, StageName
 from agentflow.tools.bench import Bench
 from agentflow.tools.results import ToolResult
 from agentflow.workflows.base import WorkflowResult
@@ -52,8 +52,8 @@ def converse(run: WorkflowContext) -> Worker:
         reason = ""
         while not bench.ended and not reason:
             turn += 1
-            place = Place(f"{Agent.name}/{stage}", attempt=turn)
-            attempt = await run.take_turn(messages, tools, place, stage=stage)
+            location = Location(f"{Agent.name}/{stage}", attempt=turn)
+            attempt = await run.take_turn(messages, tools, location, stage=stage)
             if attempt is None:
                 reason = UNANSWERED
                 break

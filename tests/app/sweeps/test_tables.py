@@ -24,7 +24,7 @@ from agentflow.metrics.published import SOURCES
 from agentflow.metrics.tables import Row, Table
 from agentflow.runs import Event, RunDirectory
 from agentflow.runs.events import VariedScore, VerificationEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from tests.metrics.events import candidate, evaluation, expansion, node
 from tests.runs.results import a_result
 
@@ -74,7 +74,7 @@ def verification(*scores: float | None) -> Event:
     complete = len(found) == len(scores)
     listed = tuple(VariedScore(str(i), "ok", score) for i, score in enumerate(scores))
     low, middle, high = sorted(found) if complete else (None, None, None)
-    return VerificationEvent(Place("best"), "0" * 16, middle, low, high, listed)
+    return VerificationEvent(Location("best"), "0" * 16, middle, low, high, listed)
 
 
 def values(table: Table) -> dict[tuple[str, ...], tuple[Any, ...]]:

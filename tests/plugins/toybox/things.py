@@ -17,7 +17,7 @@ from agentflow.machine.tree import Machine
 from agentflow.metrics.cells import Metric
 from agentflow.runs import read_result
 from agentflow.runs.events import RunEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from agentflow.search.best_of_n import best_of_n
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
@@ -90,10 +90,10 @@ async def judged(run: WorkflowContext) -> WorkflowResult:
     async def follow(candidate: Candidate) -> Candidate:
         found = await feedback_loop(run, candidate, None)
         assert found.machine is not None
-        place = Place(Judge.name, trajectory=candidate.trajectory)
+        location = Location(Judge.name, trajectory=candidate.trajectory)
         given = JudgeInput(run.brief, found.machine)
-        outcome = await run.ask(Judge(), given, place, stage="env_feedback")
-        run.note(Judgement(place, outcome.output if outcome and outcome.output else ""))
+        outcome = await run.ask(Judge(), given, location, stage="env_feedback")
+        run.note(Judgement(location, outcome.output if outcome and outcome.output else ""))
         return found
 
     run.begin_stage("initial")
