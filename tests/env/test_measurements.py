@@ -90,7 +90,7 @@ def test_the_first_push_of_the_cargo_is_a_contact_of_the_block_that_pushed() -> 
     assert isinstance(first.a, int)
     assert first.a < len(machine)
     assert first.first.time == pytest.approx(rollout.terms["touched"], abs=1 / 60)
-    gained = np.linalg.norm(trace_of(rollout).thing_velocity[:, 0], axis=1).max() * 2.0
+    gained = np.linalg.norm(trace_of(rollout).object_velocity[:, 0], axis=1).max() * 2.0
     assert 0.3 * gained < sum(c.hardest.impulse for c in contacts) < 3 * gained
 
 
@@ -131,7 +131,7 @@ def test_velocity_is_that_of_the_point_whose_position_is_told() -> None:
     assert (places[0] == trace.centre[row, boulder]).all()
 
 
-def test_things_are_asked_for_by_name() -> None:
+def test_objects_are_asked_for_by_name() -> None:
     machine, rollout = pushed()
     properties = ["position", "velocity", "rotation"]
     query = {"id": "cargo", "duration": [2, 2.4], "properties": properties}

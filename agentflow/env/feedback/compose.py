@@ -13,9 +13,9 @@ from agentflow.env.feedback.text import (
     block_name,
     body_name,
     number,
+    object_label,
     rounded,
     spacing,
-    thing_name,
     vector_text,
 )
 from agentflow.env.measurements import Contact, Energy, Named, Peak
@@ -164,7 +164,7 @@ def _contact_text(contact: Contact, end: float) -> str:
 
 
 def _name(body: Named) -> str:
-    return thing_name(body) if isinstance(body, str) else f"block {body}"
+    return object_label(body) if isinstance(body, str) else f"block {body}"
 
 
 def broken_lines(machine: Machine, broken: Sequence[Broken]) -> list[str]:

@@ -40,10 +40,10 @@ class Monitor:
     """What is measured and when; `connections` are the breakable joints."""
 
     def __init__(
-        self, world: World, assembly: Assembly, loads: Loads, things: tuple[str, ...], rate: float
+        self, world: World, assembly: Assembly, loads: Loads, objects: tuple[str, ...], rate: float
     ) -> None:
         self._world, self._loads, self._rate = world, loads, rate
-        self.recorder = Recorder(world, assembly, loads.connections, things)
+        self.recorder = Recorder(world, assembly, loads.connections, objects)
         self._history = LoadHistory(loads, assembly.joints)
         self._contacts, self._work = ContactLog(1.0 / rate), WorkLog(world, 1.0 / rate)
         self._fine = max(1, round(FINE * rate - 0.5))
@@ -145,4 +145,4 @@ class Monitor:
         _, start = self.recorder.snapshot_near(0.0)
         time, then = self.recorder.snapshot_near(inf if moment is None else moment.time)
         thrown = None if moment is None else moment.body
-        return self._work.energy(time, start, then, thrown, self.recorder.things)
+        return self._work.energy(time, start, then, thrown, self.recorder.objects)

@@ -34,7 +34,7 @@ class Recorder:
     """Collects the samples of one rollout."""
 
     def __init__(
-        self, world: World, assembly: Assembly, connections: Sequence[int], things: tuple[str, ...]
+        self, world: World, assembly: Assembly, connections: Sequence[int], objects: tuple[str, ...]
     ):
         """Start an empty record; `connections` are the indices of the breakable joints."""
         self._world, self._assembly = world, assembly
@@ -42,7 +42,7 @@ class Recorder:
             (assembly.joints[i].block, assembly.joints[i].partner) for i in connections
         )
         self._connections = connections
-        self.things = things
+        self.objects = objects
         self._times: list[float] = []
         self._regular: list[bool] = []
         self._snapshots: list[object] = []
@@ -82,7 +82,7 @@ class Recorder:
             linear=tuple(block for block, _, _ in self._assembly.spans),
             utilisation=self._utilisation(times, loads(times)),
             connections=self._pairs,
-            things=self.things,
+            objects=self.objects,
             regular=np.array(self._regular),
             **vars(states),
         )

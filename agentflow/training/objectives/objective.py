@@ -221,14 +221,14 @@ def _read(entry: object, path: str | Path, number: int) -> Objective:
 def _check(objective: Objective) -> None:
     """Raise ConfigError if a function test measures something that is not there."""
     scene = objective.task.scene()
-    things = [thing.name for thing in scene.things]
-    moving = [thing.name for thing in scene.moving]
+    objects = [item.name for item in scene.objects]
+    moving = [item.name for item in scene.moving]
     for name, test in objective.test.items():
         named = [body for body in test.bodies if isinstance(body, str)]
         types = [body for body in test.bodies if not isinstance(body, str)]
         _expect(name, "allowed block type", types, objective.blocks)
         _expect(name, "thing that moves in the scene", named, moving)
-        _expect(name, "thing of the scene", test.obstacles, things)
+        _expect(name, "thing of the scene", test.obstacles, objects)
 
 
 def _expect(test: str, kind: str, wanted: Iterable[object], known: Collection[object]) -> None:

@@ -47,7 +47,7 @@ class Grippers(Grips[_Hold]):
         self._model, self._data, self._constraints = built.model, built.data, built.grips
         self._bore = dict.fromkeys(built.grips, 0.0)  # the time of a new model
         self._bodies: dict[Held, int] = dict(enumerate(built.parts))
-        self._bodies.update(built.things.items())
+        self._bodies.update(built.objects.items())
         self._names = {body: held for held, body in self._bodies.items()}
         self._tie_again()
 

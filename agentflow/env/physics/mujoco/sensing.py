@@ -1,4 +1,4 @@
-"""Reading MuJoCo: rows of clusters and things, reactions and motions of joints, contacts."""
+"""Reading MuJoCo: rows of clusters and objects, reactions and motions of joints, contacts."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class Contacts:
         self._forces = data.efc_force.copy()
 
     def touching(self, body: Body) -> frozenset[Body]:
-        """What a block or thing was in contact with."""
+        """What a block or object was in contact with."""
         found = set()
         for one, other in self._pairs():
             if one == body:

@@ -25,7 +25,7 @@ class Shapes:
     def __init__(self, spec: Any, surfaces: Surfaces) -> None:
         self._spec, self._surfaces = spec, surfaces
         self.owners: list[Body] = []
-        """Block or thing that each shape belongs to."""
+        """Block or object that each shape belongs to."""
 
     def add_ground(self, surface: Surface, cluster: int) -> None:
         """The plane y = 0."""
@@ -47,8 +47,8 @@ class Shapes:
 
         Args:
             body: MuJoCo's.
-            owner: Block or thing.
-            kind: As in `scene.Thing`.
+            owner: Block or object.
+            kind: As in `scene.SceneObject`.
             size: As there.
             at: Its centre in the body's frame, game frame.
             rotation: In that frame.

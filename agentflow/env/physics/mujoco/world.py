@@ -18,7 +18,7 @@ from agentflow.env.physics.mujoco.bodies import (
     build,
     inertia_of,
     set_step_length,
-    weigh_things,
+    weigh_objects,
 )
 from agentflow.env.physics.mujoco.couplings import align_cogs
 from agentflow.env.physics.mujoco.forces import AppliedForces
@@ -33,7 +33,7 @@ from agentflow.env.physics.structure.layout import lay_out
 from agentflow.env.physics.world import BaseWorld, Structure
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import matrices, turn_back
-from agentflow.env.scene import Body, Scene, Start, Thing
+from agentflow.env.scene import Body, Scene, SceneObject, Start
 from agentflow.machine.geometry.vectors import Vec3, add, rotate_vector
 
 
@@ -94,11 +94,11 @@ class MuJoCoWorld(BaseWorld[Model]):
         old = self.now
         rows = old.rows.table
         parts, known = old.readings.parts(rows), motions(old.built)
-        things = dict(zip(old.layout.things, rows[old.layout.thing_rows], strict=True))
+        objects = dict(zip(old.layout.objects, rows[old.layout.object_rows], strict=True))
         self.reactions[:] = 0.0
         self.now = self._build_structure(broken)
         built = self.now.built
-        _restore(built, self._assembly, parts, things, known)
+        _restore(built, self._assembly, parts, objects, known)
         align_cogs(built.model, built.data)
         self._grips.bind(built)
         self._refresh()
@@ -117,7 +117,7 @@ class MuJoCoWorld(BaseWorld[Model]):
         rows = Rows(built)
         calming = Calming(built.data, built.lively, self._physics["restitution"])
         soft: dict[Body, float] = {
-            thing.name: thing.stiffness for thing in scene.things if thing.stiffness is not None
+            item.name: item.stiffness for item in scene.objects if item.stiffness is not None
         }
         stiffness = [soft.get(owner, 0.0) for owner in built.owners]
         return Model(
@@ -140,11 +140,11 @@ class MuJoCoWorld(BaseWorld[Model]):
         mujoco.mj_step1(built.model, built.data)
         self.now.rows.read()
 
-    def _weigh_things(self) -> None:
-        weigh_things(self.now.built, self._scene)
+    def _weigh_objects(self) -> None:
+        weigh_objects(self.now.built, self._scene)
 
-    def _inertia(self, thing: Thing) -> Vec3:
-        return inertia_of(thing)
+    def _inertia(self, item: SceneObject) -> Vec3:
+        return inertia_of(item)
 
     def _change_interval(self) -> None:
         set_step_length(self.now.built.model, self._interval)
@@ -170,7 +170,7 @@ def _restore(
     built: Built,
     assembly: Assembly,
     parts: Array,
-    things: Mapping[str, Array],
+    objects: Mapping[str, Array],
     motions: Mapping[int, tuple[float, float]],
 ) -> None:
     """Give a new model the positions and velocities of the one before.
@@ -179,14 +179,14 @@ def _restore(
         built: The new model.
         assembly: The machine.
         parts: (P, 13) rows of the parts.
-        things: (13,) row of each moving thing.
+        objects: (13,) row of each moving object.
         motions: Position and velocity of joints that were in trees or parallel to those.
     """
     position, velocity = built.data.qpos, built.data.qvel
     for part, place in built.roots.items():
         _set_free(built, place, parts[part])
     for name, place in built.loose.items():
-        _set_free(built, place, things[name])
+        _set_free(built, place, objects[name])
     for link in built.links:
         if link.joint not in built.joints:
             continue

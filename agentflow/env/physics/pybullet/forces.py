@@ -28,13 +28,13 @@ class AppliedForces(Forces):
         handles: Mapping[int, Handle],
         layout: RowLayout,
         rows: Rows,
-        things: Mapping[str, int],
+        objects: Mapping[str, int],
         laws: Sequence[Law],
     ) -> None:
         super().__init__(assembly, plan, layout, rows, laws)
         self._client, self._heads = client, rows
-        moving = enumerate(layout.things, len(assembly.parts))
-        self._at = {**handles, **{i: (things[name], -1) for i, name in moving}}
+        moving = enumerate(layout.objects, len(assembly.parts))
+        self._at = {**handles, **{i: (objects[name], -1) for i, name in moving}}
         self._leading = [handles[part] for part in layout.leading]
         self._stale = [
             body.uid

@@ -7,7 +7,7 @@ from math import hypot
 import numpy as np
 
 from agentflow.env.rollout import Trace
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.knobs import knob
 
@@ -100,10 +100,10 @@ def _least_moved(trace: Trace, begin: float, end: float) -> float:
     return float(np.hypot(way[:, 0], way[:, 2]).min())
 
 
-def target_mark(target: Target) -> Thing:
+def target_mark(target: Target) -> SceneObject:
     """A disc that shows the target in plans; it lies under the ground, where nothing is."""
     size, place = (2 * target.reach, 0.1, 2 * target.reach), (target.right, -0.1, target.ahead)
-    return Thing("target", "cylinder", size, place, color=MARK)
+    return SceneObject("target", "cylinder", size, place, color=MARK)
 
 
 def target_sentence(target: Target, moved: str) -> str:

@@ -94,7 +94,7 @@ def _place(built: Built) -> None:
 def _colour(built: Built, assembly: Assembly, scene: Scene) -> None:
     """Light the scene, colour all shapes, and draw braces, which are shapes that touch nothing."""
     spec = built.spec
-    colours: dict[Any, Sequence[float]] = {thing.name: thing.color for thing in scene.things}
+    colours: dict[Any, Sequence[float]] = {item.name: item.color for item in scene.objects}
     colours |= {part.block: part.color for part in assembly.parts}
     for number, owner in enumerate(built.owners):
         geom = spec.geom(built.model.geom(number).name)
@@ -142,8 +142,8 @@ def _losses(
     if any(scene.wind):
         notes.append("MJCF does not hold the wind of the task")
     for what, names in {
-        "how the load grows": [thing.name for thing in scene.things if thing.load],
-        "how softly this gives way": [t.name for t in scene.things if t.stiffness is not None],
+        "how the load grows": [item.name for item in scene.objects if item.load],
+        "how softly this gives way": [t.name for t in scene.objects if t.stiffness is not None],
     }.items():
         notes += [f"MJCF does not hold {what}: {', '.join(names)}"] if names else []
     if task.trials(0) != (task,):
