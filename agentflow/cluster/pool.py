@@ -15,7 +15,7 @@ from agentflow.cluster.connection import (
     PLACE_LIMIT,
     connect,
     no_place,
-    require_same,
+    require_same_versions,
     result_of,
     watch_head,
 )
@@ -127,7 +127,7 @@ class RayPool(Pool):
             worker = actor.remote()
             try:
                 theirs, node = await result_of(worker.conditions.remote())
-                require_same(conditions(), theirs, node)
+                require_same_versions(conditions(), theirs, node)
                 failures = 0
                 self._ready.set()
                 while await self._run_batch(worker, await self._next_batch()):

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from agentflow.metrics.usage import Cost, bill
+from agentflow.metrics.usage import Cost, summarize_usage
 from agentflow.report.elites import archive_of, classes_of
 from agentflow.report.film import deflate_json
 from agentflow.report.lineage import Lineage, LineageNode
@@ -181,7 +181,7 @@ def rejection_reasons(attempts: Iterable[AttemptEvent]) -> list[dict[str, Any]]:
 
 def usage(calls: Iterable[Mapping[str, Any]], cost: Cost) -> list[dict[str, Any]]:
     """Tokens, seconds and money per role and in total."""
-    found = bill(calls, cost)
+    found = summarize_usage(calls, cost)
     if not found.total.calls:
         return []
     return [

@@ -25,7 +25,7 @@ from agentflow.app.design.trust import trust_option
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.app.sweeps.run import Watcher, run_sweep
 from agentflow.app.sweeps.tables import FinishedRun, SweepResult, read_sweep_result
-from agentflow.app.sweeps.views import total_bill
+from agentflow.app.sweeps.views import total_usage
 from agentflow.config.run import build_config
 from agentflow.errors import EndpointError
 from agentflow.files.documents import digest_of
@@ -74,7 +74,7 @@ def make_card(result: SweepResult) -> Card:
     items = tuple(_result(result, name, item, done) for name, item in read_items(sweep).items())
     families = {item.family: [i for i in items if i.family == item.family] for item in items}
     shared = conditions(sweep)
-    bill = total_bill(result.finished).total
+    spent = total_usage(result.finished).total
     return Card(
         agentflow=__version__,
         conditions=shared,
@@ -87,10 +87,10 @@ def make_card(result: SweepResult) -> Card:
         families={name: summary(of) for name, of in families.items()},
         items=items,
         cost=Cost(
-            calls=bill.calls,
-            prompt_tokens=bill.prompt,
-            completion_tokens=bill.completion,
-            money=bill.money,
+            calls=spent.calls,
+            prompt_tokens=spent.prompt,
+            completion_tokens=spent.completion,
+            money=spent.money,
             rollouts=sum(run.result.rollouts for run in result.finished),
         ),
     )

@@ -20,7 +20,7 @@ from agentflow.llm.procedural.reading import Prompt
 from agentflow.machine import Geometry, apply_script, check, place
 from agentflow.machine.blocks.library import BOULDER, CONTAINER
 
-Spot = tuple[tuple[float, ...], str]  # a face's position, and its name in a command
+FacePosition = tuple[tuple[float, ...], str]  # a face's position, and its name in a command
 REVISED = 0.5  # share of changes that revise the control program, where there is one
 ATTEMPTS, MIN_LENGTH = 200, 1.5  # changes tried; length of a two-ended block, m
 _COMMAND = re.compile(r"(?:add|remove|move) ?[\d\[][\d\[\] toin]*", re.IGNORECASE)
@@ -98,7 +98,7 @@ def _propose(rule: Any, prompt: Prompt, geometry: Geometry, rng: random.Random) 
     return [f"Remove {block.id}", *(again if rule["do"] == "Swap" else [])]
 
 
-def _faces_at(where: str, geometry: Geometry) -> list[Spot]:
+def _faces_at(where: str, geometry: Geometry) -> list[FacePosition]:
     """Faces at a location named in refining.yaml."""
     group, low = rigid_groups(geometry), geometry.box_min[1] + 1.1
     moves, loads = where in ("swung", "ahead"), (*WHEELS, CONTAINER, BOULDER)

@@ -40,7 +40,7 @@ KIND = "import"
 
 
 @dataclass(frozen=True)
-class Foreign:
+class ImportedPair:
     """A prompt and a reply from elsewhere."""
 
     name: str
@@ -101,7 +101,7 @@ def import_set(
 
 
 def _judge(
-    row: Foreign, number: int, contaminated: bool, trees: frozenset[str], kept: set[str]
+    row: ImportedPair, number: int, contaminated: bool, trees: frozenset[str], kept: set[str]
 ) -> Judgement:
     machine, problems = row.report.machine, row.report.problems
     tree = tree_hash(machine) if machine else ""
@@ -119,7 +119,7 @@ def _judge(
     )
 
 
-def _pair(row: Foreign) -> Pair:
+def _pair(row: ImportedPair) -> Pair:
     machine = row.report.machine
     assert machine is not None, "it passed its gates"
     reply = make_reply(row.rationale, machine) if row.reply is None else row.reply
@@ -133,7 +133,7 @@ def _pair(row: Foreign) -> Pair:
     )
 
 
-def _read_file(path: Path) -> Iterator[Foreign]:
+def _read_file(path: Path) -> Iterator[ImportedPair]:
     """The conversations in a JSON list or JSONL file."""
     for number, row in _rows(_whole_text(path), path):
         yield _conversation(row, f"{path}, {number}", f"imported from {path.name}")
@@ -167,7 +167,7 @@ def _rows(text: str, path: Path) -> Iterator[tuple[str, Any]]:
                 raise UsageError(f"{path}, line {number} is not JSON: {error}") from None
 
 
-def _conversation(row: Any, where: str, source: str) -> Foreign:
+def _conversation(row: Any, where: str, source: str) -> ImportedPair:
     """A row of a chat data set.
 
     Raises:
@@ -186,7 +186,7 @@ def _conversation(row: Any, where: str, source: str) -> Foreign:
     fields = row if isinstance(row, Mapping) else {}
     text = "\n".join(message.content for message in prompt)
     rationale, program = split_reply(reply.content)
-    return Foreign(
+    return ImportedPair(
         name=str(fields.get("objective") or _name_of(text)),
         text=text,
         prompt=tuple(prompt),
@@ -204,7 +204,7 @@ def _message(item: Any) -> ChatMessage:
     return ChatMessage.model_validate({"role": ROLES.get(role, role), "content": cleaned})
 
 
-def _read_folder(folder: Path) -> Iterator[Foreign]:
+def _read_folder(folder: Path) -> Iterator[ImportedPair]:
     """The .bsg files of a folder that have a caption."""
     for path in sorted(folder.rglob("*.bsg")):
         caption = path.with_suffix(".txt")
@@ -214,7 +214,7 @@ def _read_folder(folder: Path) -> Iterator[Foreign]:
         if not text:
             raise UsageError(f"{caption} is empty: write what the machine is")
         report = _checked(read_text(str(path)), bsg=True)
-        yield Foreign(
+        yield ImportedPair(
             name=_name_of(text),
             text=text,
             prompt=_prompt_for(text, report),

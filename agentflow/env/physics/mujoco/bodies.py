@@ -59,7 +59,7 @@ _KINDS = {
 
 
 @dataclass(frozen=True)
-class Place:
+class JointAddress:
     """Where MuJoCo stores the motion of a joint."""
 
     position: int
@@ -80,14 +80,14 @@ class Built:
     """Body number of each part."""
     objects: Mapping[str, int]
     """Body number of each moving object."""
-    roots: Mapping[int, Place]
+    roots: Mapping[int, JointAddress]
     """Free joint of the root part of each piece."""
-    loose: Mapping[str, Place]
+    loose: Mapping[str, JointAddress]
     """Free joint of each moving object."""
     links: tuple[Link, ...]
     """Those of the trees, then the loops; in the order of their sensors."""
-    joints: Mapping[int, Place]
-    """Place of each joint that moves."""
+    joints: Mapping[int, JointAddress]
+    """Address of each joint that moves."""
     owners: tuple[Body, ...]
     """Block or object that each shape belongs to."""
     lively: tuple[bool, ...]
@@ -123,12 +123,12 @@ def weigh_objects(built: Built, scene: Scene) -> None:
     """Give the moving objects the masses that they have in this scene."""
     model = built.model
     for item in scene.moving:
-        body, place = built.objects[item.name], built.loose[item.name]
+        body, address = built.objects[item.name], built.loose[item.name]
         share = item.mass / model.body_mass[body]
         model.body_mass[body] = model.body_subtreemass[body] = item.mass
         model.body_inertia[body] = inertia_of(item)
         model.body_invweight0[body] /= share
-        model.dof_invweight0[place.velocity : place.velocity + 6] /= share
+        model.dof_invweight0[address.velocity : address.velocity + 6] /= share
 
 
 def _fast(step: float) -> tuple[float, float]:
@@ -197,8 +197,8 @@ class _Builder:
 
         order = [int(model.geom(i).name) for i in range(model.ngeom)]
 
-        def place(joint: Any) -> Place:
-            return Place(int(model.jnt_qposadr[joint.id]), int(model.jnt_dofadr[joint.id]))
+        def address(joint: Any) -> JointAddress:
+            return JointAddress(int(model.jnt_qposadr[joint.id]), int(model.jnt_dofadr[joint.id]))
 
         return Built(
             spec,
@@ -206,10 +206,10 @@ class _Builder:
             mujoco.MjData(model),
             parts=tuple(self._parts[part].id for part in range(len(self._assembly.parts))),
             objects={name: body.id for name, (body, _) in self._objects.items()},
-            roots={part: place(joint) for part, joint in self._roots.items()},
-            loose={name: place(joint) for name, (_, joint) in self._objects.items()},
+            roots={part: address(joint) for part, joint in self._roots.items()},
+            loose={name: address(joint) for name, (_, joint) in self._objects.items()},
             links=links,
-            joints={joint: place(made) for joint, made in self._joints.items()},
+            joints={joint: address(made) for joint, made in self._joints.items()},
             owners=tuple(self._shapes.owners[i] for i in order),
             lively=tuple(self._surfaces.lively[i] for i in order),
             grips={

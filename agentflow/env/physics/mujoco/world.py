@@ -14,7 +14,7 @@ from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco.bodies import (
     Built,
-    Place,
+    JointAddress,
     build,
     inertia_of,
     set_step_length,
@@ -156,11 +156,11 @@ class MuJoCoWorld(BaseWorld[Model]):
 
 def _place_at_start(built: Built, assembly: Assembly, start: Start) -> None:
     """Move the machine from the ground to the start of the scene."""
-    for part, place in built.roots.items():
+    for part, address in built.roots.items():
         centre = add(
             rotate_vector(start.rotation, assembly.parts[part].centre), (0, start.height, 0)
         )
-        built.data.qpos[place.position : place.position + 7] = (
+        built.data.qpos[address.position : address.position + 7] = (
             *swap(centre),
             *wxyz(swap_quaternion(start.rotation)),
         )
@@ -183,16 +183,16 @@ def _restore(
         motions: Position and velocity of joints that were in trees or parallel to those.
     """
     position, velocity = built.data.qpos, built.data.qvel
-    for part, place in built.roots.items():
-        _set_free(built, place, parts[part])
-    for name, place in built.loose.items():
-        _set_free(built, place, objects[name])
+    for part, address in built.roots.items():
+        _set_free(built, address, parts[part])
+    for name, address in built.loose.items():
+        _set_free(built, address, objects[name])
     for link in built.links:
         if link.joint not in built.joints:
             continue
-        place = built.joints[link.joint]
+        address = built.joints[link.joint]
         joint = assembly.joints[link.joint]
-        at, speed = place.position, place.velocity
+        at, speed = address.position, address.velocity
         if joint.kind == "spherical":
             rotation, spin = relative_motion(parts[link.parent], parts[link.part])
             position[at : at + 4], velocity[speed : speed + 3] = wxyz(rotation), spin
@@ -201,9 +201,9 @@ def _restore(
             position[at], velocity[speed] = known or joint_motion(joint, assembly.parts, parts)
 
 
-def _set_free(built: Built, place: Place, row: Array) -> None:
+def _set_free(built: Built, address: JointAddress, row: Array) -> None:
     """Set a free joint; MuJoCo has its angular velocity in the body's own axes."""
     spin = turn_back(matrices(row[None, ROTATION]), row[None, SPIN])[0]
-    at, speed = place.position, place.velocity
+    at, speed = address.position, address.velocity
     built.data.qpos[at : at + 7] = [*row[POSITION], *wxyz(row[ROTATION].tolist())]
     built.data.qvel[speed : speed + 6] = np.concatenate([row[VELOCITY], spin])
