@@ -11,7 +11,7 @@ from agentflow.llm.endpoint.http import OpenAIClient
 from agentflow.llm.settings import EndpointSettings
 from agentflow.llm.wrappers.budget import Budget, BudgetClient, Price
 from agentflow.llm.wrappers.call_log import CallLog
-from agentflow.llm.wrappers.limits import LimitedClient, Limiter, Limits
+from agentflow.llm.wrappers.limits import LimitedClient, Limiter, RateLimits
 from agentflow.llm.wrappers.record import RecordingClient
 from agentflow.llm.wrappers.retry import RetryClient
 
@@ -19,7 +19,7 @@ from agentflow.llm.wrappers.retry import RetryClient
 def open_client(
     endpoint: Endpoint,
     settings: EndpointSettings | None = None,
-    limits: Limits | None = None,
+    limits: RateLimits | None = None,
     *,
     warn: Callable[[str], None],
     on_wait: Callable[[str], None] = lambda _line: None,

@@ -1,7 +1,7 @@
 """The file of a session: what a person did while designing a machine, as JSON lines.
 
-A session is a folder with the file `session.jsonl`. Its first line is a `Start`; each other line is
-an event, in the order of writing. A last line that was only half written is dropped.
+A session is a folder with the file `session.jsonl`. Its first line is a `SessionStart`; each other
+line is an event, in the order of writing. A last line that was only half written is dropped.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class _Line(BaseModel, frozen=True, extra="forbid"):
     """One line of the file."""
 
 
-class Start(_Line):
+class SessionStart(_Line):
     """The first line: what the person was asked to do."""
 
     kind: Literal["session"] = "session"
@@ -142,7 +142,7 @@ class End(_Event):
 
 Event = Action | Trial | Pause | Note | Audio | End
 _EVENTS: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="kind")])
-_START: TypeAdapter[Start] = TypeAdapter(Start)
+_START: TypeAdapter[SessionStart] = TypeAdapter(SessionStart)
 _Kind = TypeVar("_Kind", bound=_Event)
 
 
@@ -152,7 +152,7 @@ class Session:
 
     path: Path
     """The folder."""
-    start: Start
+    start: SessionStart
     events: tuple[Event, ...]
     """In the order of time."""
 
@@ -169,10 +169,10 @@ class Session:
     @cached_property
     def machines(self) -> Mapping[str, Machine]:
         """Content hash -> machine, for every machine that was ever there."""
-        lines: list[Start | Action | Trial] = [self.start, *self.of(Action), *self.of(Trial)]
+        lines: list[SessionStart | Action | Trial] = [self.start, *self.of(Action), *self.of(Trial)]
         return {machine.digest: machine for machine in (self.machine(line) for line in lines)}
 
-    def machine(self, line: Start | Action | Trial) -> Machine:
+    def machine(self, line: SessionStart | Action | Trial) -> Machine:
         """The machine of a line.
 
         Raises:
@@ -198,7 +198,9 @@ class SessionLog:
         self._finished = False
 
     @classmethod
-    def begin(cls, path: Path, start: Start, clock: Callable[[], float] = monotonic) -> SessionLog:
+    def begin(
+        cls, path: Path, start: SessionStart, clock: Callable[[], float] = monotonic
+    ) -> SessionLog:
         """Begin a session in a folder, which is created if it is missing.
 
         Args:
@@ -246,7 +248,7 @@ class SessionLog:
             self._finished = True
             self._lines.close()
 
-    def _write(self, line: Start | Event) -> None:
+    def _write(self, line: SessionStart | Event) -> None:
         self._lines.append(line.model_dump_json(exclude_none=False).encode())
 
 

@@ -15,29 +15,29 @@ from agentflow.runs.locations import Location, StageName
 from agentflow.tools import designing, measuring
 from agentflow.tools.host import BenchHost
 from agentflow.tools.results import RefusedCall, StageEnded, ToolResult, ToolSpec
-from agentflow.tools.schema import Tool
+from agentflow.tools.schema import BenchTool
 from agentflow.tools.workspace import Call, KnownMachines, StageBudget, Workspace
 
 TOOLS = (
-    Tool.of(designing.brief),
-    Tool.of(
+    BenchTool.of(designing.brief),
+    BenchTool.of(
         designing.check,
         label="Build",
         with_controls=' With controls, a machine is an object: {"blocks": [...], "controls": '
         '[{"group": "motors", "at": 0, "for": 5, "level": 1}]}.',
     ),
-    Tool.of(designing.describe),
-    Tool.of(
+    BenchTool.of(designing.describe),
+    BenchTool.of(
         designing.edit,
         label="Revise",
         with_controls=" Two commands change the controls: `Control IDS-OR-GROUP at S for S level "
         "LEVEL` and `Uncontrol NUMBER`.",
     ),
-    Tool.of(measuring.simulate, needs="simulations"),
-    Tool.of(measuring.query, needs="simulations", label="Query"),
-    Tool.of(measuring.look, needs="pictures", label="Observe"),
-    Tool.of(designing.history),
-    Tool.of(measuring.submit),
+    BenchTool.of(measuring.simulate, needs="simulations"),
+    BenchTool.of(measuring.query, needs="simulations", label="Query"),
+    BenchTool.of(measuring.look, needs="pictures", label="Observe"),
+    BenchTool.of(designing.history),
+    BenchTool.of(measuring.submit),
 )
 """All tools, in the order in which clients list them."""
 TOOL_NAMES = frozenset(tool.spec.name for tool in TOOLS)
@@ -66,7 +66,7 @@ class Bench:
         self.reason = ""
         """Why the stage ended before its last submission; "" if it did not."""
 
-    def _offers(self, tool: Tool) -> bool:
+    def _offers(self, tool: BenchTool) -> bool:
         budget = self._workspace.budget
         charged = {"simulations": budget.rollouts, "pictures": budget.looks}
         return not tool.needs or charged[tool.needs] is not None
@@ -76,7 +76,7 @@ class Bench:
         """The tools on offer in this stage."""
         return tuple(self._spec_of(tool) for tool in self._tools.values())
 
-    def _spec_of(self, tool: Tool) -> ToolSpec:
+    def _spec_of(self, tool: BenchTool) -> ToolSpec:
         """A tool as clients are told about it: where machines bring controls, how to write them."""
         spec, controlled = tool.spec, self._workspace.host.brief.limits.controls is not None
         return replace(spec, description=spec.description + tool.with_controls * controlled)
@@ -203,7 +203,7 @@ class Bench:
         elif event.tool == measuring.look.__name__ and workspace.budget.looks:
             workspace.budget.looks.take()
 
-    def _find(self, name: str) -> Tool:
+    def _find(self, name: str) -> BenchTool:
         if name in self._tools:
             return self._tools[name]
         why = "is not on offer in this stage" if name in TOOL_NAMES else "does not exist"

@@ -10,7 +10,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import RunEvent
 from agentflow.runs.locations import Location
 
-View = Literal["front", "side", "top", "iso"]
+ViewDirection = Literal["front", "side", "top", "iso"]
 """Directions of pictures: from ahead (z+), from the right (x+), from above, from above at the right
 behind."""
 
@@ -51,7 +51,7 @@ class BenchHost(Protocol):
     async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> str:
         """Recorded states of a simulated machine, as tables."""
 
-    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
         """A PNG picture of a machine as built, or at a time of its simulation.
 
         Raises:

@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
-from agentflow.tools.host import Simulation, View
+from agentflow.tools.host import Simulation, ViewDirection
 from agentflow.tools.results import RefusedCall, ToolResult
 from agentflow.tools.workspace import Call, KnownMachine, Workspace, require_complete
 
@@ -61,7 +61,7 @@ async def query(
 
 
 async def look(
-    call: Call, machine: str, view: View = "iso", time: float | None = None
+    call: Call, machine: str, view: ViewDirection = "iso", time: float | None = None
 ) -> ToolResult:
     """Look at a machine: a picture with axes, scale and block ids.
 

@@ -25,7 +25,7 @@ class _Arguments(BaseModel):
 
 
 @dataclass(frozen=True)
-class Tool:
+class BenchTool:
     """A tool, and how to call it."""
 
     spec: ToolSpec
@@ -43,7 +43,7 @@ class Tool:
         needs: Need = "",
         with_controls: str = "",
         label: str = "",
-    ) -> Tool:
+    ) -> BenchTool:
         """The tool of a function whose first parameter is the `Call`.
 
         The docstring has a description in one paragraph and, under `Args:`, one for each argument.

@@ -12,7 +12,7 @@ from agentflow.study.session import (
     Pause,
     Session,
     SessionLog,
-    Start,
+    SessionStart,
     Trial,
     read_session,
 )
@@ -48,7 +48,7 @@ class Clock:
 def record(folder: Path, note: str = "It will go farther with four wheels.") -> Session:
     """The session, as `SessionLog` writes it; pauses come from the gaps."""
     clock = Clock()
-    log = SessionLog.begin(folder, Start(task="movement", machine=build().to_json()), clock)
+    log = SessionLog.begin(folder, SessionStart(task="movement", machine=build().to_json()), clock)
 
     def act(at: float, do: Operation, machine: Machine) -> None:
         log.append(Action(at=at, do=do, machine=machine.to_json()))

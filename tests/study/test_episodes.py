@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from agentflow.errors import UsageError
 from agentflow.study.episodes import ALLOWED, MEANING, cut
 from agentflow.study.labelling import label_by_rules
-from agentflow.study.session import Action, Pause, Session, Start, Trial
+from agentflow.study.session import Action, Pause, Session, SessionStart, Trial
 from agentflow.study.transcript import Utterance, read_transcript
 from tests.machine.builders import build
 from tests.study.example import FOUR_WHEELS, HINGED, TRANSCRIPT, TWO_WHEELS, record
@@ -85,7 +85,7 @@ def test_episodes_cover_any_session_and_have_allowed_labels(
     events: list[Action | Trial | Pause], said: list[Utterance]
 ) -> None:
     ordered = tuple(sorted(events, key=lambda event: event.at))
-    start = Start(task="movement", machine=build().to_json())
+    start = SessionStart(task="movement", machine=build().to_json())
     session = Session(Path("one"), start, ordered)
     episodes = label_by_rules(session, cut(session, sorted(said, key=lambda one: one.begin)))
     ends = [one.end for one in episodes]

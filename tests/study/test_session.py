@@ -16,7 +16,7 @@ from agentflow.study.session import (
     Note,
     Pause,
     SessionLog,
-    Start,
+    SessionStart,
     Trial,
     read_session,
 )
@@ -33,7 +33,9 @@ def clock() -> Clock:
 
 @pytest.fixture
 def log(tmp_path: Path, clock: Clock) -> Iterator[SessionLog]:
-    start = Start(task="throwing", limit_s=600, mode="guided", rationale="an arm", machine=ROOT)
+    start = SessionStart(
+        task="throwing", limit_s=600, mode="guided", rationale="an arm", machine=ROOT
+    )
     log = SessionLog.begin(tmp_path / "one", start, clock)
     yield log
     log.finish("left")
@@ -95,7 +97,7 @@ def test_nothing_is_written_after_the_end(log: SessionLog) -> None:
 
 def test_a_folder_holds_one_session(log: SessionLog) -> None:
     with pytest.raises(UsageError, match="holds a session already"):
-        SessionLog.begin(log.path, Start(task="throwing", machine=ROOT))
+        SessionLog.begin(log.path, SessionStart(task="throwing", machine=ROOT))
 
 
 @pytest.mark.parametrize(

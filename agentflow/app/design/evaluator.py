@@ -26,7 +26,7 @@ from agentflow.machine.geometry.balance import mass
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
-from agentflow.tools.host import View
+from agentflow.tools.host import ViewDirection
 from agentflow.workflows.base import SimulationSummary
 from agentflow.workflows.settings import Objective
 
@@ -118,7 +118,7 @@ class PhysicsEvaluator:
             self._pictures[machine.digest] = asyncio.ensure_future(drawing)
         return (await asyncio.shield(self._pictures[machine.digest]),)
 
-    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
         """Draw a machine in a thread: as built, or at a time of its rollout."""
         rollout = None if time is None else self.rollouts[machine.digest]
         return await asyncio.to_thread(look_at, machine, view, rollout, time)

@@ -19,7 +19,7 @@ from agentflow.models.clients import replay_models
 from agentflow.runs import Event, Notify, read_document, read_events, read_result
 from agentflow.runs.events import RunEvent, read_stage
 from agentflow.runs.reading import read_machine_text
-from agentflow.runs.result import BUDGET, Finding, RunResult
+from agentflow.runs.result import BUDGET, RunFinding, RunResult
 
 
 def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | None:
@@ -103,7 +103,7 @@ def first_difference(
     return None
 
 
-def _result_difference(recorded: RunResult, replayed: Finding) -> str | None:
+def _result_difference(recorded: RunResult, replayed: RunFinding) -> str | None:
     before = recorded.to_json()
     for key, value in replayed.to_json().items():
         if before.get(key) != value:

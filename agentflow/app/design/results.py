@@ -15,14 +15,14 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.metrics.intervals import wilson
-from agentflow.runs.result import Finding, RunResult
+from agentflow.runs.result import RunFinding, RunResult
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.statistics import count_passes, stage_row
 
 
-def finding_of(plan: RunPlan, execution: Execution) -> Finding:
+def finding_of(plan: RunPlan, execution: Execution) -> RunFinding:
     """What a run found, by the result of its workflow."""
     result = execution.result
     best = result.best
@@ -46,7 +46,7 @@ def finding_of(plan: RunPlan, execution: Execution) -> Finding:
         **({"attempts": _pass_rate(result)} if counts_passes else {}),
         **_objective_json(plan.config, result),
     }
-    return Finding.model_validate(found)
+    return RunFinding.model_validate(found)
 
 
 def _objective_json(config: DesignConfig, result: WorkflowResult) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.controls import Lane, lanes
 from agentflow.machine.geometry.vectors import IDENTITY
 from agentflow.machine.tree import Machine
-from agentflow.report.film import Motion, deflate, pack_motion
+from agentflow.report.film import FilmMotion, deflate, pack_motion
 
 GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (
     ("source", (0.80, 0.33, 0.20, 1.0)),
@@ -204,14 +204,16 @@ def _traces(machine: Machine, columns: Mapping[str, int]) -> list[dict[str, Any]
     return [{"body": body, "name": name} for name, body in named.items()][:MOST_TRACES]
 
 
-def _motion(figures: MachineSolids, trace: Trace | None, machine: Machine, every: int) -> Motion:
+def _motion(
+    figures: MachineSolids, trace: Trace | None, machine: Machine, every: int
+) -> FilmMotion:
     """Motion of blocks, then of moving objects: every sample, or one in `every` regular ones.
 
     Two-ended blocks get no motion: they are drawn between their ends.
     """
     if trace is None:
         rest = figures.rest
-        return Motion(np.zeros(1), rest.centre[None], rest.rotation[None], np.zeros((1, 0)))
+        return FilmMotion(np.zeros(1), rest.centre[None], rest.rotation[None], np.zeros((1, 0)))
     if every > 1:
         trace = trace.even[::every]
     position = np.concatenate([trace.centre, trace.object_position], axis=1)
@@ -220,7 +222,7 @@ def _motion(figures: MachineSolids, trace: Trace | None, machine: Machine, every
         if step.two_ended:
             position[:, step.id] = position[:, 0]
             rotation[:, step.id] = IDENTITY
-    return Motion(trace.times, position, rotation, trace.utilisation)
+    return FilmMotion(trace.times, position, rotation, trace.utilisation)
 
 
 def _solid_row(solid: SceneObject) -> Row:

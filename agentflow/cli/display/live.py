@@ -47,9 +47,9 @@ def watch(quiet: bool) -> Iterator[tuple[Listener | None, Notify]]:
     if quiet:
         yield None, lambda _line: None
     elif console.is_terminal:
-        progress = Progress()
-        with Live(get_renderable=progress.draw, console=console, refresh_per_second=8) as live:
-            yield progress.note, lambda line: console.print(Text(escape_controls(line)))
+        view = RunView()
+        with Live(get_renderable=view.draw, console=console, refresh_per_second=8) as live:
+            yield view.note, lambda line: console.print(Text(escape_controls(line)))
             live.transient = True  # the result follows; a failed run leaves its view
     else:
         yield _print_event, lambda line: print_line(f"agentflow: {line}")
@@ -68,7 +68,7 @@ def print_remark(line: str, quiet: bool = False) -> None:
 
 
 @dataclass
-class Progress:
+class RunView:
     """The live view of a run."""
 
     record: RunRecord = field(default_factory=RunRecord)

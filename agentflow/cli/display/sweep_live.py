@@ -32,7 +32,7 @@ def watch_sweep(runs: int, quiet: bool) -> Iterator[Watcher]:
     if quiet or not console.is_terminal:
         yield Lines(quiet)
         return
-    view = View(runs, console)
+    view = SweepView(runs, console)
     with Live(get_renderable=view.draw, console=console, refresh_per_second=4, transient=False):
         yield view
 
@@ -89,7 +89,7 @@ class Line:
 
 
 @dataclass
-class View:
+class SweepView:
     """The live view; runs are in the order in which they started."""
 
     runs: int

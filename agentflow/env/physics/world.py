@@ -54,7 +54,7 @@ class Motors(Protocol):
 
 
 @dataclass(frozen=True)
-class Structure:
+class UnsplitMachine:
     """The machine until the next split, and the objects that read and drive it."""
 
     layout: RowLayout
@@ -65,7 +65,7 @@ class Structure:
     motors: Motors
 
 
-Own = TypeVar("Own", bound=Structure)
+Own = TypeVar("Own", bound=UnsplitMachine)
 
 
 class BaseWorld(ABC, Generic[Own]):

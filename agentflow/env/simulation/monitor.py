@@ -14,7 +14,7 @@ from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
 from agentflow.env.rollout import Broken, Moment, Trace
 from agentflow.env.simulation.logs import ContactLog, LoadHistory, WorkLog
-from agentflow.env.simulation.recorder import Interval, Recorder, thin_out
+from agentflow.env.simulation.recorder import FineInterval, Recorder, thin_out
 
 FINE = 0.02
 """Least time between fine samples, s."""
@@ -130,9 +130,9 @@ class Monitor:
             broken: The connections that broke.
         """
         breaks = [item.time for item in broken if item.time > 0.0]
-        events = [] if moment is None else [Interval.around(moment.time, LONG_BEFORE, AFTER)]
+        events = [] if moment is None else [FineInterval.around(moment.time, LONG_BEFORE, AFTER)]
         others = (*breaks[:1], *self._touches[:1], *breaks[1:2], *self._touches[1:2])
-        events += [Interval.around(time, BEFORE, AFTER) for time in others]
+        events += [FineInterval.around(time, BEFORE, AFTER) for time in others]
         return thin_out(trace, events)
 
     def measure(self, moment: Moment | None, broken: tuple[Broken, ...]) -> Measured:

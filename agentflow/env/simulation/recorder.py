@@ -17,7 +17,7 @@ MOST_FINE = 26
 """Most fine samples of a rollout, as many as a window of 5 s has regular ones."""
 
 
-class Interval(NamedTuple):
+class FineInterval(NamedTuple):
     """Times between which fine samples are kept, s, and what they are around."""
 
     first: float
@@ -25,7 +25,7 @@ class Interval(NamedTuple):
     event: float
 
     @classmethod
-    def around(cls, event: float, before: float, after: float) -> Interval:
+    def around(cls, event: float, before: float, after: float) -> FineInterval:
         """The interval around an event."""
         return cls(event - before - 1e-9, event + after + 1e-9, event)
 
@@ -102,7 +102,7 @@ class Recorder:
         return greatest
 
 
-def thin_out(trace: Trace, events: Sequence[Interval]) -> Trace:
+def thin_out(trace: Trace, events: Sequence[FineInterval]) -> Trace:
     """The regular samples of a trace, and at most `MOST_FINE` others, those near events.
 
     Args:

@@ -24,7 +24,7 @@ from agentflow.integrations.external.folder import (
     read_machine_files,
     write_folder,
 )
-from agentflow.integrations.external.process import Command, Ending, run_program
+from agentflow.integrations.external.process import Ending, ProgramCommand, run_program
 from agentflow.runs.events import FilesEvent, FileVerdict, ProgramEvent, RunEvent
 from agentflow.runs.locations import Location, StageName
 from agentflow.tools import Bench
@@ -108,7 +108,7 @@ async def _run(run: WorkflowContext, bench: Bench, stage: StageName, folder: Pat
         variables = {URL: served.url, TOKEN: served.token}
         environment = program_environment(settings, os.environ, variables)
         write_folder(folder, _assignment(run, bench, stage), served.url, served.token)
-        command = Command(words, environment, TOKEN, settings.limit_s)
+        command = ProgramCommand(words, environment, TOKEN, settings.limit_s)
         run.log(f"=== {stage}: {shlex.join(words)}\n".encode())
         try:
             ending = await run_program(command, folder, folder / TASK, run.log)

@@ -16,7 +16,7 @@ from itertools import cycle, islice
 
 from agentflow.llm.messages import Message, Request, ToolCall
 from agentflow.llm.procedural.designing import build_machine
-from agentflow.llm.procedural.reading import Prompt, read_listing, read_prompt
+from agentflow.llm.procedural.reading import PromptContent, read_listing, read_prompt
 from agentflow.llm.procedural.refining import normalise, propose_change
 from agentflow.machine import Machine, apply_script, library, read_machine
 from agentflow.machine.brief import LONE_ROOT
@@ -56,7 +56,7 @@ class SeenMachine:
 class Notes:
     """What a conversation tells."""
 
-    prompt: Prompt
+    prompt: PromptContent
     tools: frozenset[str]
     """Tools on offer."""
     turns: int = 0

@@ -25,7 +25,7 @@ from agentflow.study.session import (
     Pause,
     Session,
     SessionLog,
-    Start,
+    SessionStart,
     Trial,
     read_session,
 )
@@ -46,7 +46,7 @@ class _Open:
     """The session that is open."""
 
     name: str
-    start: Start
+    start: SessionStart
     log: SessionLog
     machine: MachineJson
     """As it was last told."""
@@ -76,7 +76,7 @@ class _Open:
             self.paused, self.paused_at = self.paused + seconds, None
 
 
-class Recorder:
+class SessionRecorder:
     """Writes sessions, one at a time; leaving the context ends the one that is open."""
 
     def __init__(self, runs: Path, clock: Callable[[], float] = monotonic) -> None:
@@ -84,7 +84,7 @@ class Recorder:
         self._folder, self._clock = runs / FOLDER, clock
         self._open: _Open | None = None
 
-    def begin(self, start: Start) -> dict[str, Any]:
+    def begin(self, start: SessionStart) -> dict[str, Any]:
         """Begin a session.
 
         Raises:
@@ -213,7 +213,7 @@ class Recorder:
         told = {"left_s": found.left, "paused": found.paused_at is not None}
         return {"session": found.name, **start, **told, "machine": found.machine}
 
-    def __enter__(self) -> Recorder:
+    def __enter__(self) -> SessionRecorder:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -26,7 +26,7 @@ from agentflow.training.data.answers import (
     ObjectivePrompt,
     read_answers,
 )
-from agentflow.training.data.card import Card, make_card, write_set
+from agentflow.training.data.card import DataCard, make_card, write_set
 from agentflow.training.data.contamination import compare_texts, evaluation_trees
 from agentflow.training.data.folder import work_in
 from agentflow.training.data.gates import Judge, Judgement, PairCandidate
@@ -62,7 +62,7 @@ def filter_answers(
     workers: int,
     show: Progress,
     open_pool: OpenPool = RolloutPool,
-) -> Card:
+) -> DataCard:
     """Write a set of the pairs in a folder of answers that pass all gates, with its card.
 
     Args:

@@ -21,7 +21,7 @@ from agentflow.machine.brief import Brief, Limits
 from agentflow.machine.formats.detect import read_any
 from agentflow.machine.formats.source import read_text
 from agentflow.training.data.answers import split_reply
-from agentflow.training.data.card import Card, make_card, write_set
+from agentflow.training.data.card import DataCard, make_card, write_set
 from agentflow.training.data.contamination import compare_texts, evaluation_trees, tree_hash
 from agentflow.training.data.gates import Gate, Judgement
 from agentflow.training.data.pairs import (
@@ -57,7 +57,7 @@ class ImportedPair:
 
 def import_set(
     source: Path, out: Path, *, evaluation: Sequence[Path] = (), licence: str | None = None
-) -> Card:
+) -> DataCard:
     """Write a set of what a file or folder holds, with its card; machines are not simulated.
 
     Args:

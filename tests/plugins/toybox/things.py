@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import machine_context, task_context
 from agentflow.env.tasks.families.movement import Movement
-from agentflow.llm.procedural.reading import Prompt, Script
+from agentflow.llm.procedural.reading import PromptContent, Script
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.metrics.cells import Metric
@@ -52,7 +52,7 @@ class JudgeInput:
     machine: Machine
 
 
-def praise(prompt: Prompt, rng: Random) -> str:
+def praise(prompt: PromptContent, rng: Random) -> str:
     """Like any machine."""
     return f"{rng.choice(('A good', 'A fine'))} machine of {len(prompt.machine)} blocks."
 

@@ -17,7 +17,7 @@ from agentflow.env.constants import Constants
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Assembly, Joint, Shape
 from agentflow.env.physics.mujoco.couplings import FIRM, add_grip, hard, mesh_cogs, weld
-from agentflow.env.physics.mujoco.shapes import Shapes, wxyz
+from agentflow.env.physics.mujoco.shapes import ShapeWriter, wxyz
 from agentflow.env.physics.mujoco.surfaces import FIXED, Surface, Surfaces
 from agentflow.env.physics.solids import joint_axis, solid_shapes
 from agentflow.env.physics.structure.drives import merge_drives
@@ -69,7 +69,7 @@ class JointAddress:
 
 
 @dataclass(frozen=True)
-class Built:
+class CompiledModel:
     """A compiled model, its state, and where everything is in them."""
 
     spec: Any
@@ -103,7 +103,7 @@ def build(
     layout: RowLayout,
     scene: Scene,
     step: float,
-) -> Built:
+) -> CompiledModel:
     """Compile the model of a world, with the machine at rest where it was assembled."""
     return _Builder(physics, assembly, plan, scene, step).finish(layout)
 
@@ -119,7 +119,7 @@ def set_step_length(model: Any, step: float) -> None:
     model.dof_solref[:] = _braking(step)
 
 
-def weigh_objects(built: Built, scene: Scene) -> None:
+def weigh_objects(built: CompiledModel, scene: Scene) -> None:
     """Give the moving objects the masses that they have in this scene."""
     model = built.model
     for item in scene.moving:
@@ -157,7 +157,7 @@ class _Builder:
         option.impratio = TANGENTIAL
         option.disableflags = int(OFF)
         self._surfaces = Surfaces(physics)
-        self._shapes = Shapes(spec, self._surfaces)
+        self._shapes = ShapeWriter(spec, self._surfaces)
         self._apart: set[tuple[str, str]] = set()
         self._objects: dict[str, tuple[Any, Any]] = {}
         self._parts: dict[int, Any] = {}
@@ -172,7 +172,7 @@ class _Builder:
         for piece in plan.pieces:
             self._piece(piece)
 
-    def finish(self, layout: RowLayout) -> Built:
+    def finish(self, layout: RowLayout) -> CompiledModel:
         """Add what refers to several bodies, and compile."""
         spec, joints = self._spec, self._assembly.joints
         for parallel in self._plan.parallel:
@@ -200,7 +200,7 @@ class _Builder:
         def address(joint: Any) -> JointAddress:
             return JointAddress(int(model.jnt_qposadr[joint.id]), int(model.jnt_dofadr[joint.id]))
 
-        return Built(
+        return CompiledModel(
             spec,
             model,
             mujoco.MjData(model),

@@ -7,7 +7,7 @@ from struct import Struct
 
 from agentflow.env.physics.laws.select import Forces, Law
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.mujoco.bodies import Built
+from agentflow.env.physics.mujoco.bodies import CompiledModel
 from agentflow.env.physics.mujoco.sensing import Rows
 from agentflow.env.physics.rows import POSITION
 from agentflow.env.physics.structure.layout import RowLayout
@@ -25,7 +25,7 @@ class AppliedForces(Forces):
 
     def __init__(
         self,
-        built: Built,
+        built: CompiledModel,
         assembly: Assembly,
         plan: Skeleton,
         layout: RowLayout,

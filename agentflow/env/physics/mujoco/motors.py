@@ -14,7 +14,7 @@ import numpy as np
 
 from agentflow.env.physics.laws.forces import Entry, Indices
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.mujoco.bodies import Built, JointAddress
+from agentflow.env.physics.mujoco.bodies import CompiledModel, JointAddress
 from agentflow.env.physics.mujoco.couplings import TIGHT
 from agentflow.env.physics.structure.drives import HOLD, STILL, JointDrive, idle, merge_drives
 from agentflow.env.rollout import Array
@@ -24,7 +24,11 @@ class Motors:
     """The drives of all joints that turn about or slide along one axis."""
 
     def __init__(
-        self, levels: Mapping[Entry, float], built: Built, joints: Sequence[Joint], step: float
+        self,
+        levels: Mapping[Entry, float],
+        built: CompiledModel,
+        joints: Sequence[Joint],
+        step: float,
     ) -> None:
         """Find the rows of all motors; call `set` before the first step.
 

@@ -19,7 +19,7 @@ TILT: Quat = (5e-7, 0.0, 0.0, 1.0)
 axis is 1e-15 to 1e-12 rad off the normal of a plane."""
 
 
-class Shapes:
+class ShapeWriter:
     """Adds shapes to a specification; the name of each is its number."""
 
     def __init__(self, spec: Any, surfaces: Surfaces) -> None:

@@ -13,7 +13,7 @@ from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco.bodies import (
-    Built,
+    CompiledModel,
     JointAddress,
     build,
     inertia_of,
@@ -30,7 +30,7 @@ from agentflow.env.physics.mujoco.surfaces import Calming, Yielding
 from agentflow.env.physics.readings import Readings, joint_motion, relative_motion
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, top_speeds
 from agentflow.env.physics.structure.layout import lay_out
-from agentflow.env.physics.world import BaseWorld, Structure
+from agentflow.env.physics.world import BaseWorld, UnsplitMachine
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import matrices, turn_back
 from agentflow.env.scene import Body, Scene, SceneObject, Start
@@ -38,10 +38,10 @@ from agentflow.machine.geometry.vectors import Vec3, add, rotate_vector
 
 
 @dataclass(frozen=True)
-class Model(Structure):
+class Model(UnsplitMachine):
     """The model until the next split, and the objects that read and drive it."""
 
-    built: Built
+    built: CompiledModel
     contacts: Contacts
     reactions: Reactions
     motors: Motors
@@ -154,7 +154,7 @@ class MuJoCoWorld(BaseWorld[Model]):
         return self.now.motors.power()
 
 
-def _place_at_start(built: Built, assembly: Assembly, start: Start) -> None:
+def _place_at_start(built: CompiledModel, assembly: Assembly, start: Start) -> None:
     """Move the machine from the ground to the start of the scene."""
     for part, address in built.roots.items():
         centre = add(
@@ -167,7 +167,7 @@ def _place_at_start(built: Built, assembly: Assembly, start: Start) -> None:
 
 
 def _restore(
-    built: Built,
+    built: CompiledModel,
     assembly: Assembly,
     parts: Array,
     objects: Mapping[str, Array],
@@ -201,7 +201,7 @@ def _restore(
             position[at], velocity[speed] = known or joint_motion(joint, assembly.parts, parts)
 
 
-def _set_free(built: Built, address: JointAddress, row: Array) -> None:
+def _set_free(built: CompiledModel, address: JointAddress, row: Array) -> None:
     """Set a free joint; MuJoCo has its angular velocity in the body's own axes."""
     spin = turn_back(matrices(row[None, ROTATION]), row[None, SPIN])[0]
     at, speed = address.position, address.velocity

@@ -47,7 +47,7 @@ _KINDS = {
 
 
 @dataclass(frozen=True)
-class Built:
+class PieceBody:
     """A piece of the machine as a body."""
 
     uid: int
@@ -97,7 +97,7 @@ class BodyBuilder:
             )
         return uid
 
-    def machine(self, piece: Piece, parts: Sequence[Part], joints: Sequence[Joint]) -> Built:
+    def machine(self, piece: Piece, parts: Sequence[Part], joints: Sequence[Joint]) -> PieceBody:
         """One piece of the machine, at rest in its place.
 
         Raises:
@@ -157,7 +157,7 @@ class BodyBuilder:
             self._dynamics(uid, i, parts[loop.part], 1 + twins[loop.part])
         for link, i in numbered:
             self._joint(uid, i, link, joints)
-        return Built(uid, piece, index, numbered)
+        return PieceBody(uid, piece, index, numbered)
 
     def _numbers(self, uid: int, count: int) -> list[int]:
         """PyBullet renumbers links depth first but keeps their names: joint1, joint2, ..."""

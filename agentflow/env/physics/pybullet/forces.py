@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from agentflow.env.physics.laws.select import Forces, Law
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.bodies import Built, Handle
+from agentflow.env.physics.pybullet.bodies import Handle, PieceBody
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.sensing import Rows
 from agentflow.env.physics.rows import POSITION
@@ -24,7 +24,7 @@ class AppliedForces(Forces):
         client: int,
         assembly: Assembly,
         plan: Skeleton,
-        built: Sequence[Built],
+        built: Sequence[PieceBody],
         handles: Mapping[int, Handle],
         layout: RowLayout,
         rows: Rows,

@@ -10,7 +10,7 @@ import numpy as np
 
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.pybullet.bodies import Built
+from agentflow.env.physics.pybullet.bodies import PieceBody
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.rows import WIDTH, Row, top_speeds
 from agentflow.env.physics.structure.drives import has_motor, joint_motions
@@ -23,7 +23,7 @@ class Rows:
     """The rows of one layout: the heads, which lead a body, in every step, the others on demand."""
 
     def __init__(
-        self, client: int, layout: RowLayout, built: Sequence[Built], objects: Mapping[str, int]
+        self, client: int, layout: RowLayout, built: Sequence[PieceBody], objects: Mapping[str, int]
     ) -> None:
         """Read the heads; `objects` are the body numbers of the scene's objects."""
         self._client = client
@@ -92,7 +92,7 @@ class Rows:
 class Sensors:
     """Sensors of the joints in the current trees."""
 
-    def __init__(self, client: int, built: Sequence[Built], joints: Sequence[Joint]) -> None:
+    def __init__(self, client: int, built: Sequence[PieceBody], joints: Sequence[Joint]) -> None:
         """Plan the reading of all joints, in trees or not."""
         self._client = client
         self._bodies: list[tuple[int, list[int]]] = []

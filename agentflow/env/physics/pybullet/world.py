@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from agentflow.env.constants import Constants
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.bodies import BodyBuilder, Built
+from agentflow.env.physics.pybullet.bodies import BodyBuilder, PieceBody
 from agentflow.env.physics.pybullet.contacts import (
     Contacts,
     set_collisions_of_clusters,
@@ -24,17 +24,17 @@ from agentflow.env.physics.readings import Readings, joint_motion, relative_moti
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, top_speeds
 from agentflow.env.physics.structure.layout import lay_out
 from agentflow.env.physics.structure.spanning_tree import Piece, Skeleton
-from agentflow.env.physics.world import BaseWorld, Structure
+from agentflow.env.physics.world import BaseWorld, UnsplitMachine
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene, SceneObject, Start
 from agentflow.machine.geometry.vectors import Vec3, add, rotate_vector
 
 
 @dataclass(frozen=True)
-class Bodies(Structure):
+class Bodies(UnsplitMachine):
     """The machine's bodies until the next split, and the objects that read and drive them."""
 
-    built: tuple[Built, ...]
+    built: tuple[PieceBody, ...]
     sensors: Sensors
     rows: Rows
     motors: Motors
@@ -108,7 +108,7 @@ class PyBulletWorld(BaseWorld[Bodies]):
 
     # --- internals --------------------------------------------------------------------------
 
-    def _build_structure(self, plan: Skeleton, present: Mapping[Piece, Built]) -> Bodies:
+    def _build_structure(self, plan: Skeleton, present: Mapping[Piece, PieceBody]) -> Bodies:
         """Build the missing bodies of `plan`, then everything that refers to bodies."""
         client, assembly = self.client, self._assembly
         built = tuple(
@@ -169,7 +169,7 @@ class PyBulletWorld(BaseWorld[Bodies]):
         return self.now.sensors.power()
 
 
-def _place_at_start(client: int, built: Sequence[Built], start: Start) -> None:
+def _place_at_start(client: int, built: Sequence[PieceBody], start: Start) -> None:
     """Move newly built bodies from the ground to the start of the scene."""
     if start == Start():
         return
@@ -184,7 +184,7 @@ def _place_at_start(client: int, built: Sequence[Built], start: Start) -> None:
 
 def _restore(
     client: int,
-    built: Built,
+    built: PieceBody,
     assembly: Assembly,
     rows: Array,
     motions: Mapping[int, tuple[float, float]],

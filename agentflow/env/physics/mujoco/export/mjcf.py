@@ -18,7 +18,7 @@ from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco import MUJOCO
-from agentflow.env.physics.mujoco.bodies import Built
+from agentflow.env.physics.mujoco.bodies import CompiledModel
 from agentflow.env.physics.mujoco.engine import MuJoCoEngine
 from agentflow.env.physics.mujoco.export.actuators import Actuators
 from agentflow.env.scene import Scene
@@ -78,7 +78,7 @@ def _describe(assembly: Assembly, task: Task, notes: Sequence[str]) -> str:
     return text.replace("--", "- -")
 
 
-def _place(built: Built) -> None:
+def _place(built: CompiledModel) -> None:
     """Move the machine to the start of the scene, and tilt cylinders so that the file keeps it."""
     for part, at in built.roots.items():
         body = built.spec.body(built.model.body(built.parts[part]).name)
@@ -91,7 +91,7 @@ def _place(built: Built) -> None:
             geom.quat = turned
 
 
-def _colour(built: Built, assembly: Assembly, scene: Scene) -> None:
+def _colour(built: CompiledModel, assembly: Assembly, scene: Scene) -> None:
     """Light the scene, colour all shapes, and draw braces, which are shapes that touch nothing."""
     spec = built.spec
     colours: dict[Any, Sequence[float]] = {item.name: item.color for item in scene.objects}
