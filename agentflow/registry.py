@@ -1,4 +1,4 @@
-"""Registries of named things: ours, and those of other distributions; loaded on first use.
+"""Registries of named parts: ours, and those of other distributions; loaded on first use.
 
 Everything that can be added to agentflow has one registry; names, help and tests come from it:
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # loading it takes as long as a whole `agentflow --help`
 
 T = TypeVar("T")
 Check = Callable[[str, Any], str]
-"""(name, thing) -> why it cannot be used, such as "is not a function"; "" if it can."""
+"""(name, part) -> why it cannot be used, such as "is not a function"; "" if it can."""
 
 
 class Registry(Mapping[str, T]):
@@ -42,17 +42,17 @@ class Registry(Mapping[str, T]):
         """Declare a registry; nothing is loaded or searched yet.
 
         Args:
-            kind: Kind of thing as messages call it, such as "physics engine".
+            kind: Kind of part as messages call it, such as "physics engine".
             group: Entry-point group of other distributions; None if they cannot add to it.
-            ours: Name -> "module:attribute", "module" for a whole module, or the thing itself.
-            check: Checks a thing from another distribution.
+            ours: Name -> "module:attribute", "module" for a whole module, or the part itself.
+            check: Checks a part from another distribution.
         """
         self.kind, self._group, self._ours, self._check = kind, group, ours, check
         self._loaded: dict[str, T] = {}
 
     @property
     def ours(self) -> tuple[str, ...]:
-        """Names of the things that ship with agentflow."""
+        """Names of the parts that ship with agentflow."""
         return tuple(self._ours)
 
     def __iter__(self) -> Iterator[str]:
@@ -66,7 +66,7 @@ class Registry(Mapping[str, T]):
         return name in self._ours or name in self._others
 
     def __getitem__(self, name: str) -> T:
-        """The thing of this name; raises UnknownNameError or, for a broken plugin, ConfigError."""
+        """The part of this name; raises UnknownNameError or, for a broken plugin, ConfigError."""
         if name not in self._loaded:
             if name not in self:
                 raise UnknownNameError(self.kind, name, self)
@@ -75,11 +75,11 @@ class Registry(Mapping[str, T]):
         return self._loaded[name]
 
     def describe(self, name: str) -> str:
-        """The name and origin of a thing from another distribution, for messages."""
+        """The name and origin of a part from another distribution, for messages."""
         return self._describe(self._others[name])
 
     def origin(self, name: str) -> str:
-        """Name and version of the other distribution that a thing is from; "" for ours."""
+        """Name and version of the other distribution that a part is from; "" for ours."""
         dist = self._others[name].dist if name not in self._ours else None
         return f"{dist.name} {dist.version}" if dist else ""
 
@@ -103,28 +103,28 @@ class Registry(Mapping[str, T]):
 
     def _load(self, name: str) -> T:
         try:
-            thing: T = self._others[name].load()
-            problem = self._check(name, thing)
+            part: T = self._others[name].load()
+            problem = self._check(name, part)
         except Exception as error:  # other people's code may raise anything
             problem = f"cannot be loaded: {type(error).__name__}: {error}"
             raise ConfigError(f"{self.describe(name)} {problem}") from error
         if problem:
             raise ConfigError(f"{self.describe(name)} {problem}")
-        return thing
+        return part
 
 
-def is_callable(_: str, thing: Any) -> str:
+def is_callable(_: str, part: Any) -> str:
     """A check for functions and other callables."""
-    return "" if callable(thing) else "is not a function"
+    return "" if callable(part) else "is not a function"
 
 
 def instance_of(base: type | str) -> Check:
     """A check for instances of a class, which is given itself or as "module:Class"."""
 
-    def check(_: str, thing: Any) -> str:
+    def check(_: str, part: Any) -> str:
         kind: type = _import(base)
         name = f"{kind.__module__}.{kind.__qualname__}"
-        return "" if isinstance(thing, kind) else f"is not an instance of {name}"
+        return "" if isinstance(part, kind) else f"is not an instance of {name}"
 
     return check
 
@@ -135,11 +135,11 @@ def subclass_of(base: type | str, named_by: str) -> Check:
     Their attribute `named_by` must be the name that they are registered by.
     """
 
-    def check(name: str, thing: Any) -> str:
+    def check(name: str, part: Any) -> str:
         kind: type = _import(base)
-        if not (isinstance(thing, type) and issubclass(thing, kind)):
+        if not (isinstance(part, type) and issubclass(part, kind)):
             return f"is not a subclass of {kind.__module__}.{kind.__qualname__}"
-        own_name = getattr(thing, named_by, None)
+        own_name = getattr(part, named_by, None)
         return "" if own_name == name else f"has {named_by} = {own_name!r}"
 
     return check
@@ -148,18 +148,18 @@ def subclass_of(base: type | str, named_by: str) -> Check:
 def package_with(file: str) -> Check:
     """A check for packages that contain a file of this name."""
 
-    def check(_: str, thing: Any) -> str:
+    def check(_: str, part: Any) -> str:
         from importlib.resources import files
 
-        has_file = hasattr(thing, "__path__") and files(thing).joinpath(file).is_file()
+        has_file = hasattr(part, "__path__") and files(part).joinpath(file).is_file()
         return "" if has_file else f"is not a package with a file {file}"
 
     return check
 
 
-def _import(thing: Any) -> Any:
+def _import(part: Any) -> Any:
     """Import "module:attribute" or "module"; return anything else unchanged."""
-    if not isinstance(thing, str):
-        return thing
-    module, _, attribute = thing.partition(":")
+    if not isinstance(part, str):
+        return part
+    module, _, attribute = part.partition(":")
     return getattr(import_module(module), attribute) if attribute else import_module(module)

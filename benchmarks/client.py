@@ -36,7 +36,7 @@ from agentflow.llm.client import Client
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.messages import Message, Request
 from agentflow.llm.wrappers.budget import Budget
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 
 AT_ONCE = 64
 MAX_RATIO = 1.1
@@ -122,10 +122,10 @@ def open_recorded(base_url: str) -> Iterator[Client]:
     """The complete client, recording to disk."""
     with (
         tempfile.TemporaryDirectory() as folder,
-        Tape(Path(folder) / "calls.jsonl", print) as tape,
+        CallLog(Path(folder) / "calls.jsonl", print) as call_log,
     ):
         reached = open_client(Endpoint("m", base_url, "sk-benchmark"), warn=print)
-        yield wrap(reached, tape=tape, budget=Budget())
+        yield wrap(reached, call_log=call_log, budget=Budget())
 
 
 async def wall(base_url: str) -> float:

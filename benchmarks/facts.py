@@ -23,7 +23,7 @@ from agentflow.env.physics.engines import default_engine
 from agentflow.env.physics.laws.flight import PropellerBlade
 from agentflow.env.physics.loads import Loads
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Scene, Start, Thing
+from agentflow.env.scene import Scene, SceneObject, Start
 from agentflow.machine import Machine, library, place, read_machine
 from agentflow.machine.geometry.vectors import dot, length, scale, subtract
 from agentflow.prompts.render import facts
@@ -244,7 +244,7 @@ def friction(kind: int, degrees: float, surface: float | None = None) -> float:
     """Of four feet of this type on a slope, of wood or this friction, that they slide down."""
     tilt, start = radians(degrees), Start(height=20.0, pitch=degrees)
     middle = (0.0, 20.0 - 0.2 * cos(tilt), 0.2 * sin(tilt))
-    plane = Thing("slope", "box", (60.0, 0.4, 60.0), middle, start.rotation, friction=surface)
+    plane = SceneObject("slope", "box", (60.0, 0.4, 60.0), middle, start.rotation, friction=surface)
     cross = [(63, 0, face) for face in range(4)]
     feet = [(kind, block, 12) for block in (1, 2, 3, 4)]
     stand = Stand([*cross, *feet], Scene((plane,), start=start), anchored=False, gravity=True)
@@ -258,9 +258,13 @@ def bounce(kind: int, drops: int = 8) -> float:
     take 0.1 s."""
     ratios = []
     for drop in range(drops):
-        ball = Thing("ball", "sphere", (0.5, 0.5, 0.5), (0.0, 3.0 + 0.37 * drop, 0.0), mass=1.0)
+        ball = SceneObject(
+            "ball", "sphere", (0.5, 0.5, 0.5), (0.0, 3.0 + 0.37 * drop, 0.0), mass=1.0
+        )
         stand = Stand([(kind, 0, 4)], Scene((ball,)), gravity=True)
-        speeds = [float(stand.run(1 / RATE).world.state().thing_velocity[0, 1]) for _ in range(300)]
+        speeds = [
+            float(stand.run(1 / RATE).world.state().object_velocity[0, 1]) for _ in range(300)
+        ]
         landed = speeds.index(min(speeds))
         ratios.append(-max(speeds[landed : landed + 48]) / min(speeds))
     return float(np.mean(ratios))

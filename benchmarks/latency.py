@@ -19,7 +19,7 @@ from typing import Any
 
 from agentflow.agents.base import AskContext
 from agentflow.agents.registry import scripts
-from agentflow.app.design.laboratory import PhysicsLaboratory
+from agentflow.app.design.evaluator import PhysicsEvaluator
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
 from agentflow.llm.messages import Reply, Request
@@ -46,8 +46,8 @@ class SlowClient(ProceduralClient):
         return reply
 
 
-class TimedLaboratory(PhysicsLaboratory):
-    """A laboratory that knows the duration of each simulation."""
+class TimedEvaluator(PhysicsEvaluator):
+    """An evaluator that knows the duration of each simulation."""
 
     @property
     def seconds(self) -> dict[str, float]:
@@ -102,16 +102,16 @@ async def measure(options: argparse.Namespace) -> None:
     client = SlowClient(options.seed, options.latency)
     context = AskContext(client, PromptSet())
     async with RolloutPool(options.workers) as pool:
-        laboratory = TimedLaboratory(task, pool, options.seed)
+        evaluator = TimedEvaluator(task, pool, options.seed)
         start = time.perf_counter()
         result = await WORKFLOWS["hierarchical"](
-            task.brief, lambda _: context, laboratory, WorkflowSettings(), log, options.seed
+            task.brief, lambda _: context, evaluator, WorkflowSettings(), log, options.seed
         )
         wall = time.perf_counter() - start
-    path = critical_path(client.spans, log.machines, laboratory.seconds)
-    physics = sum(laboratory.seconds.values())
+    path = critical_path(client.spans, log.machines, evaluator.seconds)
+    physics = sum(evaluator.seconds.values())
     score = result.best.score if result.best else None
-    print(f"score {score}; {len(client.spans)} calls, {len(laboratory.rollouts)} rollouts")
+    print(f"score {score}; {len(client.spans)} calls, {len(evaluator.rollouts)} rollouts")
     print(f"physics alone {physics:.1f} s, on {options.workers} workers")
     floor = max(path, physics / options.workers)
     print(f"wall {wall:.1f} s, critical path {path:.1f} s, ratio {wall / path:.2f}")

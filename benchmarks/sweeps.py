@@ -28,7 +28,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.machine.formats.detect import read_any
 from agentflow.machine.tree import Machine
 from agentflow.models.clients import open_models
@@ -85,11 +85,11 @@ class Silent:
         raise RuntimeError(f"{run}: {reason}")
 
 
-async def in_memory(plans: list[RunPlan], pool: StandIn, tape: Tape) -> float:
+async def in_memory(plans: list[RunPlan], pool: StandIn, call_log: CallLog) -> float:
     """CPU seconds of the same runs without recording to disk."""
     began = time.process_time()
     for plan in plans:
-        models = open_models(plan.config, tape, print)
+        models = open_models(plan.config, call_log, print)
         await execute(plan, models, MemoryRecord(), pool)
     return time.process_time() - began
 
@@ -105,8 +105,8 @@ def main() -> None:
         path.write_text(yaml.safe_dump(SWEEP))
         plan = plan_sweep(path, (), {}, seeds=runs // 2)
         every = [replace(plan.plan_of(one), config=one.config) for one in plan.runs]
-        with Tape(folder / "calls.jsonl", print) as tape:
-            bare = asyncio.run(in_memory(every, pool, tape))
+        with CallLog(folder / "calls.jsonl", print) as call_log:
+            bare = asyncio.run(in_memory(every, pool, call_log))
         where = sweep_folder(plan, path, folder / "out")
         began, wall = time.process_time(), time.perf_counter()
         run_sweep(plan, where, watcher, jobs=2, resume=False, pool=pool)

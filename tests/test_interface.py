@@ -21,7 +21,7 @@ from agentflow.config.run import DesignConfig, build_config
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
 from agentflow.runs import RunDirectory, read_document
-from tests.workflows.world import Author
+from tests.workflows.fakes import Author
 
 ROOT = Path(__file__).parents[1]
 CAR = ROOT / "examples" / "car.json"

@@ -1,4 +1,4 @@
-"""Registries: what is in the documentation, and how a wrong thing from outside is refused."""
+"""Registries: what is in the documentation, and how a wrong part from outside is refused."""
 
 from __future__ import annotations
 
@@ -79,17 +79,17 @@ ORDINARY = {
 }
 """Names that are ordinary words too, of which a search for strings tells nothing."""
 HOMES = ("env/physics/", "prompts/", "search/", "workflows/")
-"""Parts that these things consist of."""
+"""Parts that these consist of."""
 EXCEPTIONS = {
     "app/machines/formats.py": "the format of one engine, which writes it",
     "cli/commands/machines.py": "the format of one engine, which writes it",
     "config/run.py": "a default that users read",
     "studio/watching/designs.py": "a default that users read",
 }
-"""Modules elsewhere that name one of these things, and why."""
+"""Modules elsewhere that name one of these parts, and why."""
 
 
-def test_names_of_registered_things_have_one_place() -> None:
+def test_names_of_registered_parts_have_one_place() -> None:
     package = Path(agentflow.__file__).parent
     names = {name for registry in NAMED for name in registry.ours} - ORDINARY
     quoted = re.compile(rf"([\"'])({'|'.join(map(re.escape, names))})\1")

@@ -46,14 +46,14 @@ class DesignerInput(RoleInput):
 
 
 @dataclass(frozen=True)
-class Design:
+class DesignedMachine:
     """A valid machine and the rationale for it."""
 
     machine: Machine
     rationale: str
 
 
-class Designer(Role[DesignerInput, Design]):
+class Designer(Role[DesignerInput, DesignedMachine]):
     """Builds machines from blocks."""
 
     name: ClassVar[str] = "designer"
@@ -82,7 +82,7 @@ class Designer(Role[DesignerInput, Design]):
             "rationale": given.rationale,
         }
 
-    def parse(self, text: str, given: DesignerInput) -> Parsed[Design]:
+    def parse(self, text: str, given: DesignerInput) -> Parsed[DesignedMachine]:
         """Read the last machine of the reply and check it against the input."""
         report = read_reply(text, given.brief, given.representation, given.machine)
         machine, repaired = report.machine, report.repaired
@@ -96,7 +96,7 @@ class Designer(Role[DesignerInput, Design]):
         if refused:
             code, problem = refused
             return Parsed(None, problem, code, repaired, spatial=report.spatial_valid)
-        design = Design(machine, extract_rationale(text))
+        design = DesignedMachine(machine, extract_rationale(text))
         return Parsed(design, repaired=repaired, spatial=report.spatial_valid)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from agentflow.machine.edits.commands import read_command
-from agentflow.machine.edits.telling import Renumbering, command_text, follow, retell
+from agentflow.machine.edits.renumbering import Renumbering, command_text, follow, renumber
 
 LIMIT = 20
 """Maximum number of entries kept."""
@@ -111,7 +111,7 @@ def _marks(entries: tuple[EditRecord, ...]) -> tuple[int, int]:
 def _entry_text(entry: EditRecord, best: int, worst: int, lines: int, width: int) -> str:
     mark = {best: ", best so far", worst: ", worst so far"}.get(entry.number, "")
     head = f"{entry.number}. {entry.verdict}, score {_score(entry.before)} -> {_score(entry.after)}"
-    told = (_retold(text, entry.ids) for text in (entry.script, entry.reason))
+    told = (_renumbered(text, entry.ids) for text in (entry.script, entry.reason))
     body = (line for text in told for line in _cut(text, lines, width))
     return "\n".join(["; ".join([head + mark, *_changes(*entry.facts)]), *body])
 
@@ -125,19 +125,19 @@ def _changes(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _retold(text: str, ids: Renumbering) -> list[str]:
+def _renumbered(text: str, ids: Renumbering) -> list[str]:
     """The lines of a script, or of the verdicts on it, in the numbering of the current machine."""
     lines = text.strip().splitlines()
-    return [_retold_line(line.strip(), ids) for line in lines] if ids else lines
+    return [_renumbered_line(line.strip(), ids) for line in lines] if ids else lines
 
 
-def _retold_line(line: str, ids: Renumbering) -> str:
+def _renumbered_line(line: str, ids: Renumbering) -> str:
     """A line; of the reason of an error, only the code stays, as it was about other ids."""
     verdict = _VERDICT.fullmatch(line)
     command = read_command(verdict[1] if verdict else line)
     if command is None:
         return _BLOCK.sub(lambda found: _label(int(found[1]), found[2] or "", ids), line)
-    words = "".join(map(str, retell(command_text(command), ids)))
+    words = "".join(map(str, renumber(command_text(command), ids)))
     if verdict is None:
         return words
     return f"{words}: {verdict[2]}" + (f" ({verdict[3]})" if verdict[3] else "")

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import block_rows, task_context
-from agentflow.agents.designer import Design, Designer, DesignerInput
+from agentflow.agents.designer import DesignedMachine, Designer, DesignerInput
 from agentflow.agents.replies import machine_text
 from agentflow.llm.procedural.placing import place_cogs
 from agentflow.llm.procedural.reading import Script
@@ -25,7 +25,7 @@ class PlacerInput:
     brief: Brief
 
 
-class Placer(Role[PlacerInput, Design]):
+class Placer(Role[PlacerInput, DesignedMachine]):
     """Adds blocks to a given structure."""
 
     name: ClassVar[str] = "placer"
@@ -50,7 +50,7 @@ class Placer(Role[PlacerInput, Design]):
             "first_step": json.dumps(start[0].to_json()),
         }
 
-    def parse(self, text: str, given: PlacerInput) -> Parsed[Design]:
+    def parse(self, text: str, given: PlacerInput) -> Parsed[DesignedMachine]:
         """Read the last machine of the reply, as the designer does."""
         parsed = Designer().parse(text, DesignerInput(given.brief))
         return parsed if parsed.parsed else replace(parsed, spatial=None)

@@ -15,7 +15,7 @@ from agentflow.config.run import DesignConfig
 from agentflow.env.pool.base import Simulator
 from agentflow.errors import AgentflowError, EndpointError
 from agentflow.runs import Notify, read_result
-from agentflow.runs.places import StageName
+from agentflow.runs.locations import StageName
 from agentflow.runs.reading import EVENTS
 from agentflow.tools import Bench
 from agentflow.workflows.tools.stages import Worker

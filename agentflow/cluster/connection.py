@@ -104,7 +104,7 @@ def refusal(address: str | None, error: Exception) -> ConfigError:
     )
 
 
-def require_same(ours: Mapping[str, str], theirs: Mapping[str, str], node: str) -> None:
+def require_same_versions(ours: Mapping[str, str], theirs: Mapping[str, str], node: str) -> None:
     """Refuse a node whose results would not be ours.
 
     Raises:

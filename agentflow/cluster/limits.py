@@ -14,7 +14,7 @@ from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from agentflow.cluster.connection import result_of
 from agentflow.llm.settings import LimitSettings
-from agentflow.llm.wrappers.limits import Call, Limiter, Limits
+from agentflow.llm.wrappers.limits import Limiter, RateLimits, StartedCall
 
 WAITING = 100_000
 """Calls that may wait at once."""
@@ -81,7 +81,7 @@ class SharedLimiters:
     keeper: Any
     user: str
 
-    def of(self, base_url: str, settings: LimitSettings) -> Limits:
+    def of(self, base_url: str, settings: LimitSettings) -> RateLimits:
         """The limits of an endpoint; those that any user asked for first hold."""
         return _SharedLimits(self.keeper, self.user, base_url, settings)
 
@@ -94,9 +94,9 @@ class _SharedLimits:
     settings: LimitSettings
 
     @asynccontextmanager
-    async def call(self, tokens: int) -> AsyncIterator[Call]:
-        """See `Limits`."""
-        call, name = Call(), uuid4().hex
+    async def call(self, tokens: int) -> AsyncIterator[StartedCall]:
+        """See `RateLimits`."""
+        call, name = StartedCall(), uuid4().hex
         begin = self.keeper.begin.remote(self.user, name, self.base_url, self.settings, tokens)
         try:
             await result_of(begin)

@@ -15,7 +15,7 @@ from agentflow.cluster.connection import (
     PLACE_LIMIT,
     connect,
     no_place,
-    require_same,
+    require_same_versions,
     result_of,
     watch_head,
 )
@@ -127,10 +127,10 @@ class RayPool(Pool):
             worker = actor.remote()
             try:
                 theirs, node = await result_of(worker.conditions.remote())
-                require_same(conditions(), theirs, node)
+                require_same_versions(conditions(), theirs, node)
                 failures = 0
                 self._ready.set()
-                while await self._play(worker, await self._next_batch()):
+                while await self._run_batch(worker, await self._next_batch()):
                     pass
             except RayError as error:  # before it was ready
                 failures += 1
@@ -152,14 +152,14 @@ class RayPool(Pool):
             batch.append(trial)
         return [trial for trial in batch if not trial.reply.done()]
 
-    async def _play(self, worker: Any, batch: list[_Trial]) -> bool:
-        """Have a worker play a batch; whether it can play another."""
+    async def _run_batch(self, worker: Any, batch: list[_Trial]) -> bool:
+        """Have a worker run a batch; whether it can run another."""
         if not batch:
             return True
         begin = time.perf_counter()
         limit = max(trial.limit for trial in batch)
         try:
-            sent = worker.play.remote([trial.job for trial in batch])
+            sent = worker.run_batch.remote([trial.job for trial in batch])
             replies, work = await asyncio.wait_for(result_of(sent), limit)
         except asyncio.TimeoutError:
             self._retry(batch, hung=True)

@@ -12,7 +12,13 @@ import ray
 from ray.exceptions import RayError, RayTaskError
 from ray.util import get_node_ip_address
 
-from agentflow.cluster.connection import PLACE_LIMIT, no_place, require_same, result_of, watch_head
+from agentflow.cluster.connection import (
+    PLACE_LIMIT,
+    no_place,
+    require_same_versions,
+    result_of,
+    watch_head,
+)
 from agentflow.cluster.limits import SharedLimiters, start_keeper
 from agentflow.cluster.worker import conditions
 from agentflow.env.pool.base import ATTEMPTS
@@ -113,7 +119,7 @@ class Tasks:
 
 def _run(limiters: Limiters, work: Work, expected: Mapping[str, str]) -> Iterator[tuple[bool, Any]]:
     """Run a function in a thread; what it reports, then, marked as the end, what it returns."""
-    require_same(expected, conditions(), get_node_ip_address())
+    require_same_versions(expected, conditions(), get_node_ip_address())
     reports: SimpleQueue[tuple[bool, Any]] = SimpleQueue()
 
     def tell(report: Any) -> None:

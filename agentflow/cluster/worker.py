@@ -1,4 +1,4 @@
-"""What runs in a process of the cluster: an actor that plays batches of rollouts."""
+"""What runs in a process of the cluster: an actor that runs batches of rollouts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ray.util import get_node_ip_address
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import installed_engines
-from agentflow.env.pool.worker import Reply, play
+from agentflow.env.pool.worker import Reply, run_job
 from agentflow.machine.blocks.library import library
 from agentflow.version import __version__
 
@@ -26,10 +26,10 @@ class Worker:
         """What this process would simulate with, and the address of its node."""
         return conditions(), get_node_ip_address()
 
-    def play(self, batch: Batch) -> tuple[bytes, float]:
+    def run_batch(self, batch: Batch) -> tuple[bytes, float]:
         """The pickled replies to a batch, in its order, and the seconds that the work took."""
         begin = time.perf_counter()
-        replies = [_play(job) for job in batch]
+        replies = [_run_job(job) for job in batch]
         work = time.perf_counter() - begin
         return pickle.dumps(replies, pickle.HIGHEST_PROTOCOL), work
 
@@ -45,9 +45,9 @@ def conditions() -> dict[str, str]:
     }
 
 
-def _play(job: bytes) -> Reply:
+def _run_job(job: bytes) -> Reply:
     try:
         arguments = pickle.loads(job)
     except Exception as error:  # noqa: BLE001 - such as a plugin that is not installed here
         return f"{type(error).__name__}: {error}"
-    return play(arguments)
+    return run_job(arguments)

@@ -33,6 +33,14 @@ UNREADABLE = (
     zlib.error,
 )
 """Errors from files that are empty, truncated, damaged or in another format."""
+STORED = {
+    "objects": "things",
+    "object_position": "thing_position",
+    "object_rotation": "thing_rotation",
+    "object_velocity": "thing_velocity",
+}
+"""Field of a trace -> its name in files, where it differs: recorded runs hold such files."""
+FIELDS = {stored: name for name, stored in STORED.items()}
 
 
 def rollout_json(rollout: Rollout) -> dict[str, Any]:
@@ -77,15 +85,14 @@ def write_npz(rollout: Rollout, file: BinaryIO) -> None:
     arrays: dict[str, Any] = {}
     result = rollout_json(rollout) | {"feedback_data": rollout.feedback.data}
     if (trace := rollout.trace) is not None:
-        fields = {
-            name: value for name, value in vars(trace).items() if isinstance(value, np.ndarray)
-        }
+        stored = {STORED.get(name, name): value for name, value in vars(trace).items()}
+        fields = {name: value for name, value in stored.items() if isinstance(value, np.ndarray)}
         columns = [(name, value.dtype, value.shape[1:]) for name, value in fields.items()]
         states = np.empty(len(trace.times), columns)
         for name, value in fields.items():
             states[name] = value
         arrays["states"] = states
-        named = {name: value for name, value in vars(trace).items() if name not in fields}
+        named = {name: value for name, value in stored.items() if name not in fields}
         result["trace"] = named | {"measured": asdict(trace.measured)}
     np.savez(file, result=np.array(json.dumps(result).encode()), **arrays)
 
@@ -122,10 +129,10 @@ def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
         names = states.dtype.names or ()
         older = {} if "regular" in names else {"regular": np.ones(len(states), dtype=bool)}
         trace = Trace(
-            **{name: np.ascontiguousarray(states[name]) for name in names},
+            **{FIELDS.get(name, name): np.ascontiguousarray(states[name]) for name in names},
             linear=tuple(named["linear"]),
             connections=tuple((block, partner) for block, partner in named["connections"]),
-            things=tuple(named["things"]),
+            objects=tuple(named[STORED["objects"]]),
             measured=_measured(named.get("measured") or {}),
             **older,
         )

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from agentflow.machine.geometry.vectors import Vec3
 
 Named = int | str
-"""A block id, the name of a thing of the scene, or "ground"."""
+"""A block id, the name of an object of the scene, or "ground"."""
 
 
 class Hit(NamedTuple):
@@ -27,7 +27,7 @@ class Hit(NamedTuple):
 
 @dataclass(frozen=True)
 class Contact:
-    """Two bodies that touched: blocks come before things."""
+    """Two bodies that touched: blocks come before objects."""
 
     a: Named
     b: Named

@@ -167,7 +167,7 @@ def _to_root(machine: Machine, block: int) -> Iterator[int]:
 
 
 def _scene(trace: Trace) -> Iterator[str]:
-    """Names of ground and scene things that something touched."""
+    """Names of ground and scene objects that something touched."""
     for contact in trace.measured.contacts:
         yield from (name for name in (contact.a, contact.b) if isinstance(name, str))
 

@@ -1,4 +1,4 @@
-"""Answers to queries about blocks and things of a rollout: tables, or why there are none."""
+"""Answers to queries about blocks and objects of a rollout: tables, or why there are none."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class _Query:
     """A valid query."""
 
     body: int | str
-    """A block, or a moving thing of the scene."""
+    """A block, or a moving object of the scene."""
     start: float
     end: float
     properties: tuple[str, ...]
@@ -64,13 +64,13 @@ def answer_queries(
             told sample by sample, and around events all samples are told.
     """
     every = constants()["sample_interval"] if interval is None else interval
-    things = rollout.trace.things if rollout.trace is not None else ()
+    objects = rollout.trace.objects if rollout.trace is not None else ()
     texts, data = [], []
     for index, item in enumerate(queries):
         try:
             if index >= MAX_QUERIES:
                 raise _InvalidQuery(f"only the first {MAX_QUERIES} queries of a call are answered")
-            text, answered = _answer(machine, rollout, _read(machine, things, item), every)
+            text, answered = _answer(machine, rollout, _read(machine, objects, item), every)
         except _InvalidQuery as refusal:
             text = f"Query {index + 1}: no answer: {refusal}"
             answered = {"query": item, "problem": str(refusal)}
@@ -79,14 +79,14 @@ def answer_queries(
     return Answers("\n\n".join(texts), data)
 
 
-def _read(machine: Machine, things: Sequence[str], item: object) -> _Query:
+def _read(machine: Machine, objects: Sequence[str], item: object) -> _Query:
     if not isinstance(item, Mapping):
         raise _InvalidQuery('a query is an object with "id", "duration" and "properties"')
     for key in ("id", "duration", "properties"):
         if key not in item:
             raise _InvalidQuery(f'"{key}" is missing')
     start, end = _read_duration(item["duration"])
-    body = item["id"] if item["id"] in things else _read_block(machine, item["id"], things)
+    body = item["id"] if item["id"] in objects else _read_block(machine, item["id"], objects)
     return _Query(body, start, end, _read_properties(machine, body, item["properties"]))
 
 
@@ -101,10 +101,10 @@ def _number(value: object) -> float | None:
     return result if isfinite(result) else None
 
 
-def _read_block(machine: Machine, value: object, things: Sequence[str]) -> int:
+def _read_block(machine: Machine, value: object, objects: Sequence[str]) -> int:
     block = _number(value)
     if block is None or block != int(block):
-        names = " or ".join(map(repr, things))
+        names = " or ".join(map(repr, objects))
         raise _InvalidQuery(f'"id" must be a block id{f" or {names}" * bool(names)}, not {value!r}')
     if not 0 <= block < len(machine):
         raise _InvalidQuery(f"there is no block {int(block)}; ids go from 0 to {len(machine) - 1}")
@@ -199,10 +199,10 @@ def _breakage_time(machine: Machine, rollout: Rollout, query: _Query) -> float:
 
 
 def _column(trace: Trace, body: int | str, name: str) -> Array:
-    """Values of one property of a block or thing, (T, K)."""
+    """Values of one property of a block or object, (T, K)."""
     if isinstance(body, str):
-        values: Array = getattr(trace, f"thing_{name}")
-        return values[:, trace.things.index(body)]
+        values: Array = getattr(trace, f"object_{name}")
+        return values[:, trace.objects.index(body)]
     if name == "length":
         return trace.length[:, trace.linear.index(body)][:, None]
     column: Array = trace.centre if name == "position" else getattr(trace, name)

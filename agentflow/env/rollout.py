@@ -1,7 +1,7 @@
 """The result of a rollout: recorded states, breakages, events, score and feedback.
 
 Arrays are float64 in the game frame; T samples, N blocks (index = block id), E connections,
-L two-ended blocks, M scene things.
+L two-ended blocks, M scene objects.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ class Trace:
     1.0, nan from then on."""
     connections: tuple[tuple[int, int], ...]
     """(block, partner) of each connection."""
-    thing_position: Array
+    object_position: Array
     """(T, M, 3) centres."""
-    thing_rotation: Array
+    object_rotation: Array
     """(T, M, 4)."""
-    thing_velocity: Array
+    object_velocity: Array
     """(T, M, 3)."""
-    things: tuple[str, ...]
-    """Names of the scene's moving things, in scene order."""
+    objects: tuple[str, ...]
+    """Names of the scene's moving objects, in scene order."""
     regular: Flags
     """(T,) whether a sample is one of those at equal intervals; the others are around events."""
     measured: Measured = field(default_factory=Measured)
@@ -121,7 +121,7 @@ class Moment:
     name: str
     """Such as "release"."""
     body: int | str | None = None
-    """Block or thing that is thrown, carried or pushed; None if the machine itself moves."""
+    """Block or object that is thrown, carried or pushed; None if the machine itself moves."""
     holder: int | None = None
     """Block that it left."""
 

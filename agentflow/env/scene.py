@@ -21,16 +21,16 @@ def blocks_among(bodies: Iterable[Body]) -> list[int]:
     return sorted(body for body in bodies if isinstance(body, int))
 
 
-def things_among(bodies: Iterable[Body]) -> list[str]:
+def objects_among(bodies: Iterable[Body]) -> list[str]:
     """The names of scene objects and the ground, in order."""
     return sorted(body for body in bodies if isinstance(body, str))
 
 
 @dataclass(frozen=True)
-class Thing:
+class SceneObject:
     """One object of a scene. With `mass` 0 it never moves.
 
-    `size` is the full extent along the thing's own x, y, z; a sphere's diameter is `size[0]`; a
+    `size` is the full extent along the object's own x, y, z; a sphere's diameter is `size[0]`; a
     cylinder's and a cone's axis is y.
     """
 
@@ -91,9 +91,9 @@ class Gust:
 
 @dataclass(frozen=True)
 class Scene:
-    """Flat ground at y = 0, things on it, and wind that is the same everywhere."""
+    """Flat ground at y = 0, objects on it, and wind that is the same everywhere."""
 
-    things: tuple[Thing, ...] = ()
+    objects: tuple[SceneObject, ...] = ()
     wind: Vec3 = (0.0, 0.0, 0.0)
     """Mean velocity of the air from t = 0 on, m/s; still before."""
     gusts: tuple[Gust, ...] = ()
@@ -103,14 +103,14 @@ class Scene:
     """Of the ground; None: the value of the physical constants."""
 
     @property
-    def moving(self) -> tuple[Thing, ...]:
-        """The things that can move."""
-        return tuple(thing for thing in self.things if thing.mass > 0)
+    def moving(self) -> tuple[SceneObject, ...]:
+        """The objects that can move."""
+        return tuple(item for item in self.objects if item.mass > 0)
 
     def loaded(self, share: float) -> Scene:
-        """The scene with this share of their loads on all things."""
-        things = (replace(item, mass=item.mass + share * item.load) for item in self.things)
-        return replace(self, things=tuple(things))
+        """The scene with this share of their loads on all objects."""
+        objects = (replace(item, mass=item.mass + share * item.load) for item in self.objects)
+        return replace(self, objects=tuple(objects))
 
     def strength(self, time: float) -> float:
         """Strength of the wind at a time (s since t = 0), as a share of the mean wind."""

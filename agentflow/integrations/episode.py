@@ -35,7 +35,7 @@ class Outcome:
     """Whether the simulation timed out or crashed, so that nothing changed."""
 
 
-class Episode:
+class DesignEpisode:
     """The design of one machine; the gains of its actions add up to what its score has gained."""
 
     def __init__(self, scorer: Scorer, setting: Sample) -> None:

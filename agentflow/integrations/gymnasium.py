@@ -21,7 +21,7 @@ from agentflow.env.drawing.look import look_at
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.errors import UnknownNameError
-from agentflow.integrations.episode import Episode
+from agentflow.integrations.episode import DesignEpisode
 from agentflow.rewards.scoring import Sample, Scorer, read_knobs
 
 SUBMIT = "submit"
@@ -91,7 +91,7 @@ class DesignEnv(gymnasium.Env[str, str]):
         self._setting = Sample(f"{family}/{level}", start, knobs=read_knobs(knobs), engine=engine)
         get_task(self._setting.task, self._setting.knobs, engine)
         self._scorer: Scorer | None = None
-        self._episode: Episode | None = None
+        self._episode: DesignEpisode | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -119,7 +119,7 @@ class DesignEnv(gymnasium.Env[str, str]):
             knobs={**(self._setting.knobs or {}), **read_knobs(chosen.get("knobs"))},
         )
         self._scorer = self._scorer or Scorer(workers=1)
-        self._episode = Episode(self._scorer, setting)
+        self._episode = DesignEpisode(self._scorer, setting)
         text = f"{self._episode.rules}{ACTIONS}\n{self._episode.state}"
         return _observation(text), self._info()
 
@@ -147,7 +147,7 @@ class DesignEnv(gymnasium.Env[str, str]):
         self._scorer = self._episode = None
 
     @property
-    def _current(self) -> Episode:
+    def _current(self) -> DesignEpisode:
         if self._episode is None:
             raise gymnasium.error.ResetNeeded("call reset() before step() or render()")
         return self._episode

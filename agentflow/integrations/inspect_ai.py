@@ -35,7 +35,7 @@ from agentflow.env.archive import rollout_json
 from agentflow.env.tasks.registry import FAMILIES, get_level, task_names
 from agentflow.rewards import Reward
 from agentflow.rewards.scoring import Sample, shared_scorer
-from agentflow.runs.places import FEEDBACK, StageName
+from agentflow.runs.locations import FEEDBACK, StageName
 from agentflow.tools import Bench, ToolSpec
 from agentflow.version import __version__
 from agentflow.workflows.settings import WorkflowSettings

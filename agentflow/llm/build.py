@@ -1,4 +1,4 @@
-"""Stack clients: `budget(tape(limit(retry(http))))`."""
+"""Stack clients: `budget(record(limit(retry(http))))`."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.endpoint.http import OpenAIClient
 from agentflow.llm.settings import EndpointSettings
 from agentflow.llm.wrappers.budget import Budget, BudgetClient, Price
-from agentflow.llm.wrappers.limits import LimitedClient, Limiter, Limits
+from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.limits import LimitedClient, Limiter, RateLimits
 from agentflow.llm.wrappers.record import RecordingClient
 from agentflow.llm.wrappers.retry import RetryClient
-from agentflow.llm.wrappers.tape import Tape
 
 
 def open_client(
     endpoint: Endpoint,
     settings: EndpointSettings | None = None,
-    limits: Limits | None = None,
+    limits: RateLimits | None = None,
     *,
     warn: Callable[[str], None],
     on_wait: Callable[[str], None] = lambda _line: None,
@@ -45,21 +45,21 @@ def open_client(
 def wrap(
     inner: Client,
     *,
-    tape: Tape | None = None,
+    call_log: CallLog | None = None,
     budget: Budget | None = None,
     price: Price | None = None,
 ) -> Client:
-    """Wrap any client (HTTP, procedural or scripted) in the tape and the budget.
+    """Wrap any client (HTTP, procedural or scripted) in the call log and the budget.
 
     Args:
         inner: The client.
-        tape: Record of its calls; the caller closes it.
+        call_log: Record of its calls; the caller closes it.
         budget: Shared by all clients of the run.
         price: Price of this model; None if unknown.
     """
-    if tape is None:
+    if call_log is None:
         return BudgetClient(inner, budget, price) if budget is not None else inner
-    recorded = RecordingClient(inner, tape)
+    recorded = RecordingClient(inner, call_log)
     if budget is None:
         return recorded
     return BudgetClient(recorded, budget, price, recorded.holds)

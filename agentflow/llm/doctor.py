@@ -29,7 +29,7 @@ UNUSABLE = {
 """Why a reply has no answer -> what it means and how to mend it."""
 
 
-class Diagnosis(BaseModel, frozen=True):
+class EndpointDiagnosis(BaseModel, frozen=True):
     """What one request reveals about an endpoint; None is unknown."""
 
     model: str
@@ -53,7 +53,9 @@ class Diagnosis(BaseModel, frozen=True):
     """Why there is no usable reply, and how to mend it, in one line; empty on success."""
 
 
-async def diagnose(endpoint: Endpoint, settings: HttpSettings, question: Request) -> Diagnosis:
+async def diagnose(
+    endpoint: Endpoint, settings: HttpSettings, question: Request
+) -> EndpointDiagnosis:
     """Send one request without retries and report what the endpoint does."""
     client = OpenAIClient(endpoint, settings, warn=lambda _line: None)
     try:
@@ -63,7 +65,7 @@ async def diagnose(endpoint: Endpoint, settings: HttpSettings, question: Request
         return _diagnose_error(endpoint, error, client.unsupported.actions)
     finally:
         await client.aclose()
-    return Diagnosis(
+    return EndpointDiagnosis(
         model=endpoint.model,
         base_url=endpoint.base_url,
         reachable=True,
@@ -92,9 +94,9 @@ def _problem_of(endpoint: Endpoint, reply: Reply, question: Request) -> str:
 
 def _diagnose_error(
     endpoint: Endpoint, error: EndpointError, refused: Mapping[str, str]
-) -> Diagnosis:
+) -> EndpointDiagnosis:
     missing = isinstance(error, ModelNotFoundError)
-    return Diagnosis(
+    return EndpointDiagnosis(
         model=endpoint.model,
         base_url=endpoint.base_url,
         reachable=not isinstance(error, UnreachableError),

@@ -26,7 +26,7 @@ class Problem:
         return {"code": self.code, "blocks": list(self.blocks), "message": self.message}
 
 
-class Refused(UsageError):
+class RefusedEdit(UsageError):
     """A change that cannot be made: a code for counting, and one sentence that says why."""
 
     def __init__(self, code: str, reason: str) -> None:

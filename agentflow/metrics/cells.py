@@ -196,7 +196,9 @@ def curve(runs: Iterable[RunNumbers], expansions: int) -> float | None:
     None if even the longest search made fewer; a search that ended earlier keeps its last score.
     """
     items = list(runs)
-    longest = max((node.place.node or 0 for run in items for node in run.record.nodes), default=0)
+    longest = max(
+        (node.location.node or 0 for run in items for node in run.record.nodes), default=0
+    )
     if expansions > longest:
         return None
     found = (search.best_after_expansions(run.record, expansions) for run in items)

@@ -70,4 +70,4 @@ def best_by_class(niches: Iterable[NicheEvent]) -> dict[str, NicheEvent]:
 
 def _rank(event: NicheEvent) -> tuple[float, int, int]:
     """The highest score first, then the lowest trajectory and node, whatever came in first."""
-    return -(event.score or 0.0), event.place.trajectory, event.place.node or 0
+    return -(event.score or 0.0), event.location.trajectory, event.location.node or 0

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from agentflow.metrics.intervals import Rate
 from agentflow.runs.events import CandidateEvent, ExpandEvent, NodeEvent
-from agentflow.runs.places import BLIND, INITIAL
+from agentflow.runs.locations import BLIND, INITIAL
 from agentflow.runs.record import RunRecord
 
 
@@ -33,7 +33,7 @@ def expansions_per_round(runs: Iterable[Sequence[ExpandEvent]]) -> float | None:
     each of its 5 rounds and is published with 5, best-of-4 with at most 20.
     """
     items = [(run, item) for run, expansions in enumerate(runs) for item in expansions]
-    searches = {(run, item.place.trajectory) for run, item in items}
+    searches = {(run, item.location.trajectory) for run, item in items}
     return sum(item.valid for _, item in items) / len(searches) if searches else None
 
 
@@ -44,8 +44,8 @@ def search_roots(record: RunRecord) -> dict[int, CandidateEvent]:
     leave a trajectory without a valid machine), else the initial stage.
     """
     starts = record.of_stage(BLIND) or record.of_stage(INITIAL)
-    searched = {node.place.trajectory for node in record.nodes}
-    searched |= {item.place.trajectory for item in record.expansions}
+    searched = {node.location.trajectory for node in record.nodes}
+    searched |= {item.location.trajectory for item in record.expansions}
     return {start.trajectory: start for start in starts if start.trajectory in searched}
 
 
@@ -63,12 +63,12 @@ def best_after_expansions(record: RunRecord, nodes: int) -> dict[int, float]:
 
     A search that ended earlier keeps its last score.
     """
-    return _best(record, [node for node in record.nodes if (node.place.node or 0) <= nodes])
+    return _best(record, [node for node in record.nodes if (node.location.node or 0) <= nodes])
 
 
 def most_rounds(record: RunRecord) -> int:
     """Number of rounds of the longest search of a run."""
-    return max((item.place.round for item in record.expansions), default=0)
+    return max((item.location.round for item in record.expansions), default=0)
 
 
 def _best(record: RunRecord, nodes: Sequence[NodeEvent]) -> dict[int, float]:
@@ -78,5 +78,5 @@ def _best(record: RunRecord, nodes: Sequence[NodeEvent]) -> dict[int, float]:
     }
     for node in nodes:
         if node.valid and node.score is not None:
-            scores.setdefault(node.place.trajectory, []).append(node.score)
+            scores.setdefault(node.location.trajectory, []).append(node.score)
     return {trajectory: max(found) for trajectory, found in sorted(scores.items()) if found}

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 
 Cost = Callable[[str, Mapping[str, int]], "float | None"]
 """(model, usage) -> money; None if the model has no price."""
@@ -64,7 +64,7 @@ def spent_on(call: Mapping[str, Any], cost: Cost = no_price) -> Spent:
 
 
 @dataclass(frozen=True)
-class Bill:
+class UsageSummary:
     """Cost of a run in total, by role and by stage, in order of first call."""
 
     total: Spent
@@ -77,8 +77,8 @@ class Bill:
         whole = self.total.tokens
         return {role: item.tokens / whole for role, item in self.roles.items()} if whole else {}
 
-    def __add__(self, other: Bill) -> Bill:
-        return Bill(
+    def __add__(self, other: UsageSummary) -> UsageSummary:
+        return UsageSummary(
             self.total + other.total,
             _add_by_key(self.roles, other.roles),
             _add_by_key(self.stages, other.stages),
@@ -89,11 +89,11 @@ def _add_by_key(one: Mapping[str, Spent], other: Mapping[str, Spent]) -> dict[st
     return {key: one.get(key, Spent()) + other.get(key, Spent()) for key in {**one, **other}}
 
 
-def bill(
+def summarize_usage(
     calls: Iterable[Mapping[str, Any]],
     cost: Cost = no_price,
     stage_of: Callable[[str, str], str] | None = None,
-) -> Bill:
+) -> UsageSummary:
     """Add up the lines of calls.jsonl, by stage if given `stage_of` (role, purpose -> stage)."""
     total = Spent()
     roles: dict[str, Spent] = {}
@@ -104,6 +104,6 @@ def bill(
         total += spent
         roles[role] = roles.get(role, Spent()) + spent
         if stage_of is not None:
-            stage = stage_of(role, Place.parse(call["request"]["label"]).purpose)
+            stage = stage_of(role, Location.parse(call["request"]["label"]).purpose)
             stages[stage] = stages.get(stage, Spent()) + spent
-    return Bill(total, roles, stages)
+    return UsageSummary(total, roles, stages)

@@ -13,11 +13,11 @@ from pathlib import Path
 from agentflow.config.run import DesignConfig
 from agentflow.errors import BudgetSpentError, ConfigError, EndpointError, InterruptedRunError
 from agentflow.llm.client import Client
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.models.clients import Models, open_models
 
 CALLS = "calls.jsonl"
-"""The tape in the folder."""
+"""The call log in the folder."""
 AGAIN = "run the same command again to continue"
 
 
@@ -62,8 +62,8 @@ async def recorded_models(
         RunError: What is on record is damaged, or nothing can be written.
         ConfigError: A key or a library is missing.
     """
-    with Tape(folder / CALLS, notify) as tape:
-        models = open_models(config, tape, notify, client)
+    with CallLog(folder / CALLS, notify) as call_log:
+        models = open_models(config, call_log, notify, client)
         try:
             yield models
         finally:

@@ -1,4 +1,4 @@
-"""The clients of models: recorded on a tape, charged to a budget, within limits of endpoints."""
+"""The clients of models: calls are recorded, charged to a budget, kept within endpoint limits."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from agentflow.llm.build import open_client, wrap
 from agentflow.llm.client import Client
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.llm.wrappers.budget import FREE, Budget, Price
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
 from agentflow.llm.wrappers.record import ReplayClient
-from agentflow.llm.wrappers.tape import Tape
 from agentflow.models.choices import ModelChoice, choose_models, known_prices
 
 
@@ -44,21 +44,21 @@ class Models:
 
 def open_models(
     config: DesignConfig,
-    tape: Tape,
+    call_log: CallLog,
     notify: Callable[[str], None],
     client: Client | None = None,
     limiters: Limiters | None = None,
 ) -> Models:
-    """The configured models, or one client in their place, recorded on a tape.
+    """The configured models, or one client in their place, recorded in a call log.
 
     What earlier processes recorded there counts in their budget. Those that are opened with the
     same `limiters` share them; by default, these models have their own.
     """
     model, limiters = config.model, limiters or LocalLimiters()
-    choices, budget = choose_models(model), _charge_budget(model, tape)
+    choices, budget = choose_models(model), _charge_budget(model, call_log)
 
     def record(inner: Client, price: Price | None) -> Client:
-        return wrap(inner, tape=tape, budget=budget, price=price)
+        return wrap(inner, call_log=call_log, budget=budget, price=price)
 
     if client is not None:
         recorded = record(client, model.prices.get(client.name))
@@ -82,10 +82,10 @@ def open_models(
     return Models(clients, choices, budget)
 
 
-def _charge_budget(model: ModelConfig, tape: Tape) -> Budget:
-    """The budget, charged with the calls that earlier processes recorded on a tape."""
+def _charge_budget(model: ModelConfig, call_log: CallLog) -> Budget:
+    """The budget, charged with the calls that earlier processes recorded in a call log."""
     budget, prices = Budget(model.budget), known_prices(model)
-    for call in tape.calls():
+    for call in call_log.calls():
         budget.count(call.request, call.reply, prices.get(call.model))
     return budget
 
@@ -101,11 +101,11 @@ def _local_client(choice: ModelChoice, seed: int) -> Client:
     return LocalClient(Path(choice.model), seed)
 
 
-def replay_models(config: DesignConfig, tape: Tape, *, budget_spent: bool) -> Models:
-    """The configured models, answering from a tape only; see `ReplayClient`."""
+def replay_models(config: DesignConfig, call_log: CallLog, *, budget_spent: bool) -> Models:
+    """The configured models, answering from a call log only; see `ReplayClient`."""
     choices = choose_models(config.model)
     clients = {
-        role: ReplayClient(tape, choice.display_name, budget_spent=budget_spent)
+        role: ReplayClient(call_log, choice.display_name, budget_spent=budget_spent)
         for role, choice in choices.items()
     }
     return Models(clients, choices)

@@ -25,7 +25,7 @@ PRECISION = 1e-4
 
 
 @dataclass(frozen=True)
-class Motion:
+class FilmMotion:
     """Poses of bodies over time, game frame: T samples, B bodies, E connections."""
 
     times: NDArray[np.float64]
@@ -38,7 +38,7 @@ class Motion:
     """(T, E) load divided by strength; NaN after a break."""
 
 
-def pack_motion(motion: Motion) -> dict[str, Any]:
+def pack_motion(motion: FilmMotion) -> dict[str, Any]:
     """Pack a motion for the page.
 
     Positions are accurate to about 1/65,000 of their extent, rotations to 0.005 degrees, loads to

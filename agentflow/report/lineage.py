@@ -22,7 +22,7 @@ from agentflow.runs.events import (
     RunEvent,
     ToolEvent,
 )
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 
 REFUSED, INVALID = "refused", "invalid"
 
@@ -73,8 +73,8 @@ class _ToolNodes:
         nodes[event.label] = LineageNode(
             id=event.label,
             parent=self._find(str(given.get("machine"))) if event.tool == "edit" else None,
-            title=f"{event.tool}, call {event.place.call}",
-            kind=REFUSED if event.refused else event.place.name,
+            title=f"{event.tool}, call {event.location.call}",
+            kind=REFUSED if event.refused else event.location.name,
             machine=event.machine,
             edit=str(given.get("script", "")),
             problem=event.answer if event.refused else "",
@@ -111,14 +111,14 @@ class Lineage:
     nodes: dict[str, LineageNode] = field(default_factory=dict)
     _newest: dict[int, str] = field(default_factory=dict)
     """Trajectory -> the node that its next stage starts from."""
-    _roots: dict[Place, str | None] = field(default_factory=dict)
+    _roots: dict[Location, str | None] = field(default_factory=dict)
     """Search -> the node that it started from."""
     _evaluations: dict[str, EvaluationEvent] = field(default_factory=dict)
     """Machine -> its last evaluation."""
-    _calls: dict[Place, list[str]] = field(default_factory=dict)
-    """Place of a question, without its role -> labels of the calls."""
-    _made: dict[str, list[Place]] = field(default_factory=dict)
-    """Machine -> places of the calls that made it."""
+    _calls: dict[Location, list[str]] = field(default_factory=dict)
+    """Location of a question, without its role -> labels of the calls."""
+    _made: dict[str, list[Location]] = field(default_factory=dict)
+    """Machine -> locations of the calls that made it."""
     _scripts: dict[str, str] = field(default_factory=dict)
     """Label of a call -> the edits in its reply."""
     _tools: _ToolNodes = field(default_factory=_ToolNodes)
@@ -163,10 +163,10 @@ class Lineage:
 
     def _add_attempt(self, event: AttemptEvent) -> None:
         self._tools.last_call = event.label
-        question = replace(event.place, name="", structure=0, attempt=0)
+        question = replace(event.location, name="", structure=0, attempt=0)
         self._calls.setdefault(question, []).append(event.label)
         if event.machine is not None:
-            self._made.setdefault(event.machine, []).append(event.place)
+            self._made.setdefault(event.machine, []).append(event.location)
         if event.script:
             self._scripts[event.label] = event.script
 
@@ -175,30 +175,30 @@ class Lineage:
         self._evaluations[event.machine] = event
         if self._tools.judge(event, self.nodes):
             return
-        if event.place == replace(_search_of(event.place), try_=event.place.try_):
-            newest = self.nodes.get(self._newest_at(event.place) or "")
-            self._add_machine(event.place, event.machine, self._newest_at(event.place))
-            score = newest.score if newest and event.place.try_ else None
+        if event.location == replace(_search_of(event.location), try_=event.location.try_):
+            newest = self.nodes.get(self._newest_at(event.location) or "")
+            self._add_machine(event.location, event.machine, self._newest_at(event.location))
+            score = newest.score if newest and event.location.try_ else None
             if score is None or (event.score or 0.0) > score:  # of trials, the best one goes on
-                self._newest[event.place.trajectory] = event.label
+                self._newest[event.location.trajectory] = event.label
 
     def _add_candidate(self, event: CandidateEvent) -> None:
         """Add a node with the reason for a trajectory that ended without a machine."""
-        place, known = event.place, event.label in self.nodes or event.place in self._roots
+        location, known = event.location, event.label in self.nodes or event.location in self._roots
         known = known or self._tools.used
         if event.machine is None and not known:
             self.nodes[event.label] = LineageNode(
                 id=event.label,
-                parent=self._newest_at(place),
-                title=_title(place),
+                parent=self._newest_at(location),
+                title=_title(location),
                 kind=INVALID,
                 problem=event.reason,
-                calls=tuple(self._calls.get(Place(trajectory=place.trajectory), ())),
+                calls=tuple(self._calls.get(Location(trajectory=location.trajectory), ())),
             )
 
     def _add_refused(self, event: ExpandEvent) -> None:
         """Attempts without a machine become children of the node that they refined."""
-        search = _search_of(event.place)
+        search = _search_of(event.location)
         parent = self._node_id(search, event.node)
         for attempt in event.attempts:
             if not attempt.valid:
@@ -214,28 +214,28 @@ class Lineage:
                 )
 
     def _add_node(self, event: NodeEvent) -> None:
-        search = _search_of(event.place)
+        search = _search_of(event.location)
         parent, calls = self._node_id(search, event.parent), self._calls_of(search, event.made_by)
-        place = replace(event.place, round=event.round)
-        self._add_machine(event.place, event.machine, parent, calls, _title(place))
+        location = replace(event.location, round=event.round)
+        self._add_machine(event.location, event.machine, parent, calls, _title(location))
 
     def _add_edit(self, event: EditEvent) -> None:
         """A random edit; the next one starts from the last one that was kept."""
-        self._add_machine(event.place, event.machine, self._newest_at(event.place))
+        self._add_machine(event.location, event.machine, self._newest_at(event.location))
         if event.kept:
-            self._newest[event.place.trajectory] = event.label
+            self._newest[event.location.trajectory] = event.label
 
-    def _newest_at(self, place: Place) -> str | None:
-        return self._newest.get(place.trajectory)
+    def _newest_at(self, location: Location) -> str | None:
+        return self._newest.get(location.trajectory)
 
-    def _node_id(self, search: Place, number: int) -> str | None:
+    def _node_id(self, search: Location, number: int) -> str | None:
         """The id of a search's node; the root is the node that the trajectory had before."""
         root = self._roots.setdefault(search, self._newest_at(search))
         return root if number == 0 else str(replace(search, node=number))
 
     def _add_machine(
         self,
-        place: Place,
+        location: Location,
         machine: str,
         parent: str | None,
         calls: tuple[str, ...] = (),
@@ -243,13 +243,13 @@ class Lineage:
     ) -> None:
         known, made = self._evaluations.get(machine), self._made.get(machine, [])
         valid = known is not None and known.valid
-        own = [call for call in made if call.trajectory == place.trajectory]
+        own = [call for call in made if call.trajectory == location.trajectory]
         calls = calls or tuple(map(str, own or made[-1:]))
-        self.nodes[str(place)] = LineageNode(
-            id=str(place),
+        self.nodes[str(location)] = LineageNode(
+            id=str(location),
             parent=parent,
-            title=title or _title(place),
-            kind=place.name,
+            title=title or _title(location),
+            kind=location.name,
             machine=machine,
             score=known.score if known and valid else None,
             valid=valid,
@@ -259,21 +259,21 @@ class Lineage:
             calls=calls,
         )
 
-    def _calls_of(self, search: Place, attempt: str) -> tuple[str, ...]:
+    def _calls_of(self, search: Location, attempt: str) -> tuple[str, ...]:
         """Labels of the calls of an attempt, whose label is relative to its search."""
-        question = replace(Place.parse(attempt), trajectory=search.trajectory)
+        question = replace(Location.parse(attempt), trajectory=search.trajectory)
         return tuple(self._calls.get(question, ()))
 
     def _script(self, calls: tuple[str, ...]) -> str:
         return "\n".join(self._scripts[call] for call in calls if call in self._scripts)
 
 
-def _search_of(place: Place) -> Place:
-    """The search that a place is in: its stage and trajectory."""
-    return Place(place.name, trajectory=place.trajectory)
+def _search_of(location: Location) -> Location:
+    """The search that a location is in: its stage and trajectory."""
+    return Location(location.name, trajectory=location.trajectory)
 
 
-def _title(place: Place) -> str:
-    detail = f"round {place.round}" if place.round else place.name.replace("_", " ")
-    detail += f", trial {place.try_ + 1}" if place.try_ else ""
-    return f"trajectory {place.trajectory}, {detail}"
+def _title(location: Location) -> str:
+    detail = f"round {location.round}" if location.round else location.name.replace("_", " ")
+    detail += f", trial {location.try_ + 1}" if location.try_ else ""
+    return f"trajectory {location.trajectory}, {detail}"

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from agentflow.metrics.usage import Cost, bill
+from agentflow.metrics.usage import Cost, summarize_usage
 from agentflow.report.elites import archive_of, classes_of
 from agentflow.report.film import deflate_json
 from agentflow.report.lineage import Lineage, LineageNode
@@ -59,7 +59,7 @@ class RunStory:
         return found
 
     @property
-    def _told(self) -> Mapping[str, Any]:
+    def _result_data(self) -> Mapping[str, Any]:
         """The result as data; empty for an unfinished run."""
         return {} if self.result is None else self.result.to_json()
 
@@ -82,7 +82,7 @@ class RunStory:
             "nodes": [asdict(node) for node in self.nodes],
             "progress": score_curve(self.events),
             "archive": archive_of(self.events),
-            "front": self._told.get("front"),
+            "front": self._result_data.get("front"),
             "stages": [stage.data for stage in record.stages],
             "validity": validity(attempts),
             "reasons": rejection_reasons(attempts),
@@ -102,7 +102,7 @@ class RunStory:
             "workflow": config.get("workflow", ""),
             "seed": config.get("seed", 0),
             "score": self.result.score if self.result else record.best,
-            "verified": self._told.get("verified"),
+            "verified": self._result_data.get("verified"),
             "sentence": self._sentence(record.best is not None),
             "about": f"{model}: {record.calls} calls, {len(record.machines)} machines simulated",
             "prices": priced,
@@ -181,7 +181,7 @@ def rejection_reasons(attempts: Iterable[AttemptEvent]) -> list[dict[str, Any]]:
 
 def usage(calls: Iterable[Mapping[str, Any]], cost: Cost) -> list[dict[str, Any]]:
     """Tokens, seconds and money per role and in total."""
-    found = bill(calls, cost)
+    found = summarize_usage(calls, cost)
     if not found.total.calls:
         return []
     return [

@@ -8,7 +8,7 @@ from typing import Any
 from agentflow.metrics.formats import cell_text
 from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import PUBLISHED, Column, Row, Table
-from agentflow.runs.places import STAGES
+from agentflow.runs.locations import STAGES
 
 MOST_DOTS = 400
 """Maximum number of scores drawn per variant, taken evenly from the sorted scores."""

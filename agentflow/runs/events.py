@@ -10,22 +10,22 @@ from typing import Any, ClassVar
 
 from agentflow.errors import RunError
 from agentflow.files.lines import damaged_line
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from agentflow.runs.reading import EVENTS, Event, read_events, read_new_events
 
 
 @dataclass(frozen=True)
 class RunEvent:
-    """One thing that happened in a run. Fields are the event's data, except place and time."""
+    """One thing that happened in a run. Fields are the event's data, except location and time."""
 
     kind: ClassVar[str]
     needs: ClassVar[tuple[str, ...]]
-    """Numbered parts that the place must have."""
+    """Numbered parts that the location must have."""
     optional: ClassVar[tuple[str, ...]]
     """Fields left out of the data when None."""
     kinds: ClassVar[dict[str, type[RunEvent]]] = {}
 
-    place: Place
+    location: Location
     at: float = field(default=0.0, compare=False, kw_only=True)
     """Seconds of work into the run."""
 
@@ -41,14 +41,14 @@ class RunEvent:
 
     @property
     def label(self) -> str:
-        return str(self.place)
+        return str(self.location)
 
     @property
     def data(self) -> dict[str, Any]:
         """The recorded data: JSON values."""
         found = {key: _plain(value) for key, value in vars(self).items()}
         omitted = {name for name in self.optional if found[name] is None}
-        return {key: found[key] for key in found if key not in {"place", "at", *omitted}}
+        return {key: found[key] for key in found if key not in {"location", "at", *omitted}}
 
 
 @dataclass(frozen=True)
@@ -82,14 +82,14 @@ class RunStartEvent(RunEvent, kind="run"):
 
 @dataclass(frozen=True)
 class StageBeginEvent(RunEvent, kind="stage_begin"):
-    """A stage began; the place names it."""
+    """A stage began; the location names it."""
 
     trajectories: int
 
 
 @dataclass(frozen=True)
 class AttemptEvent(RunEvent, kind="attempt", optional=("machine", "script")):
-    """A model call was answered; the place is that of the call."""
+    """A model call was answered; the location is that of the call."""
 
     role: str
     valid: bool
@@ -229,7 +229,7 @@ class QueryEvent(RunEvent, kind="query"):
 
 @dataclass(frozen=True)
 class ToolEvent(RunEvent, kind="tool", needs=("call",), optional=("machine",)):
-    """An agent called a tool; the place is the stage and the number of the call in it."""
+    """An agent called a tool; the location is the stage and the number of the call in it."""
 
     tool: str
     """Its name; `unknown` if there is no such tool."""
@@ -410,7 +410,7 @@ class EditEvent(RunEvent, kind="edit", needs=("trajectory", "round")):
 class ResultEvent(
     RunEvent, kind="result", optional=("trajectory", "machine", "valid", "score", "first")
 ):
-    """The run ended; the place names the workflow."""
+    """The run ended; the location names the workflow."""
 
     trajectory: int | None = None
     machine: str | None = None
@@ -449,7 +449,7 @@ class VerificationEvent(RunEvent, kind="verification"):
 
 @dataclass(frozen=True)
 class RemarkEvent(RunEvent, kind="remark"):
-    """A notice for the user; the place is its number."""
+    """A notice for the user; the location is its number."""
 
     text: str
 
@@ -466,7 +466,7 @@ class CallsEvent(RunEvent, kind="calls"):
 class DrawingEvent(RunEvent, kind="drawing"):
     """Pictures of the result are being made; shown and not recorded."""
 
-    place: Place = field(default_factory=lambda: Place("best"))
+    location: Location = field(default_factory=lambda: Location("best"))
 
 
 def typed_event(event: Event) -> RunEvent | Event:
@@ -474,15 +474,15 @@ def typed_event(event: Event) -> RunEvent | Event:
     known = RunEvent.kinds.get(event.kind)
     if known is None:
         return event
-    place = Place.parse(event.label)
+    location = Location.parse(event.label)
     for part in known.needs:
-        if not place.has(part):
+        if not location.has(part):
             raise ValueError(f"the label of {event.kind} {event.label!r} has no {part}")
     from pydantic import ValidationError
 
     try:
         read: RunEvent = _adapter(event.kind).validate_python(
-            {**event.data, "place": place, "at": event.at}
+            {**event.data, "location": location, "at": event.at}
         )
     except ValidationError as error:
         first = error.errors()[0]
@@ -522,7 +522,7 @@ def _typed(event: Event, path: Path) -> RunEvent | Event:
 def read_stage(path: Path, stage: str) -> list[RunEvent]:
     """The recorded events of a stage, in order."""
     events = read_typed_events(path)
-    return [e for e in events if isinstance(e, RunEvent) and e.place.name == stage]
+    return [e for e in events if isinstance(e, RunEvent) and e.location.name == stage]
 
 
 def _plain(value: Any) -> Any:

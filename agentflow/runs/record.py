@@ -107,7 +107,7 @@ class RunRecord:
 
     def of_stage(self, name: str) -> list[CandidateEvent]:
         """The candidates of one stage, by trajectory."""
-        return [item for item in self.candidates if item.place.name == name]
+        return [item for item in self.candidates if item.location.name == name]
 
     def _add_evaluation(self, event: EvaluationEvent) -> None:
         self.evaluations += 1

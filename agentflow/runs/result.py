@@ -111,7 +111,7 @@ def _as_a_whole(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
         raise ValueError("is damaged") from None
 
 
-class Finding(_Part):
+class RunFinding(_Part):
     """What a run found: the part of its result that a replay reproduces, so no times, no paths."""
 
     task: str
@@ -157,7 +157,7 @@ class Finding(_Part):
         return self.model_dump(mode="json", exclude_unset=True)
 
 
-class RunResult(Finding):
+class RunResult(RunFinding):
     """The content of result.json."""
 
     model: str

@@ -43,7 +43,7 @@ Notify = Callable[[str], None]
 class RunDirectory:
     """One run on disk, locked by this process.
 
-    Files: run.yaml (written first), calls.jsonl (written by the tape), events.jsonl, machines/,
+    Files: run.yaml (written first), calls.jsonl (written by the call log), events.jsonl, machines/,
     rollouts/, log.txt (what programs print), result.json (written last). Events are on disk when
     `event` returns, and other files are replaced atomically, so a killed process loses at most what
     it was writing.
@@ -110,7 +110,7 @@ class RunDirectory:
         return time.monotonic() - self._started
 
     @property
-    def tape(self) -> Path:
+    def call_log(self) -> Path:
         """Where the calls are recorded."""
         return self.path / CALLS
 

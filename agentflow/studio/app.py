@@ -14,11 +14,11 @@ from starlette.routing import BaseRoute, Route
 
 from agentflow.listening import end_is_asked_for, listen, serving
 from agentflow.report.page import read_bundle
+from agentflow.studio.building.person_runs import PersonRuns
 from agentflow.studio.building.routes import Building
-from agentflow.studio.building.workshop import Workshop
 from agentflow.studio.folder import RunFolder
-from agentflow.studio.guard import Access, Guard, Limits, Refusal, told
-from agentflow.studio.sessions.recorder import Recorder
+from agentflow.studio.guard import Access, Guard, Refusal, RequestLimits, told
+from agentflow.studio.sessions.recorder import SessionRecorder
 from agentflow.studio.sessions.routes import Sessions
 from agentflow.studio.simulations import Simulations
 from agentflow.studio.watching.designs import Designs
@@ -59,13 +59,15 @@ def serve(runs: Path, port: int, say: Callable[[str], None]) -> None:
 
 
 @asynccontextmanager
-async def running(runs: Path, port: int = 0, limits: Limits | None = None) -> AsyncIterator[str]:
+async def running(
+    runs: Path, port: int = 0, limits: RequestLimits | None = None
+) -> AsyncIterator[str]:
     """Serve while the context is open; the address that opens the studio once."""
     listening = listen("127.0.0.1", port, "; choose another --port")
     access = Access(listening.getsockname()[1])
     async with (
         _open_app(runs) as app,
-        serving(Guard(app, access, limits or Limits()), listening, MOST),
+        serving(Guard(app, access, limits or RequestLimits()), listening, MOST),
     ):
         yield access.address
 
@@ -78,11 +80,11 @@ async def _open_app(runs: Path) -> AsyncIterator[Starlette]:
     async with (
         Simulations() as simulations,
         Designs.open(folder) as designs,
-        Workshop(folder, simulations) as workshop,
+        PersonRuns(folder, simulations) as person_runs,
     ):
-        with Recorder(runs) as recorder:
+        with SessionRecorder(runs) as recorder:
             routes += Watching(folder, designs, simulations).routes
-            routes += Building(folder, workshop, simulations).routes
+            routes += Building(folder, person_runs, simulations).routes
             routes += Sessions(recorder).routes
             yield Starlette(routes=routes, exception_handlers=PLAIN)
 

@@ -44,7 +44,7 @@ CLOSED = (
 
 
 @dataclass(frozen=True)
-class Limits:
+class RequestLimits:
     """What one request may take."""
 
     body: int = 4 * 2**20
@@ -118,7 +118,7 @@ class Access:
 class Guard:
     """Passes on the requests of the one browser that has brought the token."""
 
-    def __init__(self, app: ASGIApp, access: Access, limits: Limits) -> None:
+    def __init__(self, app: ASGIApp, access: Access, limits: RequestLimits) -> None:
         """Stand before an application."""
         self._app, self._access, self._limits = app, access, limits
         self._streams = 0

@@ -1,7 +1,7 @@
 """The file of a session: what a person did while designing a machine, as JSON lines.
 
-A session is a folder with the file `session.jsonl`. Its first line is a `Start`; each other line is
-an event, in the order of writing. A last line that was only half written is dropped.
+A session is a folder with the file `session.jsonl`. Its first line is a `SessionStart`; each other
+line is an event, in the order of writing. A last line that was only half written is dropped.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class _Line(BaseModel, frozen=True, extra="forbid"):
     """One line of the file."""
 
 
-class Start(_Line):
+class SessionStart(_Line):
     """The first line: what the person was asked to do."""
 
     kind: Literal["session"] = "session"
@@ -96,7 +96,7 @@ class _Span(_Event):
         return self.at + self.seconds
 
 
-class Trial(_Span):
+class StudioTest(_Span):
     """The machine was simulated; the line is written when the result is there."""
 
     kind: Literal["trial"] = "trial"
@@ -140,9 +140,9 @@ class End(_Event):
     """The person finished, the time was up, or the studio was closed."""
 
 
-Event = Action | Trial | Pause | Note | Audio | End
+Event = Action | StudioTest | Pause | Note | Audio | End
 _EVENTS: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="kind")])
-_START: TypeAdapter[Start] = TypeAdapter(Start)
+_START: TypeAdapter[SessionStart] = TypeAdapter(SessionStart)
 _Kind = TypeVar("_Kind", bound=_Event)
 
 
@@ -152,7 +152,7 @@ class Session:
 
     path: Path
     """The folder."""
-    start: Start
+    start: SessionStart
     events: tuple[Event, ...]
     """In the order of time."""
 
@@ -169,10 +169,14 @@ class Session:
     @cached_property
     def machines(self) -> Mapping[str, Machine]:
         """Content hash -> machine, for every machine that was ever there."""
-        lines: list[Start | Action | Trial] = [self.start, *self.of(Action), *self.of(Trial)]
+        lines: list[SessionStart | Action | StudioTest] = [
+            self.start,
+            *self.of(Action),
+            *self.of(StudioTest),
+        ]
         return {machine.digest: machine for machine in (self.machine(line) for line in lines)}
 
-    def machine(self, line: Start | Action | Trial) -> Machine:
+    def machine(self, line: SessionStart | Action | StudioTest) -> Machine:
         """The machine of a line.
 
         Raises:
@@ -198,7 +202,9 @@ class SessionLog:
         self._finished = False
 
     @classmethod
-    def begin(cls, path: Path, start: Start, clock: Callable[[], float] = monotonic) -> SessionLog:
+    def begin(
+        cls, path: Path, start: SessionStart, clock: Callable[[], float] = monotonic
+    ) -> SessionLog:
         """Begin a session in a folder, which is created if it is missing.
 
         Args:
@@ -225,7 +231,7 @@ class SessionLog:
         """Seconds since the start, to the millisecond."""
         return round(self._clock() - self._zero, 3)
 
-    def append(self, event: Action | Trial | Pause | Note | Audio | End) -> None:
+    def append(self, event: Action | StudioTest | Pause | Note | Audio | End) -> None:
         """Write an event, after the pause before it if there was one.
 
         Raises:
@@ -246,7 +252,7 @@ class SessionLog:
             self._finished = True
             self._lines.close()
 
-    def _write(self, line: Start | Event) -> None:
+    def _write(self, line: SessionStart | Event) -> None:
         self._lines.append(line.model_dump_json(exclude_none=False).encode())
 
 

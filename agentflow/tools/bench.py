@@ -11,33 +11,33 @@ from typing import Any
 
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import EvaluationEvent, QueryEvent, RunEvent, ToolEvent
-from agentflow.runs.places import Place, StageName
+from agentflow.runs.locations import Location, StageName
 from agentflow.tools import designing, measuring
-from agentflow.tools.desk import Budget, Call, Desk, KnownMachines
-from agentflow.tools.results import Refused, StageEnded, ToolResult, ToolSpec
-from agentflow.tools.schema import Tool
-from agentflow.tools.world import World
+from agentflow.tools.host import BenchHost
+from agentflow.tools.results import RefusedCall, StageEnded, ToolResult, ToolSpec
+from agentflow.tools.schema import BenchTool
+from agentflow.tools.workspace import Call, KnownMachines, StageBudget, Workspace
 
 TOOLS = (
-    Tool.of(designing.brief),
-    Tool.of(
+    BenchTool.of(designing.brief),
+    BenchTool.of(
         designing.check,
         label="Build",
         with_controls=' With controls, a machine is an object: {"blocks": [...], "controls": '
         '[{"group": "motors", "at": 0, "for": 5, "level": 1}]}.',
     ),
-    Tool.of(designing.describe),
-    Tool.of(
+    BenchTool.of(designing.describe),
+    BenchTool.of(
         designing.edit,
         label="Revise",
         with_controls=" Two commands change the controls: `Control IDS-OR-GROUP at S for S level "
         "LEVEL` and `Uncontrol NUMBER`.",
     ),
-    Tool.of(measuring.simulate, needs="simulations"),
-    Tool.of(measuring.query, needs="simulations", label="Query"),
-    Tool.of(measuring.look, needs="pictures", label="Observe"),
-    Tool.of(designing.history),
-    Tool.of(measuring.submit),
+    BenchTool.of(measuring.simulate, needs="simulations"),
+    BenchTool.of(measuring.query, needs="simulations", label="Query"),
+    BenchTool.of(measuring.look, needs="pictures", label="Observe"),
+    BenchTool.of(designing.history),
+    BenchTool.of(measuring.submit),
 )
 """All tools, in the order in which clients list them."""
 TOOL_NAMES = frozenset(tool.spec.name for tool in TOOLS)
@@ -55,10 +55,10 @@ class Bench:
     """Tools over one task, with a budget."""
 
     def __init__(
-        self, world: World, stage: StageName, budget: Budget, machines: KnownMachines
+        self, host: BenchHost, stage: StageName, budget: StageBudget, machines: KnownMachines
     ) -> None:
         """Open it for one stage; stages of a run share `machines`."""
-        self._desk = Desk(world, stage, budget, machines)
+        self._workspace = Workspace(host, stage, budget, machines)
         self._tools = {tool.spec.name: tool for tool in TOOLS if self._offers(tool)}
         self._calls = 0
         self._unfinished: set[asyncio.Event] = set()
@@ -66,54 +66,54 @@ class Bench:
         self.reason = ""
         """Why the stage ended before its last submission; "" if it did not."""
 
-    def _offers(self, tool: Tool) -> bool:
-        budget = self._desk.budget
+    def _offers(self, tool: BenchTool) -> bool:
+        budget = self._workspace.budget
         charged = {"simulations": budget.rollouts, "pictures": budget.looks}
         return not tool.needs or charged[tool.needs] is not None
 
     @property
     def tools(self) -> tuple[ToolSpec, ...]:
         """The tools on offer in this stage."""
-        return tuple(self._told(tool) for tool in self._tools.values())
+        return tuple(self._spec_of(tool) for tool in self._tools.values())
 
-    def _told(self, tool: Tool) -> ToolSpec:
+    def _spec_of(self, tool: BenchTool) -> ToolSpec:
         """A tool as clients are told about it: where machines bring controls, how to write them."""
-        spec, controlled = tool.spec, self._desk.world.brief.limits.controls is not None
+        spec, controlled = tool.spec, self._workspace.host.brief.limits.controls is not None
         return replace(spec, description=spec.description + tool.with_controls * controlled)
 
     @property
     def machines(self) -> KnownMachines:
         """The machines of the run so far, by name."""
-        return self._desk.machines
+        return self._workspace.machines
 
     @property
     def submitted(self) -> Sequence[Machine]:
         """The submitted machines, in order."""
-        return tuple(self._desk.submitted)
+        return tuple(self._workspace.submitted)
 
     @property
     def brief_text(self) -> str:
         """What the tool `brief` tells; reading it is no call."""
-        return self._desk.brief_text
+        return self._workspace.brief_text
 
     @property
     def budget_text(self) -> str:
         """What is left of the budget, in one sentence."""
-        return self._desk.budget_text
+        return self._workspace.budget_text
 
     @property
     def ended(self) -> bool:
         """Whether the stage has ended, by its last submission or by `end`."""
-        return self._desk.ended.is_set()
+        return self._workspace.ended.is_set()
 
     async def wait_ended(self) -> None:
         """Wait until the stage has ended."""
-        await self._desk.ended.wait()
+        await self._workspace.ended.wait()
 
     def end(self, reason: str = "") -> None:
         """End the stage with what has been submitted; the reason is told where machines lack."""
         self.reason = self.reason or reason
-        self._desk.ended.set()
+        self._workspace.ended.set()
 
     async def close(self) -> None:
         """End the stage, and wait until the calls in progress have been refused."""
@@ -135,12 +135,14 @@ class Bench:
         finished = asyncio.Event()
         self._unfinished.add(finished)
         try:
-            return await self._answer(name, arguments, Place(self._desk.stage, call=self._calls))
+            return await self._answer(
+                name, arguments, Location(self._workspace.stage, call=self._calls)
+            )
         finally:
             self._unfinished.remove(finished)
             finished.set()
 
-    async def _answer(self, name: str, arguments: object, place: Place) -> ToolResult:
+    async def _answer(self, name: str, arguments: object, location: Location) -> ToolResult:
         """Carry out a call or refuse it, and record it."""
         given: Mapping[str, Any] = {}
         code = ""
@@ -148,11 +150,13 @@ class Bench:
             if self.ended:
                 raise StageEnded
             given = _read_arguments(arguments)
-            result = await self._before_end(self._find(name)(Call(self._desk, place), given))
-        except Refused as refused:
+            result = await self._before_end(
+                self._find(name)(Call(self._workspace, location), given)
+            )
+        except RefusedCall as refused:
             code = refused.code
             result = ToolResult(str(refused), {"refused": str(refused), **refused.data}, None, True)
-        self._note(place, name, given, result, code)
+        self._note(location, name, given, result, code)
         return result
 
     async def _before_end(self, work: Awaitable[ToolResult]) -> ToolResult:
@@ -177,47 +181,49 @@ class Bench:
             event: An event of the call; others are ignored.
             load: Content hash -> machine.
         """
-        self._calls = max(self._calls, event.place.call)
-        desk, place = self._desk, event.place
-        if isinstance(event, EvaluationEvent) and place.call:
-            await desk.simulate(load(event.machine), place)
+        self._calls = max(self._calls, event.location.call)
+        workspace, location = self._workspace, event.location
+        if isinstance(event, EvaluationEvent) and location.call:
+            await workspace.simulate(load(event.machine), location)
         elif isinstance(event, QueryEvent):
-            await desk.world.query(load(event.machine), event.queries, place)
+            await workspace.host.query(load(event.machine), event.queries, location)
         elif isinstance(event, ToolEvent):
             if event.machine:
                 self._take_over(event, load(event.machine))
-            desk.world.note(event)
+            workspace.host.note(event)
 
     def _take_over(self, event: ToolEvent, machine: Machine) -> None:
-        """What a successful call has left on the desk."""
-        desk, given = self._desk, self._tools[event.tool].read(event.arguments)
+        """What a successful call has left in the workspace."""
+        workspace, given = self._workspace, self._tools[event.tool].read(event.arguments)
         edited = event.tool == designing.edit.__name__
-        origin = (desk.machines.find(given["machine"]).name, given["script"]) if edited else ()
-        known = desk.name(machine, *origin)
+        origin = (workspace.machines.find(given["machine"]).name, given["script"]) if edited else ()
+        known = workspace.name(machine, *origin)
         if event.tool == measuring.submit.__name__:
-            desk.submit(known, given["last"])
-        elif event.tool == measuring.look.__name__ and desk.budget.looks:
-            desk.budget.looks.take()
+            workspace.submit(known, given["last"])
+        elif event.tool == measuring.look.__name__ and workspace.budget.looks:
+            workspace.budget.looks.take()
 
-    def _find(self, name: str) -> Tool:
+    def _find(self, name: str) -> BenchTool:
         if name in self._tools:
             return self._tools[name]
         why = "is not on offer in this stage" if name in TOOL_NAMES else "does not exist"
-        raise Refused(f"the tool {ascii(name)[:40]} {why}; the tools are {', '.join(self._tools)}")
+        raise RefusedCall(
+            f"the tool {ascii(name)[:40]} {why}; the tools are {', '.join(self._tools)}"
+        )
 
     def _note(
         self,
-        place: Place,
+        location: Location,
         name: str,
         arguments: Mapping[str, Any],
         result: ToolResult,
         code: str,
     ) -> None:
         machine = None if result.refused else result.data.get("machine")
-        known = self._desk.machines.find(machine) if isinstance(machine, str) else None
-        self._desk.world.note(
+        known = self._workspace.machines.find(machine) if isinstance(machine, str) else None
+        self._workspace.host.note(
             ToolEvent(
-                place,
+                location,
                 tool=name if name in TOOL_NAMES else UNKNOWN,
                 arguments=_shorten(arguments),
                 refused=result.refused,
@@ -236,11 +242,11 @@ def _read_arguments(arguments: object) -> Mapping[str, Any]:
             arguments = json.loads(text) if text.strip() else None
         except (ValueError, RecursionError) as error:
             problem = f"the arguments are not JSON ({str(error)[:100]})"
-            raise Refused(f"{problem}; send a JSON object") from None
+            raise RefusedCall(f"{problem}; send a JSON object") from None
     if arguments is None:
         return {}
     if not isinstance(arguments, Mapping):
-        raise Refused(f"the arguments are a {type(arguments).__name__}; send a JSON object")
+        raise RefusedCall(f"the arguments are a {type(arguments).__name__}; send a JSON object")
     clean: Mapping[str, Any] = _clean(arguments)
     return clean
 
@@ -248,11 +254,11 @@ def _read_arguments(arguments: object) -> Mapping[str, Any]:
 def _clean(value: Any, depth: int = 0) -> Any:
     """Data from an agent as plain JSON data that can be encoded as UTF-8."""
     if depth > DEEPEST:
-        raise Refused(f"the arguments are nested more than {DEEPEST} deep; send flatter ones")
+        raise RefusedCall(f"the arguments are nested more than {DEEPEST} deep; send flatter ones")
     if isinstance(value, str):
         if len(value) > MOST_CHARACTERS:
             size = f"an argument has {len(value)} characters"
-            raise Refused(f"{size}; send at most {MOST_CHARACTERS}")
+            raise RefusedCall(f"{size}; send at most {MOST_CHARACTERS}")
         return value.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
     if isinstance(value, Mapping):
         return {_clean(str(key)): _clean(item, depth + 1) for key, item in value.items()}

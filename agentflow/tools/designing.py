@@ -18,8 +18,8 @@ from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import Report
 from agentflow.machine.validity import check as check_machine
-from agentflow.tools.desk import Call, Desk, KnownMachine
-from agentflow.tools.results import Refused, ToolResult
+from agentflow.tools.results import RefusedCall, ToolResult
+from agentflow.tools.workspace import Call, KnownMachine, Workspace
 
 MAX_PROBLEMS = 12
 """Most problems and verdicts in a text; the data has all."""
@@ -34,8 +34,10 @@ JsonText = Annotated[
 
 async def brief(call: Call) -> ToolResult:
     """Read the task (scene, schedule, score, blocks, rules) and what is left of your budget."""
-    world = call.desk.world
-    return ToolResult(call.desk.brief_text, {"text": world.brief_text, **call.desk.budget_data})
+    host = call.workspace.host
+    return ToolResult(
+        call.workspace.brief_text, {"text": host.brief_text, **call.workspace.budget_data}
+    )
 
 
 async def check(call: Call, machine: JsonText) -> ToolResult:
@@ -45,10 +47,10 @@ async def check(call: Call, machine: JsonText) -> ToolResult:
         machine: JSON text of a construction tree, such as [{"type": 0, "id": 0, "parent": -1,
             "face_id": -1}, {"type": 1, "id": 1, "parent": 0, "face_id": 4}], or of coordinates.
     """
-    report = check_machine(read_for(call.desk.world.brief, machine), call.desk.world.brief)
+    report = check_machine(read_for(call.workspace.host.brief, machine), call.workspace.host.brief)
     if report.machine is None or report.lasting_problems:
         raise _invalid("The machine is not valid", report)
-    return _named(call.desk, report.machine, report)
+    return _named(call.workspace, report.machine, report)
 
 
 async def describe(call: Call, machine: str, short: bool = False) -> ToolResult:
@@ -58,8 +60,8 @@ async def describe(call: Call, machine: str, short: bool = False) -> ToolResult:
         machine: Name of the machine.
         short: Leave out building points, positions of free faces, and what joints carry and hit.
     """
-    known = call.desk.machines.find(machine)
-    text = describe_text(known.machine, call.desk.world.brief, short=short)
+    known = call.workspace.machines.find(machine)
+    text = describe_text(known.machine, call.workspace.host.brief, short=short)
     statics = "" if short else statics_text(known.machine)
     data = {
         "machine": known.name,
@@ -79,20 +81,20 @@ async def edit(call: Call, machine: str, script: str) -> ToolResult:
         script: One command per line: `Add TYPE to ID in FACE`, `Remove ID`, `Move ID to ID in
             FACE`; for two-ended blocks `Add TYPE to ID in FACE to ID in FACE`.
     """
-    desk = call.desk
-    known = desk.machines.find(machine)
-    outcome = apply_script(known.machine, script, desk.world.brief)
+    workspace = call.workspace
+    known = workspace.machines.find(machine)
+    outcome = apply_script(known.machine, script, workspace.host.brief)
     if not outcome.success:
         verdicts = _shorten(_verdict(step) for step in outcome.steps)
         text = f"The script failed, and machine {known.name} is unchanged:\n{verdicts}"
         code = next(step.code for step in outcome.steps if step.verdict == "Error")
-        raise Refused(text, code, verdicts=[step.to_json() for step in outcome.steps])
+        raise RefusedCall(text, code, verdicts=[step.to_json() for step in outcome.steps])
     if outcome.machine == known.machine:
-        raise Refused(f"the script changes nothing about machine {known.name}; send commands")
-    report = check_machine(outcome.machine, desk.world.brief)
+        raise RefusedCall(f"the script changes nothing about machine {known.name}; send commands")
+    report = check_machine(outcome.machine, workspace.host.brief)
     if report.lasting_problems:
         raise _invalid("The edited machine is not valid, so it was not made", report)
-    made = _named(desk, report.machine or outcome.machine, report, known.name, script)
+    made = _named(workspace, report.machine or outcome.machine, report, known.name, script)
     data = {
         **made.data,
         "parent": known.name,
@@ -104,7 +106,7 @@ async def edit(call: Call, machine: str, script: str) -> ToolResult:
 
 async def history(call: Call) -> ToolResult:
     """List all machines so far: parent, edit, score, and the stage in which each was submitted."""
-    rows = [_history_row(call.desk, known) for known in call.desk.machines]
+    rows = [_history_row(call.workspace, known) for known in call.workspace.machines]
     if not rows:
         return ToolResult("No machines so far; `check` makes the first.", {"machines": []})
     lines = ["machine | blocks | parent | edit | score | submitted in"]
@@ -116,10 +118,10 @@ async def history(call: Call) -> ToolResult:
 
 
 def _named(
-    desk: Desk, machine: Machine, report: Report, parent: str = "", script: str = ""
+    workspace: Workspace, machine: Machine, report: Report, parent: str = "", script: str = ""
 ) -> ToolResult:
     """Name a machine whose only problems are missing blocks."""
-    known = desk.name(machine, parent, script)
+    known = workspace.name(machine, parent, script)
     blocks = len(machine)
     state = "valid" if report.task_valid else "valid so far, but not complete"
     lines = [f"Machine {known.name}: {state}, {blocks} block{'' if blocks == 1 else 's'}."]
@@ -128,7 +130,7 @@ def _named(
     data = {
         "machine": known.name,
         "complete": report.task_valid,
-        **desk.world.brief.budget_json(machine),
+        **workspace.host.brief.budget_json(machine),
         "size": report.size,
         "problems": _problem_data(report.problems),
         "warnings": _problem_data(report.warnings),
@@ -137,10 +139,10 @@ def _named(
     return ToolResult("\n".join(lines), data)
 
 
-def _invalid(text: str, report: Report) -> Refused:
+def _invalid(text: str, report: Report) -> RefusedCall:
     problems = _shorten(problem.message for problem in report.problems)
     code = report.problems[0].code
-    return Refused(f"{text}:\n{problems}", code, problems=_problem_data(report.problems))
+    return RefusedCall(f"{text}:\n{problems}", code, problems=_problem_data(report.problems))
 
 
 def _problem_data(problems: Sequence[Problem]) -> list[dict[str, object]]:
@@ -175,8 +177,8 @@ def _difference(outcome: EditOutcome) -> str:
     return "; ".join(parts) + "."
 
 
-def _history_row(desk: Desk, known: KnownMachine) -> dict[str, object]:
-    result = desk.result_of(known.machine)
+def _history_row(workspace: Workspace, known: KnownMachine) -> dict[str, object]:
+    result = workspace.result_of(known.machine)
     score = result.score if result else None
     unscored = result.status if result else "not simulated"
     return {

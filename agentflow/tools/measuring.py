@@ -9,9 +9,9 @@ from pydantic import BaseModel, Field
 
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
-from agentflow.tools.desk import Call, Desk, KnownMachine, require_complete
-from agentflow.tools.results import Refused, ToolResult
-from agentflow.tools.world import Simulation, View
+from agentflow.tools.host import Simulation, ViewDirection
+from agentflow.tools.results import RefusedCall, ToolResult
+from agentflow.tools.workspace import Call, KnownMachine, Workspace, require_complete
 
 
 class Query(BaseModel):
@@ -31,17 +31,17 @@ async def simulate(call: Call, machine: str) -> ToolResult:
     Args:
         machine: Name of the machine.
     """
-    desk = call.desk
-    known = desk.machines.find(machine)
-    before = desk.result_of(known.machine)
+    workspace = call.workspace
+    known = workspace.machines.find(machine)
+    before = workspace.result_of(known.machine)
     result = await _simulate(call, known.machine)
     told = "It had been simulated before, so this cost nothing." if before else ""
-    greatest = desk.world.brief.greatest
+    greatest = workspace.host.brief.greatest
     if greatest is not None and result.score is not None and result.score >= greatest:
         told = f"No machine can score higher; `submit` it. {told}"
-    text = f"Machine {known.name}: {_told(result)}\n{told}"
+    text = f"Machine {known.name}: {_result_text(result)}\n{told}"
     data = {"score": result.score, "status": result.status, "feedback": result.feedback}
-    return _counted(desk, text, {"machine": known.name, **data, "known": before is not None})
+    return _counted(workspace, text, {"machine": known.name, **data, "known": before is not None})
 
 
 async def query(
@@ -54,14 +54,14 @@ async def query(
         queries: Each names a block id or a moving thing of the scene, an interval [from, to] in
             seconds since t = 0, and properties.
     """
-    known = _simulated(call.desk, machine)
+    known = _simulated(call.workspace, machine)
     asked = [item.model_dump() for item in queries]
-    text = await call.desk.world.query(known.machine, asked, call.place)
+    text = await call.workspace.host.query(known.machine, asked, call.location)
     return ToolResult(text, {"machine": known.name, "answers": text})
 
 
 async def look(
-    call: Call, machine: str, view: View = "iso", time: float | None = None
+    call: Call, machine: str, view: ViewDirection = "iso", time: float | None = None
 ) -> ToolResult:
     """Look at a machine: a picture with axes, scale and block ids.
 
@@ -71,19 +71,19 @@ async def look(
         time: A time of its simulation, in seconds since t = 0, in stages with simulations; leave
             it out to see the machine at rest, as built.
     """
-    desk = call.desk
-    looks = desk.budget.looks
+    workspace = call.workspace
+    looks = workspace.budget.looks
     if looks is None:
-        raise Refused("there are no pictures in this run; `describe` tells positions")
-    known = desk.machines.find(machine) if time is None else _simulated(desk, machine)
+        raise RefusedCall("there are no pictures in this run; `describe` tells positions")
+    known = workspace.machines.find(machine) if time is None else _simulated(workspace, machine)
     with looks.using():
         try:
-            image = await desk.world.look(known.machine, view, time)
+            image = await workspace.host.look(known.machine, view, time)
         except UsageError as error:
-            raise Refused(str(error)) from None
+            raise RefusedCall(str(error)) from None
     when = "at rest, as built" if time is None else f"the recorded state nearest to {time:g} s"
     data = {"machine": known.name, "view": view, "time": time}
-    told = _counted(desk, f"Machine {known.name}, {view} view, {when}.", data)
+    told = _counted(workspace, f"Machine {known.name}, {view} view, {when}.", data)
     return ToolResult(told.text, told.data, image)
 
 
@@ -94,40 +94,42 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
         machine: Name of the machine.
         last: End the stage with this submission, even if more are left.
     """
-    desk = call.desk
-    known = desk.machines.find(machine)
-    desk.require_submittable(known)
-    require_complete(known.machine, desk.world.brief)
+    workspace = call.workspace
+    known = workspace.machines.find(machine)
+    workspace.require_submittable(known)
+    require_complete(known.machine, workspace.host.brief)
     told = "."
-    if desk.budget.rollouts is not None:
-        told = f": {_told(await _simulate(call, known.machine), short=True)}"
-    desk.submit(known, last)
-    number = f"submission {len(desk.submitted)} of {desk.budget.submissions}"
+    if workspace.budget.rollouts is not None:
+        told = f": {_result_text(await _simulate(call, known.machine), short=True)}"
+    workspace.submit(known, last)
+    number = f"submission {len(workspace.submitted)} of {workspace.budget.submissions}"
     text = f"Machine {known.name} is {number}{told}"
-    text += "\nThis stage has ended." if desk.ended.is_set() else ""
-    return _counted(desk, text, {"machine": known.name, "ended": desk.ended.is_set()})
+    text += "\nThis stage has ended." if workspace.ended.is_set() else ""
+    return _counted(workspace, text, {"machine": known.name, "ended": workspace.ended.is_set()})
 
 
 async def _simulate(call: Call, machine: Machine) -> Simulation:
-    require_complete(machine, call.desk.world.brief)
-    return await call.desk.simulate(machine, call.place)
+    require_complete(machine, call.workspace.host.brief)
+    return await call.workspace.simulate(machine, call.location)
 
 
-def _simulated(desk: Desk, name: str) -> KnownMachine:
+def _simulated(workspace: Workspace, name: str) -> KnownMachine:
     """A machine whose simulation this stage may know."""
-    known = desk.machines.find(name)
-    if desk.budget.rollouts is None:
-        raise Refused("this stage has no simulation, so there are no recorded states")
-    if desk.result_of(known.machine) is None:
-        raise Refused(f"machine {known.name} has not been simulated; `simulate` it first")
+    known = workspace.machines.find(name)
+    if workspace.budget.rollouts is None:
+        raise RefusedCall("this stage has no simulation, so there are no recorded states")
+    if workspace.result_of(known.machine) is None:
+        raise RefusedCall(f"machine {known.name} has not been simulated; `simulate` it first")
     return known
 
 
-def _told(result: Simulation, *, short: bool = False) -> str:
+def _result_text(result: Simulation, *, short: bool = False) -> str:
     score = "no score" if result.score is None else f"score {result.score:.2f}"
     return f"{score} ({result.status})." + ("" if short else f"\n{result.feedback}")
 
 
-def _counted(desk: Desk, text: str, data: Mapping[str, object]) -> ToolResult:
+def _counted(workspace: Workspace, text: str, data: Mapping[str, object]) -> ToolResult:
     """A result with what is left of the budget."""
-    return ToolResult(f"{text.rstrip()}\n{desk.budget_text}", {**data, **desk.budget_data})
+    return ToolResult(
+        f"{text.rstrip()}\n{workspace.budget_text}", {**data, **workspace.budget_data}
+    )

@@ -31,7 +31,7 @@ class ToolResult:
     """Whether the call was refused; the text says what to change."""
 
 
-class Refused(Exception):
+class RefusedCall(Exception):
     """A call that cannot be carried out: words that say what to change, and data."""
 
     def __init__(self, text: str, code: str = "", **data: Any) -> None:
@@ -40,7 +40,7 @@ class Refused(Exception):
         self.code, self.data = code, data
 
 
-class StageEnded(Refused):
+class StageEnded(RefusedCall):
     """A call that came, or was still in progress, when its stage had ended."""
 
     def __init__(self) -> None:

@@ -11,8 +11,8 @@ from typing import Any, Literal, get_type_hints
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic.fields import FieldInfo
 
-from agentflow.tools.desk import Call
-from agentflow.tools.results import Refused, ToolResult, ToolSpec
+from agentflow.tools.results import RefusedCall, ToolResult, ToolSpec
+from agentflow.tools.workspace import Call
 
 ToolFunction = Callable[..., Awaitable[ToolResult]]
 """Takes a `Call` and typed arguments."""
@@ -25,7 +25,7 @@ class _Arguments(BaseModel):
 
 
 @dataclass(frozen=True)
-class Tool:
+class BenchTool:
     """A tool, and how to call it."""
 
     spec: ToolSpec
@@ -43,7 +43,7 @@ class Tool:
         needs: Need = "",
         with_controls: str = "",
         label: str = "",
-    ) -> Tool:
+    ) -> BenchTool:
         """The tool of a function whose first parameter is the `Call`.
 
         The docstring has a description in one paragraph and, under `Args:`, one for each argument.
@@ -83,7 +83,7 @@ class Tool:
         try:
             given = self._arguments.model_validate(arguments)
         except ValidationError as error:
-            raise Refused(self._misfit(error)) from None
+            raise RefusedCall(self._misfit(error)) from None
         return {name: getattr(given, name) for name in type(given).model_fields}
 
     def _misfit(self, error: ValidationError) -> str:

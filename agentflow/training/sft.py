@@ -21,7 +21,13 @@ from agentflow.training.data.pairs import DEV, TRAIN, Pair, read_pairs
 from agentflow.training.digests import digest_base, digest_set
 from agentflow.training.model import adapter_config, base_folder, load_base
 from agentflow.training.record import About, TrainingRun
-from agentflow.training.trainer import Notes, library_options, require_one_device, seed_torch, train
+from agentflow.training.trainer import (
+    TrainingNotes,
+    library_options,
+    require_one_device,
+    seed_torch,
+    train,
+)
 
 CURVES = {
     "loss": "loss",
@@ -107,7 +113,7 @@ def make_trainer(
         eval_dataset=Dataset.from_list(_rows(folder, dev)) if dev else None,
         processing_class=tokenizer,
         peft_config=adapter_config(config.peft),
-        callbacks=[Notes(run, CURVES, notify)],
+        callbacks=[TrainingNotes(run, CURVES, notify)],
     )
 
 

@@ -88,7 +88,7 @@ def train(trainer: Any, folder: ModelFolder, run: TrainingRun) -> dict[str, Any]
     return {"model": str(run.model), "label": folder.label, "steps": trainer.args.max_steps}
 
 
-class Notes(TrainerCallback):
+class TrainingNotes(TrainerCallback):
     """Writes what the trainer logs into the curves of a run, and tells the user."""
 
     def __init__(self, run: TrainingRun, names: Mapping[str, str], notify: Notify) -> None:

@@ -1,4 +1,4 @@
-"""The types that workflows use and return: laboratory, record, candidates, stages, results."""
+"""The types that workflows use and return: evaluator, record, candidates, stages, results."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from agentflow.agents.base import AskContext
 from agentflow.agents.history import EditRecord, History
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt, RunEvent
-from agentflow.runs.places import StageName
+from agentflow.runs.locations import StageName
 from agentflow.search.node import Evaluation, SearchCost
-from agentflow.tools.world import View
+from agentflow.tools.host import ViewDirection
 
 GREATEST: Final = "greatest score"
 """Why a search or a run ended: a machine has the greatest possible score of the task."""
@@ -22,7 +22,7 @@ AskContexts = Callable[[str], AskContext]
 
 @dataclass(frozen=True)
 class SimulationSummary:
-    """A simulation as workflows see it: the `details` of a laboratory's evaluation."""
+    """A simulation as workflows see it: the `details` of an evaluator's evaluation."""
 
     score: float | None
     status: str
@@ -43,7 +43,7 @@ class SimulationSummary:
     """What edit histories tell besides the score: name -> value."""
 
 
-class Laboratory(Protocol):
+class Evaluator(Protocol):
     """Simulates machines for the task of a run."""
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:
@@ -55,7 +55,7 @@ class Laboratory(Protocol):
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Pictures of a machine as built, as PNG data URLs; always the same bytes."""
 
-    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
         """A PNG picture with axes, scale and block ids, as built or at a time in s.
 
         Raises:

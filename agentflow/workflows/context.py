@@ -27,15 +27,15 @@ from agentflow.runs.events import (
     StageEvent,
     ToolEvent,
 )
-from agentflow.runs.places import Place, StageName
+from agentflow.runs.locations import Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
-from agentflow.tools.world import View
+from agentflow.tools.host import ViewDirection
 from agentflow.workflows.base import (
     GREATEST,
     AskContexts,
     Candidate,
-    Laboratory,
+    Evaluator,
     Record,
     SimulationSummary,
     Stage,
@@ -72,7 +72,7 @@ class WorkflowContext:
         workflow: str,
         brief: Brief,
         contexts: AskContexts,
-        laboratory: Laboratory,
+        evaluator: Evaluator,
         settings: WorkflowSettings,
         record: Record,
         seed: int,
@@ -84,7 +84,7 @@ class WorkflowContext:
         self.reached_greatest = False
         """Set once a search has ended because no machine can score higher than its best."""
         self._workflow, self._contexts, self._seed = workflow, contexts, seed
-        self._laboratory, self._record = laboratory, record
+        self._evaluator, self._record = evaluator, record
         self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
         self._stages: list[Stage] = []
         self._counts: dict[str, _Count] = {}
@@ -113,7 +113,7 @@ class WorkflowContext:
         self,
         role: Role[In, Out],
         given: In,
-        place: Place,
+        location: Location,
         *,
         stage: StageName,
         model_role: str = "",
@@ -124,14 +124,16 @@ class WorkflowContext:
         Args:
             role: Role to ask.
             given: Its input.
-            place: Place of the question; unique in the run.
+            location: Location of the question; unique in the run.
             stage: Stage that the calls count for.
             model_role: Role whose model and sampling to use, if not its own.
             once: Make only one attempt, as searches do.
         """
         used = self._context(model_role or role.model_role or role.name, stage)
         try:
-            return await ask(role, given, replace(used, max_retry=1) if once else used, str(place))
+            return await ask(
+                role, given, replace(used, max_retry=1) if once else used, str(location)
+            )
         except BudgetSpentError as spent:
             self.spent = spent
             return None
@@ -140,14 +142,14 @@ class WorkflowContext:
         self,
         conversation: Sequence[Message],
         tools: Sequence[Tool],
-        place: Place,
+        location: Location,
         *,
         stage: StageName,
     ) -> RoleAttempt[str] | None:
         """Ask the agent for its next reply; None if the budget runs out before it."""
         used = self._context(Agent.name, stage)
         try:
-            return await take_turn(conversation, tools, used, str(place))
+            return await take_turn(conversation, tools, used, str(location))
         except BudgetSpentError as spent:
             self.spent = spent
             return None
@@ -160,17 +162,17 @@ class WorkflowContext:
     def note(self, event: RunEvent) -> None:
         """Record an event, and count calls of tools."""
         if isinstance(event, ToolEvent):
-            self._counts[event.place.name].add_tool(event)
+            self._counts[event.location.name].add_tool(event)
         self._record.event(event)
 
-    async def evaluate(self, machine: Machine, place: Place) -> Evaluation:
-        """Simulate a machine or reuse its result, and record that at a place of a stage."""
+    async def evaluate(self, machine: Machine, location: Location) -> Evaluation:
+        """Simulate a machine or reuse its result, and record that at a location in a stage."""
         evaluation = await self._simulate(machine, f"machine-{machine.digest}")
-        self._counts[place.name].machines.add(machine)
+        self._counts[location.name].machines.add(machine)
         summary: SimulationSummary = evaluation.details
         self.note(
             EvaluationEvent(
-                place,
+                location,
                 machine.digest,
                 evaluation.valid,
                 evaluation.score,
@@ -208,10 +210,10 @@ class WorkflowContext:
             raise RunError(f"machines/{digest}.json of the run is damaged: restore it")
         return machine
 
-    async def query(self, machine: Machine, queries: Sequence[object], place: Place) -> str:
-        """Answer queries on an evaluated machine, and record them at the querier's place."""
-        answer = await self._laboratory.query(machine, queries)
-        self.note(QueryEvent(place, machine.digest, list(queries), answer))
+    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> str:
+        """Answer queries on an evaluated machine, recorded at the location of the querier."""
+        answer = await self._evaluator.query(machine, queries)
+        self.note(QueryEvent(location, machine.digest, list(queries), answer))
         return answer
 
     @property
@@ -221,11 +223,11 @@ class WorkflowContext:
 
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Pictures of a machine for a refiner; none if vision is switched off."""
-        return await self._laboratory.views(machine) if self.settings.vision else ()
+        return await self._evaluator.views(machine) if self.settings.vision else ()
 
-    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
         """A picture of a machine as built, or at a time of its simulation, as PNG."""
-        return await self._laboratory.look(machine, view, time)
+        return await self._evaluator.look(machine, view, time)
 
     def prompts_of(self, role: Role[In, Out], given: In) -> tuple[str, str]:
         """The system and the user prompt of a role."""
@@ -236,7 +238,7 @@ class WorkflowContext:
         """Open a stage; a second call, for another trajectory, does nothing."""
         if name not in self._counts:
             self._counts[name] = _Count()
-            self.note(StageBeginEvent(Place(name), self.settings.trajectories))
+            self.note(StageBeginEvent(Location(name), self.settings.trajectories))
 
     def end_stage(self, name: StageName, candidates: Sequence[Candidate]) -> Stage:
         """Close a stage, after all earlier ones; trajectories without a candidate are invalid."""
@@ -250,9 +252,9 @@ class WorkflowContext:
         rollouts = len(count.machines.difference(*earlier))
         stage = Stage(name, every, count.calls, count.tokens, rollouts, count.tools)
         for candidate in stage.candidates:
-            place = Place(name, trajectory=candidate.trajectory)
-            self.note(CandidateEvent(place, **_fields(candidate)))
-        self.note(StageEvent(Place(name), **stage_row(stage)))
+            location = Location(name, trajectory=candidate.trajectory)
+            self.note(CandidateEvent(location, **_fields(candidate)))
+        self.note(StageEvent(Location(name), **stage_row(stage)))
         self._stages.append(stage)
         return stage
 
@@ -279,13 +281,13 @@ class WorkflowContext:
             front=pareto_front(self._simulate.finished),
         )
         found = _fields(best) if best else {"reason": reason}
-        place, stopped = Place(self._workflow), result.stopped
-        self.note(ResultEvent(place, **found, stage=result.best_stage, stopped=stopped))
+        location, stopped = Location(self._workflow), result.stopped
+        self.note(ResultEvent(location, **found, stage=result.best_stage, stopped=stopped))
         return result
 
     async def _evaluate(self, machine: Machine, label: str) -> Evaluation:
         self.save(machine)
-        evaluation = await self._laboratory.evaluate(machine, label)
+        evaluation = await self._evaluator.evaluate(machine, label)
         greatest, reward = self.brief.greatest, evaluation.reward
         reached = greatest is not None and reward is not None and reward >= greatest
         alone = evaluation.objectives is None  # else smaller machines are better still
@@ -302,7 +304,7 @@ class WorkflowContext:
             self.save(machine)
         self.note(
             AttemptEvent(
-                Place.parse(attempt.label),
+                Location.parse(attempt.label),
                 role=attempt.role,
                 valid=parsed.output is not None,
                 parsed=parsed.parsed,

@@ -15,7 +15,7 @@ from agentflow.machine.edits.crossover import cross
 from agentflow.machine.edits.random import random_edit
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS
-from agentflow.runs.places import FEEDBACK, INITIAL, Place
+from agentflow.runs.locations import FEEDBACK, INITIAL, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.elites.archive import Archive, Cell
 from agentflow.search.elites.map_elites import map_elites
@@ -24,9 +24,9 @@ from agentflow.search.settings import MAP_ELITES
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import Emitter, WorkflowSettings
-from agentflow.workflows.stages.feedback import Trajectory, Version
+from agentflow.workflows.stages.designs import design_machines, draw_machine, simulate
+from agentflow.workflows.stages.feedback import Revision, Trajectory
 from agentflow.workflows.stages.search_record import SearchRecorder
-from agentflow.workflows.stages.shared import design_machines, draw_machine, simulate
 from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
 
 MAX_REPEATS = 20
@@ -41,7 +41,7 @@ class Emitters:
     """
 
     def __init__(
-        self, run: WorkflowContext, number: int, archive: Archive[Version], rollouts: int
+        self, run: WorkflowContext, number: int, archive: Archive[Revision], rollouts: int
     ) -> None:
         """Work for the trajectory `number`; make at most `rollouts` new machines."""
         self.refiners = Trajectory(run, number)
@@ -51,8 +51,8 @@ class Emitters:
         """Machines of this search."""
 
     async def expand(
-        self, node: Node[Version], labels: Sequence[str], earlier: Sequence[Attempt[Version]]
-    ) -> list[Attempt[Version]]:
+        self, node: Node[Revision], labels: Sequence[str], earlier: Sequence[Attempt[Revision]]
+    ) -> list[Attempt[Revision]]:
         """Make a machine per label, as long as rollouts are left."""
         self._seen.add(node.candidate.machine)
         labels = labels[: self._left]
@@ -73,16 +73,16 @@ class Emitters:
         """What makes the machine of an attempt."""
         return self._stream(label).choice(self._run.settings.emitters)
 
-    async def evaluate(self, version: Version, label: str) -> Evaluation:
-        """Simulate a version; the greatest score does not end a search for other kinds."""
-        return replace(await self.refiners.evaluate(version, label), perfect=False)
+    async def evaluate(self, revision: Revision, label: str) -> Evaluation:
+        """Simulate a revision; the greatest score does not end a search for other kinds."""
+        return replace(await self.refiners.evaluate(revision, label), perfect=False)
 
     def _count(self, machine: Machine) -> None:
         """Count a machine that will be simulated, once."""
         self._left -= machine not in self._seen
         self._seen.add(machine)
 
-    def _draw(self, node: Node[Version], label: str) -> Attempt[Version]:
+    def _draw(self, node: Node[Revision], label: str) -> Attempt[Revision]:
         """An edit or a crossover that leads to a new machine; without another elite, an edit."""
         emitter, machine = self.emitter_of(label), node.candidate.machine
         rng = self._stream(f"{label}/{emitter}")
@@ -100,13 +100,13 @@ class Emitters:
                 return Attempt(label, None, str(error))
             if made not in self._seen:
                 self._count(made)
-                return Attempt(label, Version(made, label=label), note)
+                return Attempt(label, Revision(made, label=label), note)
         return Attempt(label, None, f"no {note} leads to a new machine")
 
     def _stream(self, label: str) -> Random:
         return self._run.stream(f"explore/traj-{self._number}/{label}")
 
-    def _aimed_brief(self, node: Node[Version], rng: Random) -> Brief:
+    def _aimed_brief(self, node: Node[Revision], rng: Random) -> Brief:
         """The brief, with the kind of machine to aim at: an empty cell next to the node's."""
         brief, cell = self._run.brief, self._archive.cell_of(node)
         free = [] if cell is None else self._archive.empty_neighbours(cell)
@@ -155,11 +155,11 @@ async def _search(run: WorkflowContext, start: Candidate, rollouts: int) -> Cand
     """Search from one machine; the result is the best of all its kinds."""
     assert start.machine is not None
     assert start.evaluation is not None
-    archive = Archive[Version]([item.axis for item in start.evaluation.measurements])
+    archive = Archive[Revision]([item.axis for item in start.evaluation.measurements])
     emitters = Emitters(run, start.trajectory, archive, rollouts)
-    recorder = SearchRecorder(run, Place(FEEDBACK, trajectory=start.trajectory))
+    recorder = SearchRecorder(run, Location(FEEDBACK, trajectory=start.trajectory))
     found = await map_elites(
-        Version(start.machine),
+        Revision(start.machine),
         replace(start.evaluation, perfect=False),
         emitters.expand,
         emitters.evaluate,

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
 from agentflow.runs.events import BlueprintEvent
-from agentflow.runs.places import INITIAL, Place
+from agentflow.runs.locations import INITIAL, Location
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.iterative import ITERATIVE
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.construction import build
+from agentflow.workflows.stages.designs import design_machines, failure_reason
 from agentflow.workflows.stages.refinement import count_calls, refine
-from agentflow.workflows.stages.shared import design_machines, failure_reason
 
 STRUCTURES = 4
 """Structures of a typical blueprint, for cost estimates."""
@@ -41,11 +41,11 @@ async def hierarchical(run: WorkflowContext) -> WorkflowResult:
 async def _plan(run: WorkflowContext) -> tuple[Blueprint | None, str]:
     """The blueprint, or why there is none."""
     given = MetaDesignerInput(run.brief, detailed=run.settings.meta_designer == "detailed")
-    place = Place(MetaDesigner.name)
-    outcome = await run.ask(MetaDesigner(), given, place, stage=INITIAL)
+    location = Location(MetaDesigner.name)
+    outcome = await run.ask(MetaDesigner(), given, location, stage=INITIAL)
     if outcome is None or outcome.output is None:
         return None, f"no valid blueprint: {failure_reason(outcome)}"
-    run.note(BlueprintEvent(place, **outcome.output.to_json()))
+    run.note(BlueprintEvent(location, **outcome.output.to_json()))
     return outcome.output, ""
 
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from agentflow.runs.places import INITIAL
+from agentflow.runs.locations import INITIAL
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.random_dsl import RANDOM_DSL
+from agentflow.workflows.stages.designs import design_machines
 from agentflow.workflows.stages.refinement import (
     count_calls,
     count_rollouts,
     count_tried,
     refine,
 )
-from agentflow.workflows.stages.shared import design_machines
 from agentflow.workflows.workflow import Workflow
 
 

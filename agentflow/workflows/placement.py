@@ -9,12 +9,12 @@ from dataclasses import replace
 
 from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.machine.brief import Brief
-from agentflow.runs.places import INITIAL, Place
+from agentflow.runs.locations import INITIAL, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import candidate_of, draw_machine, simulate
+from agentflow.workflows.stages.designs import candidate_of, draw_machine, simulate
 from agentflow.workflows.workflow import RANDOM_EDITS, Workflow, completes_machines
 
 MOST_PLACED = 10
@@ -27,7 +27,7 @@ async def placement(run: WorkflowContext) -> WorkflowResult:
     brief = _brief(run)
 
     async def place(attempt: int) -> Candidate:
-        asked, given = Place(Placer.name, trajectory=attempt), PlacerInput(brief)
+        asked, given = Location(Placer.name, trajectory=attempt), PlacerInput(brief)
         outcome = await run.ask(Placer(), given, asked, stage=INITIAL, once=True)
         return candidate_of(attempt, outcome)
 

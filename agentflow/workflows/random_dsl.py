@@ -10,14 +10,14 @@ from agentflow.errors import UsageError
 from agentflow.machine.edits.random import random_edit
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, EditEvent, FirstAttempt
-from agentflow.runs.places import BLIND, FEEDBACK, INITIAL, Place
+from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import SearchCost
 from agentflow.search.tree import is_better
 from agentflow.workflows.base import Candidate, Stage, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import draw_machine, simulate
+from agentflow.workflows.stages.designs import draw_machine, simulate
 from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
 
 MAX_REPEATS = 20
@@ -142,12 +142,12 @@ async def _step(run: WorkflowContext, climber: _Climber, round_: int) -> bool:
     if machine is None:
         return False
     climber.search_cost.attempts += 1
-    place = Place(FEEDBACK, trajectory=old.trajectory, round=round_)
-    evaluation = await run.evaluate(machine, place)
+    location = Location(FEEDBACK, trajectory=old.trajectory, round=round_)
+    evaluation = await run.evaluate(machine, location)
     assert old.evaluation is not None
     kept = is_better(evaluation, old.evaluation)
     parent = old.machine.digest if old.machine else None
-    run.note(EditEvent(place, parent, machine.digest, kept))
+    run.note(EditEvent(location, parent, machine.digest, kept))
     climber.search_cost.expansions += 1
     climber.search_cost.valid += 1
     if kept:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from agentflow.agents.designer import Designer
 from agentflow.agents.refiner import Refiner
-from agentflow.runs.places import FEEDBACK, INITIAL
+from agentflow.runs.locations import FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.random_dsl import RANDOM_DSL
 from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.stages.designs import design_machines, try_machines
 from agentflow.workflows.stages.feedback import feedback_loop
-from agentflow.workflows.stages.shared import design_machines, try_machines
 from agentflow.workflows.workflow import Workflow
 
 

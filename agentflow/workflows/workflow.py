@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from agentflow.agents.refiner import Refiner
 from agentflow.errors import ConfigError
 from agentflow.machine.brief import LONE_ROOT, Brief
-from agentflow.workflows.base import AskContexts, Laboratory, Record, WorkflowResult
+from agentflow.workflows.base import AskContexts, Evaluator, Record, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 
@@ -86,7 +86,7 @@ class Workflow:
         self,
         brief: Brief,
         contexts: AskContexts,
-        laboratory: Laboratory,
+        evaluator: Evaluator,
         settings: WorkflowSettings,
         record: Record,
         seed: int = 0,
@@ -96,11 +96,11 @@ class Workflow:
         Args:
             brief: The task as designers see it.
             contexts: Client, prompts and sampling of each role.
-            laboratory: Simulates machines for the task.
+            evaluator: Simulates machines for the task.
             settings: As configured.
             record: Receives every event.
             seed: Random seed of the workflow's own choices.
         """
         used = self.adapt(settings)
-        run = WorkflowContext(self.name, brief, contexts, laboratory, used, record, seed)
+        run = WorkflowContext(self.name, brief, contexts, evaluator, used, record, seed)
         return await self.stages(run)

@@ -34,10 +34,10 @@ from agentflow.metrics.tables import Table
 from agentflow.report.sweep import sweep_data
 from agentflow.runs import read_calls, read_document
 from agentflow.runs.events import JudgementEvent, read_typed_events
-from agentflow.runs.places import INITIAL
+from agentflow.runs.locations import INITIAL
 from agentflow.runs.record import RunRecord
 from agentflow.tools.bench import Bench
-from agentflow.tools.desk import Budget, KnownMachines
+from agentflow.tools.workspace import KnownMachines, StageBudget
 from agentflow.training.grpo.config import AdvantageConfig
 from agentflow.training.objectives.functions import read_test
 from agentflow.training.objectives.motion import Motion
@@ -78,13 +78,13 @@ def told(*arguments: str) -> str:
 
 async def weigh(car: str) -> str:
     """What the new tool tells of a car."""
-    bench = Bench(OneTask(), INITIAL, Budget(1, None, None, 0), KnownMachines())
+    bench = Bench(OneTask(), INITIAL, StageBudget(1, None, None, 0), KnownMachines())
     name = (await bench.call("check", {"machine": car})).data["machine"]
     return (await bench.call("weigh", {"machine": name})).text
 
 
 def use(car: str) -> dict[str, Any]:
-    """What came of each new thing."""
+    """What came of each new part."""
     settings = [word for item in (*SET, *SEARCH) for word in ("--set", item)]
     result = json.loads(told(*DESIGN, *settings, "--quiet", "--json"))
     run = Path(result["run"])

@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.designer import Design, Designer, DesignerInput
+from agentflow.agents.designer import DesignedMachine, Designer, DesignerInput
 from agentflow.agents.inspector import Inspection, Inspector, InspectorInput
 from agentflow.agents.meta_designer import (
     Blueprint,
@@ -85,7 +85,7 @@ def _blueprint(row: Row, brief: Brief) -> Blueprint | None:
 def what_was_read(output: object) -> dict[str, Any]:
     """A role's output in the words of the recording."""
     match output:
-        case Design(machine):
+        case DesignedMachine(machine):
             return {"machine": machine.digest}
         case Refinement(machine, script=script):
             return {"machine": machine.digest, "script": script}

@@ -13,7 +13,7 @@ from agentflow.agents.base import Replies
 from agentflow.agents.registry import ROLES, model_roles, replies_of, scripts, stage_of
 from agentflow.errors import UnknownNameError
 from agentflow.prompts.render import PromptSet
-from agentflow.runs.places import Place, StageName
+from agentflow.runs.locations import Location, StageName
 from agentflow.study.episodes import MEANING
 from tests.agents.fakes import THROWER, THROWING
 
@@ -63,8 +63,8 @@ def test_by_name() -> None:
     ],
 )
 def test_stage_of_a_call(label: str, stage: str) -> None:
-    place = Place.parse(label)
-    assert stage_of(place.role, place.purpose) == stage
+    location = Location.parse(label)
+    assert stage_of(location.role, location.purpose) == stage
 
 
 def test_what_is_not_installed_answers() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from agentflow.cli.display.live import Progress, sparkline, watch
+from agentflow.cli.display.live import RunView, sparkline, watch
 from agentflow.runs.events import (
     AttemptEvent,
     BeamEvent,
@@ -20,13 +20,13 @@ from agentflow.runs.events import (
     StageEvent,
     ToolEvent,
 )
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from tests.metrics.events import attempt as answered
 from tests.metrics.events import candidate, evaluation
 from tests.metrics.test_niches import EVENTS as NICHES
 
 STAGE = StageEvent(
-    Place("initial"),
+    Location("initial"),
     name="initial",
     trajectories=8,
     parsed_first=8,
@@ -51,12 +51,12 @@ def attempt(valid: bool, tokens: int, problem: str = "") -> AttemptEvent:
 
 
 EVENTS = (
-    RunStartEvent(Place("start"), "throwing", "iterative", "a model"),
-    StageBeginEvent(Place("initial"), 8),
-    CallsEvent(Place.parse("designer/traj-1/attempt-1"), 3, 0.01234),
+    RunStartEvent(Location("start"), "throwing", "iterative", "a model"),
+    StageBeginEvent(Location("initial"), 8),
+    CallsEvent(Location.parse("designer/traj-1/attempt-1"), 3, 0.01234),
     attempt(False, 100, "The reply holds no [bold]machine[/bold]:\n- nothing [bold]at all[/bold]"),
     attempt(True, 250),
-    BeamEvent(Place(structure=1), ("00",)),
+    BeamEvent(Location(structure=1), ("00",)),
     evaluation("initial/traj-1", 12.5),
     evaluation("initial/traj-2", None, status="timeout"),
     candidate("initial", 1, 12.5),
@@ -65,41 +65,41 @@ EVENTS = (
 
 
 REFUSED = ToolEvent(
-    Place("initial", call=7), "check", {}, refused=True, answer="Not valid:\n- [bold]overlap"
+    Location("initial", call=7), "check", {}, refused=True, answer="Not valid:\n- [bold]overlap"
 )
 
 
-def seen(progress: Progress, width: int, **options: Any) -> list[str]:
+def seen(live_view: RunView, width: int, **options: Any) -> list[str]:
     """The lines of the view in a terminal of a width."""
     file = io.StringIO()
     console = Console(file=file, width=width, force_terminal=True, no_color=True, **options)
-    console.print(progress.draw())
+    console.print(live_view.draw())
     return [line.rstrip() for line in file.getvalue().splitlines()]
 
 
 @pytest.fixture
-def progress() -> Progress:
-    view = Progress()
+def live_view() -> RunView:
+    view = RunView()
     for event in EVENTS:
         view.note(event)
     view.started += 1e9  # so that the clock shows a number that does not change the width
     return view
 
 
-def test_the_archive_of_a_search_is_counted(progress: Progress) -> None:
-    assert not any(line.startswith("archive") for line in seen(progress, 100))
+def test_the_archive_of_a_search_is_counted(live_view: RunView) -> None:
+    assert not any(line.startswith("archive") for line in seen(live_view, 100))
     for event in NICHES:
-        progress.note(event)
+        live_view.note(event)
     told = "archive: 3 of 8 cells, QD score 10.00, mechanism classes: 2"
-    assert told in seen(progress, 100)
+    assert told in seen(live_view, 100)
 
 
 def plain(lines: list[str]) -> list[str]:
     return ["".join(part.partition("m")[2] for part in f"m{line}".split("\x1b[")) for line in lines]
 
 
-def test_the_view_says_what_is_going_on(progress: Progress) -> None:
-    lines = plain(seen(progress, 100))
+def test_the_view_says_what_is_going_on(live_view: RunView) -> None:
+    lines = plain(seen(live_view, 100))
     assert lines[0] == "throwing · iterative · a model"
     assert lines[1].startswith("initial · 8 trajectories · 2 evaluations · ")
     assert lines[2] == "2 calls, 3 in progress, 50% valid · 350 tokens · cost 0.01234"
@@ -110,24 +110,24 @@ def test_the_view_says_what_is_going_on(progress: Progress) -> None:
 
 
 @pytest.mark.parametrize("width", [20, 44, 80, 200])
-def test_the_view_fits_any_width(progress: Progress, width: int) -> None:
-    lines = plain(seen(progress, width))
+def test_the_view_fits_any_width(live_view: RunView, width: int) -> None:
+    lines = plain(seen(live_view, width))
     assert all(len(line) <= width for line in lines)
     assert len(lines) == 7
 
 
 def test_nothing_known_is_shown_as_such() -> None:
-    lines = plain(seen(Progress(), 80))
+    lines = plain(seen(RunView(), 80))
     assert lines[0] == "starting"
     assert lines[1].startswith("waiting · 0 trajectories · 0 evaluations · ")
     assert lines[3] == "best -"
 
 
-def test_an_unknown_cost_is_unknown(progress: Progress) -> None:
-    progress.note(CallsEvent(Place("x"), 0, None))
-    assert "cost unknown" in plain(seen(progress, 100))[2]
-    progress.note(DrawingEvent())
-    assert plain(seen(progress, 100))[1].startswith("drawing pictures · ")
+def test_an_unknown_cost_is_unknown(live_view: RunView) -> None:
+    live_view.note(CallsEvent(Location("x"), 0, None))
+    assert "cost unknown" in plain(seen(live_view, 100))[2]
+    live_view.note(DrawingEvent())
+    assert plain(seen(live_view, 100))[1].startswith("drawing pictures · ")
 
 
 def test_the_curve_keeps_to_its_width() -> None:
@@ -161,11 +161,11 @@ def test_without_a_terminal_there_is_one_line_per_event(
 
 
 def test_what_a_model_wrote_does_not_reach_the_terminal_raw(
-    progress: Progress, capsys: pytest.CaptureFixture[str]
+    live_view: RunView, capsys: pytest.CaptureFixture[str]
 ) -> None:
     evil = attempt(False, 1, "\x1b]0;title\x07\x1b[2J\u202e\rgone")
-    progress.note(evil)
-    assert plain(seen(progress, 100))[-1] == (
+    live_view.note(evil)
+    assert plain(seen(live_view, 100))[-1] == (
         r"designer/traj-1/attempt-1: \x1b]0;title\x07\x1b[2J\u202e\rgone"
     )
     with watch(quiet=False) as (listener, _say):
@@ -216,6 +216,6 @@ def test_calls_of_tools_in_a_pipe_and_on_a_terminal(capsys: pytest.CaptureFixtur
         assert listener is not None
         listener(REFUSED)
     assert capsys.readouterr().err == "initial/call-7: check, refused\n"
-    progress = Progress()
-    progress.note(REFUSED)
-    assert "initial/call-7: check: Not valid:" in "\n".join(seen(progress, 80))
+    live_view = RunView()
+    live_view.note(REFUSED)
+    assert "initial/call-7: check: Not valid:" in "\n".join(seen(live_view, 80))

@@ -11,9 +11,9 @@ import yaml
 from rich.console import Console
 
 from agentflow.cli import main
-from agentflow.cli.display.sweep_live import View
+from agentflow.cli.display.sweep_live import SweepView
 from agentflow.runs.events import StageBeginEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from tests.app.sweeps.test_run import DEAD, TINY
 from tests.metrics.events import evaluation
 from tests.runs.results import a_result
@@ -176,10 +176,10 @@ def test_bad_input_is_one_line(
 
 def test_the_live_view_has_a_line_per_run_and_fits_the_terminal() -> None:
     console = Console(file=io.StringIO(), width=80, height=10, force_terminal=False)
-    view = View(40, console)
+    view = SweepView(40, console)
     for number in range(20):
         view.run_started(f"run-{number}")
-        view.event(f"run-{number}", StageBeginEvent(Place("initial"), 1))
+        view.event(f"run-{number}", StageBeginEvent(Location("initial"), 1))
         view.event(f"run-{number}", evaluation("initial/traj-1", number + 0.5))
         if number < 18:
             view.run_finished(f"run-{number}", a_result(score=number + 0.5))

@@ -74,12 +74,12 @@ def test_what_is_no_address(
 
 @pytest.mark.cluster
 def test_a_node_with_other_versions() -> None:
-    from agentflow.cluster.connection import require_same
+    from agentflow.cluster.connection import require_same_versions
 
     ours = {"agentflow": "0.2", "constants": "a", "mujoco": "4.0.1"}
-    require_same(ours, dict(ours), "10.0.0.2")
+    require_same_versions(ours, dict(ours), "10.0.0.2")
     with pytest.raises(ConfigError) as error:
-        require_same(ours, {"agentflow": "0.1", "constants": "a"}, "10.0.0.2")
+        require_same_versions(ours, {"agentflow": "0.1", "constants": "a"}, "10.0.0.2")
     assert str(error.value) == (
         "the node 10.0.0.2 differs from this process: agentflow 0.1 instead of 0.2, mujoco missing "
         "instead of 4.0.1; install the same versions on all nodes, since results would differ"

@@ -84,7 +84,7 @@ def make_trace(
     position = np.zeros((samples, blocks, 3))
     for block, path in (paths or {}).items():
         position[:, block] = path
-    things = len(changes.get("things", ()))  # type: ignore[arg-type]
+    objects = len(changes.get("objects", ()))  # type: ignore[arg-type]
     arrays: dict[str, object] = {
         "times": np.arange(samples) * interval,
         "position": position,
@@ -97,10 +97,10 @@ def make_trace(
         "linear": (),
         "utilisation": np.zeros((samples, 0)),
         "connections": (),
-        "thing_position": np.zeros((samples, things, 3)),
-        "thing_rotation": np.tile(IDENTITY, (samples, things, 1)),
-        "thing_velocity": np.zeros((samples, things, 3)),
-        "things": (),
+        "object_position": np.zeros((samples, objects, 3)),
+        "object_rotation": np.tile(IDENTITY, (samples, objects, 1)),
+        "object_velocity": np.zeros((samples, objects, 3)),
+        "objects": (),
         "regular": np.ones(samples, dtype=bool),
     }
     return Trace(**{**arrays, **changes})  # type: ignore[arg-type]

@@ -16,7 +16,7 @@ from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.constants import constants
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.gltf import rollout_glb
-from agentflow.env.feedback.compose import contact_line, telling
+from agentflow.env.feedback.compose import contact_line, explanatory
 from agentflow.env.feedback.text import rounded
 from agentflow.env.measurements import Contact, Energy, Hit
 from agentflow.env.physics.engines import default_engine
@@ -90,7 +90,7 @@ def test_the_first_push_of_the_cargo_is_a_contact_of_the_block_that_pushed() -> 
     assert isinstance(first.a, int)
     assert first.a < len(machine)
     assert first.first.time == pytest.approx(rollout.terms["touched"], abs=1 / 60)
-    gained = np.linalg.norm(trace_of(rollout).thing_velocity[:, 0], axis=1).max() * 2.0
+    gained = np.linalg.norm(trace_of(rollout).object_velocity[:, 0], axis=1).max() * 2.0
     assert 0.3 * gained < sum(c.hardest.impulse for c in contacts) < 3 * gained
 
 
@@ -131,7 +131,7 @@ def test_velocity_is_that_of_the_point_whose_position_is_told() -> None:
     assert (places[0] == trace.centre[row, boulder]).all()
 
 
-def test_things_are_asked_for_by_name() -> None:
+def test_objects_are_asked_for_by_name() -> None:
     machine, rollout = pushed()
     properties = ["position", "velocity", "rotation"]
     query = {"id": "cargo", "duration": [2, 2.4], "properties": properties}
@@ -321,7 +321,7 @@ def test_contacts_of_what_is_thrown_and_what_stops_a_machine_are_told_before_har
     thrown_by = contact(3, "cargo", 1.0, 20.0, 1.1)
     lying = contact(9, "ground", 1.0, 5.0, 5.0)
     moment = Moment(1.0, "the cargo's top speed", "cargo")
-    told = telling([*hard, stopped, thrown_by, lying], moment, 5.0)
+    told = explanatory([*hard, stopped, thrown_by, lying], moment, 5.0)
     assert told == [hard[3], hard[4], thrown_by, stopped]
     assert contact_line(told, 5.0) == [
         "Contacts (impulse in N s, place): block 4 on block 5 at 0.40 s: 104 (0.0, 0.0, 0.4); "

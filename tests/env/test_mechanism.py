@@ -113,7 +113,7 @@ def test_a_decoupler_that_has_opened_lets_go() -> None:
     assert opened == Mechanism("falling weight", "nothing", "decoupler")
 
 
-def test_things_are_held_by_what_touches_them() -> None:
+def test_objects_are_held_by_what_touches_them() -> None:
     moment = {"time": 1.0, "name": "top", "body": "cargo", "holder": None}
     for kind, hold in ((30, "container"), (27, "grabber"), (63, "contact")):
         found = classify(machine((kind, 0, 0)), rollout(2, energy(), ((1, "cargo"),), moment))

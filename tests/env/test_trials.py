@@ -13,7 +13,7 @@ from agentflow.env.archive import rollout_json
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Feedback, Rollout
 from agentflow.env.scene import Scene
-from agentflow.env.simulation import play
+from agentflow.env.simulation import trial as trial_module
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.families.jumping import Jumping, JumpingKnobs
@@ -154,7 +154,7 @@ async def test_a_pool_gives_the_same_with_one_worker_and_with_two() -> None:
 def test_the_wall_limit_is_each_trials(monkeypatch: pytest.MonkeyPatch) -> None:
     """The clock advances by 1/1024 s whenever it is read, which happens once per step."""
     ticks = count()
-    monkeypatch.setattr(play, "perf_counter", lambda: next(ticks) / 1024)
+    monkeypatch.setattr(trial_module, "perf_counter", lambda: next(ticks) / 1024)
     trials = [simulate(LONE_ROOT, trial).wall_seconds or 0.0 for trial in TASK.trials(0)]
     whole = simulate(LONE_ROOT, TASK, wall_limit=max(trials))
     assert (whole.status, whole.wall_seconds) == ("ok", sum(trials))

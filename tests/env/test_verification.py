@@ -14,7 +14,7 @@ from agentflow.env.physics.engine import EngineIdentity, World
 from agentflow.env.physics.model import Assembly
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Feedback, Rollout
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import DEFAULT, VARIATIONS, VariedEngine
 from agentflow.env.tasks.registry import get_task
@@ -103,8 +103,8 @@ class Drawer:
 def test_a_variation_changes_all_of_one_quantity(name: str) -> None:
     drawer, by = Drawer(), BY_NAME[name]
     before = assemble(CAR, place(CAR), constants())
-    box = Thing("box", "box", (1.0, 1.0, 1.0), (0.0, 5.0, 0.0), mass=3.0)
-    slippery = Thing("ice", "box", (1.0, 1.0, 1.0), (9.0, 0.0, 0.0), friction=0.1)
+    box = SceneObject("box", "box", (1.0, 1.0, 1.0), (0.0, 5.0, 0.0), mass=3.0)
+    slippery = SceneObject("ice", "box", (1.0, 1.0, 1.0), (9.0, 0.0, 0.0), friction=0.1)
     with pytest.raises(Built):
         VariedEngine(drawer, by, 0.8).build(before, Scene((box, slippery)), 120)
     after = drawer.assembly
@@ -117,8 +117,8 @@ def test_a_variation_changes_all_of_one_quantity(name: str) -> None:
         assert varied.drive.torque == joint.drive.torque * by.motor_torque
         assert varied.drive.friction == joint.drive.friction * by.friction
         assert varied.strength == joint.strength
-    assert [thing.mass for thing in drawer.scene.things] == [3.0 * by.masses, 0.0]
-    assert [thing.friction for thing in drawer.scene.things] == [
+    assert [item.mass for item in drawer.scene.objects] == [3.0 * by.masses, 0.0]
+    assert [item.friction for item in drawer.scene.objects] == [
         0.8 * by.friction,
         0.1 * by.friction,
     ]

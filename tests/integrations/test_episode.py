@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from agentflow.errors import ConfigError, UsageError
-from agentflow.integrations.episode import Episode
+from agentflow.integrations.episode import DesignEpisode
 from agentflow.rewards import reward
 from agentflow.rewards.scoring import Sample, Scorer
 from tests.integrations.foreign import CAR
@@ -24,13 +24,13 @@ def scorer() -> Iterator[Scorer]:
 
 
 @pytest.fixture
-def episode(scorer: Scorer) -> Episode:
-    return Episode(scorer, Sample("movement", CAR, knobs=SHORT))
+def episode(scorer: Scorer) -> DesignEpisode:
+    return DesignEpisode(scorer, Sample("movement", CAR, knobs=SHORT))
 
 
 @pytest.mark.slow
 def test_gains_add_up_to_the_score_of_the_last_machine(scorer: Scorer) -> None:
-    episode = Episode(scorer, Sample("movement", "", knobs=SHORT))
+    episode = DesignEpisode(scorer, Sample("movement", "", knobs=SHORT))
     assert len(episode.machine) == 1
     first = episode.score
     outcomes = [episode.act(action) for action in (CAR, "Remove 6", "Add 2 to 2 in 3 as wheel")]
@@ -61,7 +61,7 @@ def test_gains_add_up_to_the_score_of_the_last_machine(scorer: Scorer) -> None:
     ],
 )
 def test_an_action_that_cannot_be_carried_out_changes_nothing(
-    action: str, problem: str, episode: Episode
+    action: str, problem: str, episode: DesignEpisode
 ) -> None:
     before = episode.machine, episode.score, episode.state
     outcome = episode.act(action)
@@ -73,7 +73,7 @@ def test_an_action_that_cannot_be_carried_out_changes_nothing(
 
 
 def test_an_incomplete_machine_is_kept_and_scores_nothing(scorer: Scorer) -> None:
-    episode = Episode(scorer, Sample("throwing", ""))
+    episode = DesignEpisode(scorer, Sample("throwing", ""))
     assert (episode.score, episode.status) == (0.0, "invalid")
     outcome = episode.act("Add 15 to 0 in 4")
     assert (outcome.gain, outcome.status) == (0.0, "invalid")
@@ -81,7 +81,7 @@ def test_an_incomplete_machine_is_kept_and_scores_nothing(scorer: Scorer) -> Non
     assert len(episode.machine) == 2
 
 
-def test_the_rules_are_those_of_the_prompts(episode: Episode) -> None:
+def test_the_rules_are_those_of_the_prompts(episode: DesignEpisode) -> None:
     for heading in ("# Machine format", "# Edit commands", "## Task", "## Blocks", "## Physics"):
         assert f"\n{heading}\n" in episode.rules
     assert "Task: movement\n" in episode.rules
@@ -89,6 +89,6 @@ def test_the_rules_are_those_of_the_prompts(episode: Episode) -> None:
 
 def test_a_start_that_cannot_be_read_is_an_error(scorer: Scorer) -> None:
     with pytest.raises(UsageError, match=r"^the start machine is not valid: Removal 3: Error "):
-        Episode(scorer, Sample("movement", "Removal 3"))
+        DesignEpisode(scorer, Sample("movement", "Removal 3"))
     with pytest.raises(ConfigError, match="unknown knob 'wet' of movement"):
-        Episode(scorer, Sample("movement", CAR, knobs={"wet": 1}))
+        DesignEpisode(scorer, Sample("movement", CAR, knobs={"wet": 1}))

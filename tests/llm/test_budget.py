@@ -12,7 +12,7 @@ from agentflow.llm.build import wrap
 from agentflow.llm.messages import Reply, Usage
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import FREE, Budget, BudgetClient, BudgetSettings, Price
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 from tests.llm.helpers import ask
 
 
@@ -101,17 +101,17 @@ def test_a_budget_of_zero_is_rejected() -> None:
 async def test_a_resumed_run_repeats_recorded_calls_for_free(tmp_path: Path) -> None:
     path = tmp_path / "calls.jsonl"
     inner = scripted()
-    with Tape(path, pytest.fail) as tape:
-        client = wrap(inner, tape=tape, budget=Budget(BudgetSettings(calls=3)))
+    with CallLog(path, pytest.fail) as call_log:
+        client = wrap(inner, call_log=call_log, budget=Budget(BudgetSettings(calls=3)))
         for label in ("a/1", "a/2"):
             await client.complete(ask(label=label))
-    with Tape(path, pytest.fail) as tape:
+    with CallLog(path, pytest.fail) as call_log:
         budget = Budget(BudgetSettings(calls=3))
-        for entry in tape.calls():
+        for entry in call_log.calls():
             budget.count(entry.request, entry.reply, None)
-        client = wrap(inner, tape=tape, budget=budget)
+        client = wrap(inner, call_log=call_log, budget=budget)
         for label in ("a/1", "b/1", "a/2"):
             await client.complete(ask(label=label))
         with pytest.raises(BudgetSpentError):
             await client.complete(ask(label="b/2"))
-        assert (budget.calls, len(tape), len(inner.requests)) == (3, 3, 3)
+        assert (budget.calls, len(call_log), len(inner.requests)) == (3, 3, 3)

@@ -26,8 +26,8 @@ from agentflow.llm.messages import Reply
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.settings import EndpointSettings
 from agentflow.llm.wrappers.budget import Budget, BudgetSettings
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.llm.wrappers.record import ReplayClient
-from agentflow.llm.wrappers.tape import Tape
 from tests.conftest import free_port
 from tests.llm.helpers import KEY, ask
 
@@ -40,13 +40,13 @@ async def opened(
     *,
     model: str = "gpt-4o",
     settings: EndpointSettings = QUICK,
-    tape: Tape | None = None,
+    call_log: CallLog | None = None,
     budget: Budget | None = None,
     on_wait: Callable[[str], None] = lambda _line: None,
 ) -> AsyncIterator[Client]:
     endpoint = Endpoint(model, base_url, KEY)
     reached = open_client(endpoint, settings, warn=pytest.fail, on_wait=on_wait)
-    client = wrap(reached, tape=tape, budget=budget)
+    client = wrap(reached, call_log=call_log, budget=budget)
     try:
         yield client
     finally:
@@ -151,8 +151,8 @@ async def test_a_slow_server_is_not_a_stalled_one(stub_url: str) -> None:
 async def test_recorded_then_replayed_without_the_server(stub_url: str, tmp_path: Path) -> None:
     path = tmp_path / "calls.jsonl"
     labels = [f"designer/traj-{i}/1" for i in range(16)]
-    with Tape(path, pytest.fail) as tape:
-        async with opened(stub_url, tape=tape, budget=Budget()) as client:
+    with CallLog(path, pytest.fail) as call_log:
+        async with opened(stub_url, call_log=call_log, budget=Budget()) as client:
             calls = [client.complete(ask("say hello", label)) for label in labels]
             recorded = await asyncio.gather(*calls)
     assert KEY not in path.read_text()
@@ -160,9 +160,9 @@ async def test_recorded_then_replayed_without_the_server(stub_url: str, tmp_path
     assert {json.loads(line)["request"]["label"] for line in path.read_text().splitlines()} == set(
         labels
     )
-    with Tape(path, pytest.fail, writable=False) as tape:
+    with CallLog(path, pytest.fail, writable=False) as call_log:
         budget = Budget(BudgetSettings(calls=16))
-        client = wrap(ReplayClient(tape, "gpt-4o"), budget=budget)
+        client = wrap(ReplayClient(call_log, "gpt-4o"), budget=budget)
         calls = [client.complete(ask("say hello", label)) for label in labels]
         assert await asyncio.gather(*calls) == recorded
         with pytest.raises(BudgetSpentError):
@@ -191,8 +191,8 @@ async def test_the_key_is_in_no_log_and_no_traceback(
 async def test_any_client_can_be_wrapped(tmp_path: Path) -> None:
     inner = ScriptedClient(["one"])
     assert wrap(inner) is inner
-    with Tape(tmp_path / "calls.jsonl", pytest.fail) as tape:
-        client = wrap(inner, tape=tape, budget=Budget(BudgetSettings(calls=1)))
+    with CallLog(tmp_path / "calls.jsonl", pytest.fail) as call_log:
+        client = wrap(inner, call_log=call_log, budget=Budget(BudgetSettings(calls=1)))
         for _ in range(2):
             assert await client.complete(ask()) == Reply(text="one", model="scripted")
         with pytest.raises(BudgetSpentError):

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.llm.doctor import Diagnosis, diagnose
+from agentflow.llm.doctor import EndpointDiagnosis, diagnose
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.settings import HttpSettings
 from tests.llm.helpers import KEY, ask
 from tests.llm.hostile import body, reply, serving
 
 
-async def examined(base_url: str, key: str | None = KEY) -> Diagnosis:
+async def examined(base_url: str, key: str | None = KEY) -> EndpointDiagnosis:
     return await diagnose(
         Endpoint("m", base_url, key), HttpSettings(connect_s=10, idle_s=60), ask("hello", seed=1)
     )

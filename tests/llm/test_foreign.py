@@ -16,7 +16,7 @@ from agentflow.llm.doctor import diagnose
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.messages import JsonSchema, Usage
 from agentflow.llm.settings import EndpointSettings, HttpSettings
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 from tests.llm.foreign import KEY
 from tests.llm.helpers import ask
 
@@ -29,11 +29,13 @@ async def opened(
     model: str,
     on_wait: Callable[[str], None] = pytest.fail,
     key: str = KEY,
-    tape: Tape | None = None,
+    call_log: CallLog | None = None,
 ) -> AsyncIterator[Client]:
     settings = EndpointSettings.model_validate({"retry": {"attempts": 3, "base_s": 0.01}})
     endpoint = Endpoint(model, base_url, key)
-    client = wrap(open_client(endpoint, settings, warn=pytest.fail, on_wait=on_wait), tape=tape)
+    client = wrap(
+        open_client(endpoint, settings, warn=pytest.fail, on_wait=on_wait), call_log=call_log
+    )
     try:
         yield client
     finally:
@@ -51,11 +53,11 @@ async def failure(base_url: str, model: str, key: str = KEY) -> tuple[EndpointEr
 
 
 async def test_a_gateway_answers_concurrent_calls(gateway: str, tmp_path: Path) -> None:
-    with Tape(tmp_path / "calls.jsonl", pytest.fail) as tape:
-        async with opened(gateway, "greeting", tape=tape) as client:
+    with CallLog(tmp_path / "calls.jsonl", pytest.fail) as call_log:
+        async with opened(gateway, "greeting", call_log=call_log) as client:
             calls = [client.complete(ask("hi", f"a/{i}")) for i in range(32)]
             replies = await asyncio.gather(*calls)
-        assert len(tape) == 32
+        assert len(call_log) == 32
     assert {(reply.text, reply.finish) for reply in replies} == {("hello from a gateway", "stop")}
     assert all(reply.usage != Usage() for reply in replies)
     assert KEY not in (tmp_path / "calls.jsonl").read_text()

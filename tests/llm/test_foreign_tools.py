@@ -13,8 +13,8 @@ from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.endpoint.http import OpenAIClient
 from agentflow.llm.messages import Message, Reply, Request, Tool, ToolCall
 from agentflow.llm.settings import HttpSettings
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.llm.wrappers.record import RecordingClient, ReplayClient
-from agentflow.llm.wrappers.tape import Tape
 from tests.llm.foreign import KEY
 from tests.llm.hostile import Server
 
@@ -73,11 +73,11 @@ async def test_calls_are_recorded_and_replayed(
     stub_url: str, tmp_path: Path, streamed: bool
 ) -> None:
     client = opened(stub_url, "gpt-4o", streamed=streamed)
-    with Tape(tmp_path / "calls.jsonl", pytest.fail) as tape:
-        await use_tools(RecordingClient(client, tape))
-        assert (client.streams, len(tape)) == (streamed, 2)
+    with CallLog(tmp_path / "calls.jsonl", pytest.fail) as call_log:
+        await use_tools(RecordingClient(client, call_log))
+        assert (client.streams, len(call_log)) == (streamed, 2)
         await client.aclose()
-        await use_tools(ReplayClient(tape, "gpt-4o"))
+        await use_tools(ReplayClient(call_log, "gpt-4o"))
 
 
 @pytest.mark.parametrize("streamed", [True, False])

@@ -11,13 +11,13 @@ import pytest
 from agentflow.errors import BudgetSpentError, ReplayMissError
 from agentflow.llm.messages import Message, Reply, Request
 from agentflow.llm.scripted import ScriptedClient
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.llm.wrappers.record import RecordingClient, ReplayClient
-from agentflow.llm.wrappers.tape import Tape
 from tests.llm.helpers import ask
 
 
-def tape_at(folder: Path, *, writable: bool = True) -> Tape:
-    return Tape(folder / "calls.jsonl", pytest.fail, writable=writable)
+def call_log_at(folder: Path, *, writable: bool = True) -> CallLog:
+    return CallLog(folder / "calls.jsonl", pytest.fail, writable=writable)
 
 
 def echo() -> ScriptedClient:
@@ -26,10 +26,10 @@ def echo() -> ScriptedClient:
 
 async def test_a_recorded_question_is_not_asked_again(tmp_path: Path) -> None:
     inner = ScriptedClient(["first", "second"])
-    with tape_at(tmp_path) as tape:
-        first = await RecordingClient(inner, tape).complete(ask(label="a/1"))
-    with tape_at(tmp_path) as tape:
-        client = RecordingClient(inner, tape)
+    with call_log_at(tmp_path) as call_log:
+        first = await RecordingClient(inner, call_log).complete(ask(label="a/1"))
+    with call_log_at(tmp_path) as call_log:
+        client = RecordingClient(inner, call_log)
         assert await client.complete(ask(label="a/1")) == first
         assert (await client.complete(ask(label="a/2"))).text == "second"
         await client.aclose()
@@ -37,8 +37,8 @@ async def test_a_recorded_question_is_not_asked_again(tmp_path: Path) -> None:
 
 
 async def test_the_line_is_on_disk_before_the_reply_is_used(tmp_path: Path) -> None:
-    with tape_at(tmp_path) as tape:
-        await RecordingClient(echo(), tape).complete(ask("hi", "a/1"))
+    with call_log_at(tmp_path) as call_log:
+        await RecordingClient(echo(), call_log).complete(ask("hi", "a/1"))
         assert '"text":"to a/1: hi"' in (tmp_path / "calls.jsonl").read_text()
 
 
@@ -49,8 +49,8 @@ async def test_the_same_call_twice_at_once_is_one_call(tmp_path: Path) -> None:
             return await super().complete(request)
 
     inner = Slow(["only"])
-    with tape_at(tmp_path) as tape:
-        client = RecordingClient(inner, tape)
+    with call_log_at(tmp_path) as call_log:
+        client = RecordingClient(inner, call_log)
         replies = await asyncio.gather(*[client.complete(ask()) for _ in range(5)])
     assert {reply.text for reply in replies} == {"only"}
     assert len((tmp_path / "calls.jsonl").read_text().splitlines()) == 1
@@ -63,11 +63,11 @@ async def test_a_failed_call_is_not_recorded_and_may_be_asked_again(tmp_path: Pa
         return "ok"
 
     inner = ScriptedClient(answer)
-    with tape_at(tmp_path) as tape:
-        client = RecordingClient(inner, tape)
+    with call_log_at(tmp_path) as call_log:
+        client = RecordingClient(inner, call_log)
         with pytest.raises(BudgetSpentError):
             await client.complete(ask())
-        assert len(tape) == 0
+        assert len(call_log) == 0
         assert (await client.complete(ask())).text == "ok"
 
 
@@ -86,8 +86,8 @@ async def test_order_of_completion_does_not_change_the_record(tmp_path: Path) ->
     for seed in range(50):
         folder = tmp_path / str(seed)
         folder.mkdir()
-        with tape_at(folder) as tape:
-            client = RecordingClient(Shuffled(random.Random(seed)), tape)
+        with call_log_at(folder) as call_log:
+            client = RecordingClient(Shuffled(random.Random(seed)), call_log)
             await asyncio.gather(*[client.complete(ask(label=f"t-{i}/1")) for i in range(10)])
         lines = (folder / "calls.jsonl").read_bytes().splitlines()
         orders.add(tuple(lines))
@@ -96,11 +96,11 @@ async def test_order_of_completion_does_not_change_the_record(tmp_path: Path) ->
     assert len(orders) > 10
 
 
-async def test_replay_answers_from_the_tape_alone(tmp_path: Path) -> None:
-    with tape_at(tmp_path) as tape:
-        await RecordingClient(echo(), tape).complete(ask("hi", "a/1"))
-    with tape_at(tmp_path, writable=False) as tape:
-        client = ReplayClient(tape, "scripted")
+async def test_replay_answers_from_the_call_log_alone(tmp_path: Path) -> None:
+    with call_log_at(tmp_path) as call_log:
+        await RecordingClient(echo(), call_log).complete(ask("hi", "a/1"))
+    with call_log_at(tmp_path, writable=False) as call_log:
+        client = ReplayClient(call_log, "scripted")
         assert client.name == "scripted"
         assert (await client.complete(ask("hi", "a/1"))).text == "to a/1: hi"
         await client.aclose()
@@ -140,32 +140,32 @@ MISSES = [
 async def test_a_miss_names_the_nearest_and_what_differs(
     tmp_path: Path, request_: Request, text: str
 ) -> None:
-    with tape_at(tmp_path) as tape:
-        client = RecordingClient(echo(), tape)
+    with call_log_at(tmp_path) as call_log:
+        client = RecordingClient(echo(), call_log)
         await client.complete(ask("criticise", "inspector/2"))
         await client.complete(ask("build a catapult with one arm", "designer/2"))
         await client.complete(ask("build", "querier/1"))
         with pytest.raises(ReplayMissError) as caught:
-            await ReplayClient(tape, "scripted").complete(request_)
+            await ReplayClient(call_log, "scripted").complete(request_)
     assert str(caught.value) == (
         f"{tmp_path / 'calls.jsonl'} does not contain the call {request_.label!r}; {text}"
     )
 
 
-async def test_a_miss_on_another_model_and_on_an_empty_tape(tmp_path: Path) -> None:
-    with tape_at(tmp_path) as tape:
+async def test_a_miss_on_another_model_and_on_an_empty_call_log(tmp_path: Path) -> None:
+    with call_log_at(tmp_path) as call_log:
         with pytest.raises(ReplayMissError, match=r"call 'a/1'; it contains no calls$"):
-            await ReplayClient(tape, "m").complete(ask())
-        await RecordingClient(echo(), tape).complete(ask())
+            await ReplayClient(call_log, "m").complete(ask())
+        await RecordingClient(echo(), call_log).complete(ask())
         with pytest.raises(ReplayMissError) as caught:
-            await ReplayClient(tape, "other").complete(ask())
+            await ReplayClient(call_log, "other").complete(ask())
     assert str(caught.value).endswith(
         "first difference: model at character 0: recorded 'scripted', requested 'other'"
     )
 
 
-async def test_a_closed_tape_is_a_bug_not_a_silence(tmp_path: Path) -> None:
-    tape = tape_at(tmp_path)
-    tape.close()
+async def test_a_closed_call_log_is_a_bug_not_a_silence(tmp_path: Path) -> None:
+    call_log = call_log_at(tmp_path)
+    call_log.close()
     with pytest.raises(ValueError, match="closed file"):
-        await RecordingClient(echo(), tape).complete(ask())
+        await RecordingClient(echo(), call_log).complete(ask())

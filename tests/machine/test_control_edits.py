@@ -11,7 +11,7 @@ from agentflow.machine import Brief, Machine, apply_script, describe, describe_t
 from agentflow.machine.brief import Limits
 from agentflow.machine.controls import MAX_CONTROLS, control_text
 from agentflow.machine.edits.commands import AddControl, RemoveControl, read_command
-from agentflow.machine.edits.telling import command_text, renumbering, retell
+from agentflow.machine.edits.renumbering import command_text, renumber, renumbering
 from agentflow.machine.tree import Control
 from tests.machine.builders import CAR
 from tests.machine.strategies import controlled_machines
@@ -125,7 +125,7 @@ def test_earlier_controls_are_told_in_the_numbering_of_now() -> None:
     ):
         command = read_command(line)
         assert command is not None
-        assert "".join(map(str, retell(command_text(command), ids))) == told
+        assert "".join(map(str, renumber(command_text(command), ids))) == told
 
 
 def test_3d_information_ends_with_the_program() -> None:

@@ -12,7 +12,7 @@ from agentflow.metrics.failure_kinds import KINDS, STILL
 from agentflow.metrics.failures import Failures, failures, kind_of
 from agentflow.runs import Event
 from agentflow.runs.events import AttemptEvent, EvaluationEvent, StageBeginEvent, ToolEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from agentflow.tools.results import StageEnded
 from tests.metrics.events import attempt as answered
 from tests.metrics.events import evaluation as evaluated
@@ -63,8 +63,8 @@ def test_a_refused_reply_is_of_one_kind(event: AttemptEvent, name: str) -> None:
 
 def test_what_an_agent_sends_counts_by_its_calls_of_tools() -> None:
     def call(number: int, tool: str, code: str = "") -> ToolEvent:
-        place = Place("initial", call=number)
-        return ToolEvent(place, tool, {}, refused=bool(code), answer="", code=code)
+        location = Location("initial", call=number)
+        return ToolEvent(location, tool, {}, refused=bool(code), answer="", code=code)
 
     found = failures(
         [
@@ -108,7 +108,7 @@ def test_what_is_to_stay_in_place_is_not_motionless() -> None:
 
 
 def test_accepted_replies_and_other_events_are_no_failures() -> None:
-    others = [answered("a"), StageBeginEvent(Place("initial"), 8), Event("unknown", "a", {})]
+    others = [answered("a"), StageBeginEvent(Location("initial"), 8), Event("unknown", "a", {})]
     assert failures(others, lambda _: True, replies_of) == Failures(replies=1)
 
 

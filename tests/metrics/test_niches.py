@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agentflow.metrics.niches import Elites, best_by_class
 from agentflow.runs.events import ArchiveEvent, NicheEvent, RecordedAxis
-from agentflow.runs.places import FEEDBACK, Place
+from agentflow.runs.locations import FEEDBACK, Location
 
 AXES = (
     RecordedAxis("wheels", "", 0.0, 4.0, 4, ()),
@@ -19,17 +19,17 @@ def niche(
     score: float | None,
     mechanism: str | None = "springs / container / arm",
 ) -> NicheEvent:
-    place = Place(FEEDBACK, trajectory=trajectory, node=node)
+    location = Location(FEEDBACK, trajectory=trajectory, node=node)
     name = f"m{trajectory}{node}"
-    return NicheEvent(place, 1, name, score, (0.0, 0.0), cell, "new", mechanism)
+    return NicheEvent(location, 1, name, score, (0.0, 0.0), cell, "new", mechanism)
 
 
 EVENTS = (
-    ArchiveEvent(Place(FEEDBACK, trajectory=1), AXES),
+    ArchiveEvent(Location(FEEDBACK, trajectory=1), AXES),
     niche(1, 0, (0, 0), 2.0),
     niche(1, 1, (3, 1), 4.0, "wheels / driven wheels / nothing"),
     niche(1, 2, None, None),
-    ArchiveEvent(Place(FEEDBACK, trajectory=2), AXES),
+    ArchiveEvent(Location(FEEDBACK, trajectory=2), AXES),
     niche(2, 0, (0, 0), 5.0),
     niche(2, 1, (3, 1), 4.0, "wheels / driven wheels / nothing"),
     niche(2, 2, (1, 0), 1.0, None),

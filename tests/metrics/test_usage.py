@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from agentflow.agents.registry import stage_of
-from agentflow.metrics.usage import Spent, bill
+from agentflow.metrics.usage import Spent, summarize_usage
 from agentflow.runs import read_calls, read_result
 
 RECORDED = Path(__file__).parent.parent.parent / "runs/recorded-throwing"
@@ -36,7 +36,7 @@ CALLS = [
 
 
 def test_a_bill_by_role_and_stage() -> None:
-    found = bill(CALLS, price, stage_of)
+    found = summarize_usage(CALLS, price, stage_of)
     assert found.total == Spent(3, 80, 20, 6, 3, 3, 1.5, 160.0)
     assert found.total.tokens == 100
     assert list(found.roles) == ["designer", "refiner"]
@@ -50,23 +50,23 @@ def test_a_bill_by_role_and_stage() -> None:
 
 
 def test_one_call_without_a_price_leaves_the_sum_unknown() -> None:
-    found = bill([*CALLS, call("designer/traj-2/attempt-1", 1, 1, model="other")], price)
+    found = summarize_usage([*CALLS, call("designer/traj-2/attempt-1", 1, 1, model="other")], price)
     assert found.total.money is None
     assert found.roles["designer"].money is None
     assert found.roles["refiner"].money == 100.0
-    assert bill(CALLS).total.money is None
+    assert summarize_usage(CALLS).total.money is None
 
 
 def test_no_calls_cost_nothing() -> None:
-    found = bill([])
+    found = summarize_usage([])
     assert (found.total, found.roles, found.token_shares) == (Spent(), {}, {})
 
 
 def test_the_recorded_run_has_as_many_calls_as_its_result_says() -> None:
-    found = bill(read_calls(RECORDED), stage_of=stage_of)
+    found = summarize_usage(read_calls(RECORDED), stage_of=stage_of)
     assert found.total.calls == read_result(RECORDED).calls
     assert "other" not in found.stages
 
 
 def test_an_endpoint_that_reports_no_tokens_leaves_no_shares() -> None:
-    assert bill([call("designer/traj-1/attempt-1", 0, 0)]).token_shares == {}
+    assert summarize_usage([call("designer/traj-1/attempt-1", 0, 0)]).token_shares == {}

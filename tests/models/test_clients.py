@@ -13,7 +13,7 @@ from agentflow.app.design.run import RunOptions, design
 from agentflow.cli import main
 from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import ConfigError
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.models.choices import choose_models
 from agentflow.models.clients import open_models
 from agentflow.models.completion import require_model_name
@@ -123,8 +123,8 @@ async def test_roles_with_the_same_model_share_its_client(tmp_path: Path) -> Non
     url = "http://127.0.0.1:9/v1"
     roles = {"refiner": {"name": "big", "sampling": {"temperature": 0.1}}}
     config = small({"name": "m", "base_url": url, "roles": roles})
-    with Tape(tmp_path / "calls.jsonl", pytest.fail) as tape:
-        models = open_models(config, tape, pytest.fail)
+    with CallLog(tmp_path / "calls.jsonl", pytest.fail) as call_log:
+        models = open_models(config, call_log, pytest.fail)
         await models.aclose()
     assert len({id(client) for client in models.clients.values()}) == 2
     assert models.name_of(models.clients) == (

@@ -80,7 +80,7 @@ def hostile_run(folder: Path) -> Path:
         data = {"score": score, "values": [number, number], "cell": [number, number]}
         found = {"round": number, "machine": item.digest, "outcome": "new", "mechanism": NASTY}
         run.event(Event("niche", f"{search}/node-{number}", {**found, **data}))
-    run.tape.write_text("".join(json.dumps(call) + "\n" for call in calls))
+    run.call_log.write_text("".join(json.dumps(call) + "\n" for call in calls))
     run.close()
     return run.path
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agentflow.report.film import Motion, pack_motion
+from agentflow.report.film import FilmMotion, pack_motion
 
 STILL = (0.0, 0.0, 0.0, 1.0)
 
@@ -35,7 +35,7 @@ def test_places_turns_and_loads_come_back() -> None:
     turns = chance.normal(size=(40, 6, 4))
     turns /= np.linalg.norm(turns, axis=2, keepdims=True)
     load = chance.uniform(0, 1.2, (40, 9))
-    film = pack_motion(Motion(np.arange(40) * 0.1, position, turns, load))
+    film = pack_motion(FilmMotion(np.arange(40) * 0.1, position, turns, load))
     assert {key: film[key] for key in ("samples", "bodies", "loads")} == {
         "samples": 40,
         "bodies": 6,
@@ -50,7 +50,7 @@ def test_places_turns_and_loads_come_back() -> None:
 def test_neighbouring_turns_lie_on_one_side() -> None:
     turns = np.array([[STILL], [tuple(-part for part in STILL)], [STILL]])
     _, turned, _ = unpacked(
-        pack_motion(Motion(np.arange(3), np.zeros((3, 1, 3)), turns, np.zeros((3, 0))))
+        pack_motion(FilmMotion(np.arange(3), np.zeros((3, 1, 3)), turns, np.zeros((3, 0))))
     )
     assert turned.tolist() == [[list(STILL)]] * 3
 
@@ -58,13 +58,17 @@ def test_neighbouring_turns_lie_on_one_side() -> None:
 def test_what_has_broken_and_what_is_overloaded_fits_a_byte() -> None:
     load = np.array([[np.nan, 7.0]])
     place = np.zeros((1, 1, 3))
-    _, _, loaded = unpacked(pack_motion(Motion(np.zeros(1), place, np.array([[STILL]]), load)))
+    _, _, loaded = unpacked(pack_motion(FilmMotion(np.zeros(1), place, np.array([[STILL]]), load)))
     assert loaded.tolist() == [[0.0, pytest.approx(1.275)]]
 
 
 def test_what_never_moves_takes_next_to_nothing() -> None:
     position, turns = np.zeros((300, 60, 3)), np.tile(STILL, (300, 60, 1))
     assert (
-        len(pack_motion(Motion(np.arange(300) / 30, position, turns, np.zeros((300, 60))))["data"])
+        len(
+            pack_motion(FilmMotion(np.arange(300) / 30, position, turns, np.zeros((300, 60))))[
+                "data"
+            ]
+        )
         < 1000
     )

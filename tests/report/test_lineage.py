@@ -17,7 +17,7 @@ from agentflow.runs.events import (
     ToolEvent,
     read_typed_events,
 )
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from tests.metrics.events import attempt as asked
 from tests.metrics.events import evaluation
 
@@ -65,13 +65,13 @@ def test_a_recorded_run() -> None:
 
 def test_a_refused_edit_hangs_on_what_it_was_to_refine() -> None:
     question = "refiner/feedback/traj-1/round-1/node-0/try-1/attempt-1"
-    place = Place("env_feedback", trajectory=1, round=1)
+    location = Location("env_feedback", trajectory=1, round=1)
     attempt = ExpandAttempt("round-1/node-0/try-1", valid=False, note="why")
     nodes = Lineage.of(
         [
             tried("initial/traj-1", "a", 1.0),
             asked(question, valid=False, script="Add 1 to 2 in 3"),
-            ExpandEvent(place, 0, (attempt,), (), fallback=True),
+            ExpandEvent(location, 0, (attempt,), (), fallback=True),
         ]
     ).finish("a")
     assert outline(nodes) == [
@@ -89,8 +89,8 @@ def test_a_refused_edit_hangs_on_what_it_was_to_refine() -> None:
 
 
 def test_a_trajectory_without_a_machine_says_why() -> None:
-    place = Place("initial", trajectory=2)
-    ended = CandidateEvent(place, 2, None, False, None, FirstAttempt(), "overlap")
+    location = Location("initial", trajectory=2)
+    ended = CandidateEvent(location, 2, None, False, None, FirstAttempt(), "overlap")
     call = "designer/traj-2/attempt-5"
     events = [asked(call, valid=False), ended]
     (node,) = Lineage.of(events).finish(None)
@@ -105,7 +105,7 @@ def test_a_trajectory_without_a_machine_says_why() -> None:
 def test_random_edits_grow_from_the_last_that_was_kept() -> None:
     def edit(round_: int, machine: str, score: float, kept: bool) -> list[RunEvent]:
         label = f"env_feedback/traj-1/round-{round_}"
-        return [tried(label, machine, score), EditEvent(Place.parse(label), "?", machine, kept)]
+        return [tried(label, machine, score), EditEvent(Location.parse(label), "?", machine, kept)]
 
     events = [
         tried("initial/traj-1", "a", 1.0),
@@ -113,12 +113,12 @@ def test_random_edits_grow_from_the_last_that_was_kept() -> None:
         *edit(2, "c", 0.0, False),
     ]
     nodes = Lineage.of([*events, *edit(3, "d", 3.0, True)]).finish(None)
-    place = "env_feedback/traj-1/round"
+    location = "env_feedback/traj-1/round"
     assert outline(nodes) == [
         ("initial/traj-1", None, "trajectory 1, initial", 1.0, True),
-        (f"{place}-1", "initial/traj-1", "trajectory 1, round 1", 2.0, True),
-        (f"{place}-2", f"{place}-1", "trajectory 1, round 2", 0.0, False),
-        (f"{place}-3", f"{place}-1", "trajectory 1, round 3", 3.0, True),
+        (f"{location}-1", "initial/traj-1", "trajectory 1, round 1", 2.0, True),
+        (f"{location}-2", f"{location}-1", "trajectory 1, round 2", 0.0, False),
+        (f"{location}-3", f"{location}-1", "trajectory 1, round 3", 3.0, True),
     ]
     assert nodes[3].best
 
@@ -142,17 +142,17 @@ def test_no_events_make_no_tree() -> None:
 
 
 def test_a_machine_whose_evaluation_is_lost_has_no_score() -> None:
-    place = Place("env_feedback", trajectory=1, round=1)
-    (node,) = Lineage.of([EditEvent(place, None, "a", kept=True)]).finish(None)
+    location = Location("env_feedback", trajectory=1, round=1)
+    (node,) = Lineage.of([EditEvent(location, None, "a", kept=True)]).finish(None)
     assert (node.machine, node.score, node.valid, node.status) == ("a", None, False, "")
 
 
 def test_machines_that_tools_made() -> None:
     def call(number: int, tool: str, made: str | None, **arguments: str) -> ToolEvent:
-        place = Place("env_feedback", call=number)
+        location = Location("env_feedback", call=number)
         refused = made is None
         answer = "no" if refused else "yes"
-        return ToolEvent(place, tool, arguments, refused, answer, machine=made)
+        return ToolEvent(location, tool, arguments, refused, answer, machine=made)
 
     first, second = "aaaaaaaa11111111", "bbbbbbbb22222222"
     events: list[RunEvent] = [
@@ -165,7 +165,7 @@ def test_machines_that_tools_made() -> None:
         tried("env_feedback/traj-1/call-5", second, 2.0),
         tried("env_feedback/traj-1", second, 2.0),
         CandidateEvent(
-            Place("env_feedback", trajectory=2), 2, None, False, None, FirstAttempt(), "none"
+            Location("env_feedback", trajectory=2), 2, None, False, None, FirstAttempt(), "none"
         ),
     ]
     nodes = Lineage.of(events).finish(second)

@@ -15,14 +15,14 @@ from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import Budget
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.runs import RunDirectory, RunResult
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.hierarchical import HIERARCHICAL
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.statistics import stage_row
 from tests.runs.results import a_result
-from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
+from tests.workflows.fakes import BRIEF, PROMPTS, Author, Delayed, Shelf
 
 SETTINGS = WorkflowSettings.model_validate(
     {"trajectories": 3, "search": {"rounds": 3, "width": 2, "request_rounds": 2}}
@@ -73,9 +73,9 @@ def go_on(path: Path, log: Path, chance: int) -> Path:
 
 def _carry_out(run: RunDirectory, log: Path, seed: int, most: float = math.inf) -> Path:
     chance = random.Random(seed)
-    with Tape(run.tape, lambda _line: None) as tape:
+    with CallLog(run.call_log, lambda _line: None) as call_log:
         inner = Stalling(Delayed(ScriptedClient(Asked(log)), chance), most)
-        context = AskContext(wrap(inner, tape=tape, budget=Budget()), PROMPTS, max_retry=3)
+        context = AskContext(wrap(inner, call_log=call_log, budget=Budget()), PROMPTS, max_retry=3)
         result = asyncio.run(
             HIERARCHICAL(BRIEF, lambda _role: context, Shelf(delays=chance), SETTINGS, run, 0)
         )

@@ -22,7 +22,7 @@ from agentflow.errors import RunError
 from agentflow.report.run import RunStory
 from agentflow.runs import Event, RunDirectory, read_events
 from agentflow.runs.events import EvaluationEvent, RunEvent, read_typed_events, typed_event
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from agentflow.runs.record import RunRecord
 
 RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
@@ -41,8 +41,8 @@ def some(hint: Any, chance: random.Random) -> Any:
         return tuple(some(part, chance) for part in parts)
     if origin is Mapping and args != (str, Any):
         return {text: some(args[1], chance) for text in "ab"}
-    if hint is Place:
-        return Place(chance.choice(["", "initial", "refiner/blind"]), **_numbers(chance))
+    if hint is Location:
+        return Location(chance.choice(["", "initial", "refiner/blind"]), **_numbers(chance))
     if is_dataclass(hint):
         return _made(hint, chance)
     values: dict[Any, Callable[[], Any]] = {
@@ -63,7 +63,7 @@ def _json(hint: Any, chance: random.Random) -> Any:
 
 
 def _numbers(chance: random.Random) -> dict[str, int]:
-    names = [field.name for field in fields(Place) if field.name != "name"]
+    names = [field.name for field in fields(Location) if field.name != "name"]
     return {name: chance.randrange(name != "node", 30) for name in names if chance.random() < 0.5}
 
 
@@ -72,7 +72,7 @@ def _made(cls: Any, chance: random.Random) -> Any:
     made = cls(**{f.name: some(hints[f.name], chance) for f in fields(cls) if f.name != "at"})
     if isinstance(made, RunEvent):
         needed = {part: chance.randrange(1, 30) for part in made.needs}
-        made = replace(made, place=replace(made.place, **needed))
+        made = replace(made, location=replace(made.location, **needed))
     return made
 
 
@@ -108,26 +108,26 @@ def test_recorded_events_are_written_as_they_were() -> None:
 
 
 @pytest.mark.parametrize(
-    ("label", "place"),
+    ("label", "location"),
     [
-        ("initial", Place("initial")),
-        ("structure-2", Place(structure=2)),
-        ("env_feedback/traj-1/node-0", Place("env_feedback", trajectory=1, node=0)),
+        ("initial", Location("initial")),
+        ("structure-2", Location(structure=2)),
+        ("env_feedback/traj-1/node-0", Location("env_feedback", trajectory=1, node=0)),
         (
             "designer/structure-1/traj-2/candidate-3/attempt-4",
-            Place("designer", structure=1, trajectory=2, candidate=3, attempt=4),
+            Location("designer", structure=1, trajectory=2, candidate=3, attempt=4),
         ),
         (
             "refiner/feedback/traj-1/round-2/node-0/try-3/attempt-1",
-            Place("refiner/feedback", trajectory=1, round=2, node=0, try_=3, attempt=1),
+            Location("refiner/feedback", trajectory=1, round=2, node=0, try_=3, attempt=1),
         ),
-        ("round-1/node-0/try-1", Place(round=1, node=0, try_=1)),
-        ("somebody/else", Place("somebody/else")),
-        ("attempt-1/traj-2", Place("attempt-1", trajectory=2)),
+        ("round-1/node-0/try-1", Location(round=1, node=0, try_=1)),
+        ("somebody/else", Location("somebody/else")),
+        ("attempt-1/traj-2", Location("attempt-1", trajectory=2)),
     ],
 )
-def test_a_label_names_a_place(label: str, place: Place) -> None:
-    assert (Place.parse(label), str(place)) == (place, label)
+def test_a_label_names_a_location(label: str, location: Location) -> None:
+    assert (Location.parse(label), str(location)) == (location, label)
 
 
 def test_any_label_is_read_and_written_alike() -> None:
@@ -135,9 +135,9 @@ def test_any_label_is_read_and_written_alike() -> None:
     parts = ["traj-1", "traj-01", "traj-0", "node-0", "try-٣", "round-9999999999", "a", "", "\n"]
     for _ in range(2000):
         label = "/".join(chance.choices(parts, k=chance.randrange(5)))
-        assert str(Place.parse(label)) == label
-        place = some(Place, chance)
-        assert Place.parse(str(place)) == place
+        assert str(Location.parse(label)) == label
+        location = some(Location, chance)
+        assert Location.parse(str(location)) == location
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -145,7 +145,7 @@ def test_damaged_data_are_named(kind: str) -> None:
     cls = RunEvent.kinds[kind]
     made = _made(cls, random.Random(2))
     for field in fields(cls):
-        if field.name == "place" or {field.default, field.default_factory} != {MISSING}:
+        if field.name == "location" or {field.default, field.default_factory} != {MISSING}:
             continue
         rest = {key: value for key, value in made.data.items() if key != field.name}
         with pytest.raises(ValueError, match=rf"^{kind} .*: {field.name}: Field required"):
@@ -177,7 +177,7 @@ READERS: dict[str, Callable[[Path], object]] = {
         ({"score": "high"}, ": evaluation .*: score: Input should be a valid number.*"),
         ({"label": "initial"}, ": the label of evaluation 'initial' has no trajectory"),
     ],
-    ids=["no object", "no data", "no number", "no place"],
+    ids=["no object", "no data", "no number", "no location"],
 )
 def test_every_reader_names_the_damaged_line(
     reader: str, damage: dict[str, Any], why: str, tmp_path: Path
@@ -190,8 +190,8 @@ def test_every_reader_names_the_damaged_line(
     event = json.loads(lines[at])
     lines[at] = json.dumps({**event, "data": {**event["data"], **damage}, **damage})
     file.write_text("".join(line + "\n" for line in lines))
-    place = str(file).replace(".", r"\.")
-    with pytest.raises(RunError, match=rf"^{place} is damaged in line {at + 1}{why}$"):
+    location = str(file).replace(".", r"\.")
+    with pytest.raises(RunError, match=rf"^{location} is damaged in line {at + 1}{why}$"):
         READERS[reader](run)
 
 

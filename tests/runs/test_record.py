@@ -11,7 +11,7 @@ from agentflow.runs.events import (
     StageBeginEvent,
     read_typed_events,
 )
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from agentflow.runs.record import RunRecord
 from tests.metrics.events import attempt, candidate, edit, evaluation, expansion, node
 
@@ -19,10 +19,10 @@ RECORDED = Path(__file__).parent.parent.parent / "runs/recorded-throwing"
 
 
 def test_events_are_sorted_by_kind() -> None:
-    start = RunStartEvent(Place("start"), "throwing", "iterative", "a model")
-    begun = StageBeginEvent(Place("initial"), 8)
+    start = RunStartEvent(Location("start"), "throwing", "iterative", "a model")
+    begun = StageBeginEvent(Location("initial"), 8)
     found, grown, child = candidate("initial", 1, 2.5), expansion(3, 2, "vxv"), node(3, 4, 2, 1.5)
-    remark, unknown = RemarkEvent(Place("1"), "wait"), Event("tomorrow", "a", {"b": 1})
+    remark, unknown = RemarkEvent(Location("1"), "wait"), Event("tomorrow", "a", {"b": 1})
     record = RunRecord.of([start, begun, found, grown, child, remark, unknown, edit(1, 1)])
     assert (record.start, record.stage, record.remarks) == (start, begun, ["wait"])
     assert (record.candidates, record.expansions, record.nodes) == ([found], [grown], [child])

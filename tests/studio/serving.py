@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 import httpx
 
 from agentflow.studio.app import running
-from agentflow.studio.guard import Limits
+from agentflow.studio.guard import RequestLimits
 
 PATIENCE = 120.0
 
@@ -87,7 +87,7 @@ class Browser:
 
 
 @contextmanager
-def studio(runs: Path, limits: Limits | None = None) -> Iterator[Served]:
+def studio(runs: Path, limits: RequestLimits | None = None) -> Iterator[Served]:
     """Serve a folder of runs while the context is open."""
     ready: dict[str, Any] = {}
     opened = threading.Event()

@@ -14,11 +14,11 @@ from threading import Thread
 import httpx
 import pytest
 
-from agentflow.studio.guard import Limits
+from agentflow.studio.guard import RequestLimits
 from tests.studio.serving import Browser, Served, studio
 
 RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
-LIMITS = Limits(upload_s=0.1, streams=2)
+LIMITS = RequestLimits(upload_s=0.1, streams=2)
 SECRET = "nobody may read this"
 
 

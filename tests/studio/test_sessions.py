@@ -12,8 +12,17 @@ from typing import Any
 import pytest
 
 from agentflow.errors import UsageError
-from agentflow.studio.sessions.recorder import FOLDER, Recorder
-from agentflow.study.session import Action, Audio, End, Note, Pause, Start, Trial, read_session
+from agentflow.studio.sessions.recorder import FOLDER, SessionRecorder
+from agentflow.study.session import (
+    Action,
+    Audio,
+    End,
+    Note,
+    Pause,
+    SessionStart,
+    StudioTest,
+    read_session,
+)
 from tests.machine.builders import CAR, build
 from tests.studio.serving import Browser, studio
 
@@ -42,17 +51,17 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def recorder(tmp_path: Path, clock: Clock) -> Iterator[Recorder]:
-    with Recorder(tmp_path, clock) as found:
+def recorder(tmp_path: Path, clock: Clock) -> Iterator[SessionRecorder]:
+    with SessionRecorder(tmp_path, clock) as found:
         yield found
 
 
-def start(**more: Any) -> Start:
-    return Start(task="movement", machine=ROOT, **more)
+def start(**more: Any) -> SessionStart:
+    return SessionStart(task="movement", machine=ROOT, **more)
 
 
 def test_actions_tests_pauses_and_notes_are_recorded_with_their_times(
-    recorder: Recorder, clock: Clock, tmp_path: Path
+    recorder: SessionRecorder, clock: Clock, tmp_path: Path
 ) -> None:
     name = recorder.begin(start(mode="guided", rationale="Begin low."))["session"]
     clock.seconds += 2
@@ -68,14 +77,14 @@ def test_actions_tests_pauses_and_notes_are_recorded_with_their_times(
     assert found.events == (
         Action(at=2, **{key: value for key, value in ADDED.items() if key != "kind"}),
         Pause(at=3, seconds=5.5),
-        Trial(at=8.5, seconds=1.5, **trial),
+        StudioTest(at=8.5, seconds=1.5, **trial),
         Note(at=10, text="too slow"),
         End(at=11, reason="finished"),
     )
 
 
 def test_the_clock_stands_while_the_person_pauses(
-    recorder: Recorder, clock: Clock, tmp_path: Path
+    recorder: SessionRecorder, clock: Clock, tmp_path: Path
 ) -> None:
     name = recorder.begin(start(limit_s=60))["session"]
     clock.seconds += 50
@@ -95,12 +104,12 @@ def test_the_clock_stands_while_the_person_pauses(
 
 
 def test_a_session_that_is_left_says_so(tmp_path: Path, clock: Clock) -> None:
-    with Recorder(tmp_path, clock) as recorder:
+    with SessionRecorder(tmp_path, clock) as recorder:
         name = recorder.begin(start())["session"]
     assert read_session(tmp_path / FOLDER / name).of(End) == (End(at=0, reason="left"),)
 
 
-def test_a_reloaded_page_goes_on_with_the_machine_as_it_was(recorder: Recorder) -> None:
+def test_a_reloaded_page_goes_on_with_the_machine_as_it_was(recorder: SessionRecorder) -> None:
     name = recorder.begin(start())["session"]
     recorder.tell(name, ADDED)
     found = recorder.current()
@@ -108,7 +117,7 @@ def test_a_reloaded_page_goes_on_with_the_machine_as_it_was(recorder: Recorder) 
     assert (found["session"], found["machine"]) == (name, ADDED["machine"])
 
 
-def test_sound_is_kept_beside_the_events(recorder: Recorder, tmp_path: Path) -> None:
+def test_sound_is_kept_beside_the_events(recorder: SessionRecorder, tmp_path: Path) -> None:
     name = recorder.begin(start())["session"]
     for piece, first in ((b"one", True), (b"two", False), (b"again", True)):
         recorder.hear(name, piece, first)
@@ -121,7 +130,7 @@ def test_sound_is_kept_beside_the_events(recorder: Recorder, tmp_path: Path) -> 
 def test_a_link_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     os.symlink(tmp_path / "elsewhere", tmp_path / FOLDER)
-    recorder = Recorder(tmp_path)
+    recorder = SessionRecorder(tmp_path)
     with pytest.raises(UsageError, match="is a link; sessions are in a plain folder"):
         recorder.begin(start())
     assert list(recorder.sessions()) == []

@@ -12,8 +12,8 @@ from agentflow.study.session import (
     Pause,
     Session,
     SessionLog,
-    Start,
-    Trial,
+    SessionStart,
+    StudioTest,
     read_session,
 )
 from tests.machine.builders import build
@@ -48,13 +48,15 @@ class Clock:
 def record(folder: Path, note: str = "It will go farther with four wheels.") -> Session:
     """The session, as `SessionLog` writes it; pauses come from the gaps."""
     clock = Clock()
-    log = SessionLog.begin(folder, Start(task="movement", machine=build().to_json()), clock)
+    log = SessionLog.begin(folder, SessionStart(task="movement", machine=build().to_json()), clock)
 
     def act(at: float, do: Operation, machine: Machine) -> None:
         log.append(Action(at=at, do=do, machine=machine.to_json()))
 
     def test(at: float, seconds: float, machine: Machine, score: float) -> None:
-        found = Trial(at=at, seconds=seconds, machine=machine.to_json(), score=score, status="ok")
+        found = StudioTest(
+            at=at, seconds=seconds, machine=machine.to_json(), score=score, status="ok"
+        )
         log.append(found)
 
     act(10, "add", build(CHASSIS[0]))  # 0-10 pause, 10-17 building

@@ -16,7 +16,7 @@ from agentflow.study.episodes import MEANING
 from agentflow.study.measures import builds_foundation_first, count_restarts, design_type
 from agentflow.study.results import LABEL_OF_TOOL, find_sessions, measure
 from agentflow.study.segments import segment
-from agentflow.study.session import SessionLog, Start
+from agentflow.study.session import SessionLog, SessionStart
 from agentflow.tools.bench import TOOL_NAMES
 from tests.machine.builders import build
 from tests.study.example import FOUR_WHEELS, TRANSCRIPT, record
@@ -145,7 +145,9 @@ def test_people_and_agents_stand_in_one_table(
 
 
 def test_a_session_in_which_nothing_was_done_has_no_numbers(tmp_path: Path) -> None:
-    SessionLog.begin(tmp_path, Start(task="movement", machine=build().to_json())).finish("left")
+    SessionLog.begin(tmp_path, SessionStart(task="movement", machine=build().to_json())).finish(
+        "left"
+    )
     (found,) = measure([tmp_path])
     assert (found.trials, found.best, found.final, found.restarts) == (0, None, None, 0)
     assert (found.foundation_first, found.design, found.labels) == (None, None, ())

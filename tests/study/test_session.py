@@ -16,8 +16,8 @@ from agentflow.study.session import (
     Note,
     Pause,
     SessionLog,
-    Start,
-    Trial,
+    SessionStart,
+    StudioTest,
     read_session,
 )
 from tests.study.example import Clock
@@ -33,7 +33,9 @@ def clock() -> Clock:
 
 @pytest.fixture
 def log(tmp_path: Path, clock: Clock) -> Iterator[SessionLog]:
-    start = Start(task="throwing", limit_s=600, mode="guided", rationale="an arm", machine=ROOT)
+    start = SessionStart(
+        task="throwing", limit_s=600, mode="guided", rationale="an arm", machine=ROOT
+    )
     log = SessionLog.begin(tmp_path / "one", start, clock)
     yield log
     log.finish("left")
@@ -43,7 +45,7 @@ def test_a_session_is_read_as_it_was_written(log: SessionLog, clock: Clock) -> N
     clock.at += 2
     log.append(Audio(at=log.now, file="speech.webm"))
     log.append(Action(at=log.now, do="add", block=1, type=15, machine=TWO))
-    log.append(Trial(at=4.0, seconds=3.0, machine=TWO, score=1.5, status="ok", run="a/b"))
+    log.append(StudioTest(at=4.0, seconds=3.0, machine=TWO, score=1.5, status="ok", run="a/b"))
     log.append(Note(at=7.5, text="<b>short</b>"))
     clock.at += 6
     log.finish("finished")
@@ -66,7 +68,7 @@ def test_doing_nothing_for_five_seconds_is_a_pause_and_notes_do_not_end_it(
     log.append(Action(at=4.9, do="add", machine=TWO))  # no pause before it
     log.append(Note(at=8.0, text="thinking"))
     log.append(Action(at=10.9, do="watch", machine=TWO))
-    log.append(Trial(at=11.0, seconds=20.0, machine=TWO, score=None, status="timeout"))
+    log.append(StudioTest(at=11.0, seconds=20.0, machine=TWO, score=None, status="timeout"))
     log.append(End(at=36.0, reason="time"))
     pauses = read_session(log.path).of(Pause)
     assert [(pause.at, pause.seconds) for pause in pauses] == [(5.9, 5.0), (31.0, 5.0)]
@@ -74,7 +76,7 @@ def test_doing_nothing_for_five_seconds_is_a_pause_and_notes_do_not_end_it(
 
 def test_events_are_in_the_order_of_time(log: SessionLog) -> None:
     log.append(Action(at=3.0, do="add", machine=TWO))
-    log.append(Trial(at=1.0, seconds=4.0, machine=ROOT, score=0, status="ok"))
+    log.append(StudioTest(at=1.0, seconds=4.0, machine=ROOT, score=0, status="ok"))
     assert [event.at for event in read_session(log.path).events] == [1.0, 3.0]
 
 
@@ -95,7 +97,7 @@ def test_nothing_is_written_after_the_end(log: SessionLog) -> None:
 
 def test_a_folder_holds_one_session(log: SessionLog) -> None:
     with pytest.raises(UsageError, match="holds a session already"):
-        SessionLog.begin(log.path, Start(task="throwing", machine=ROOT))
+        SessionLog.begin(log.path, SessionStart(task="throwing", machine=ROOT))
 
 
 @pytest.mark.parametrize(

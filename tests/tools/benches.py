@@ -8,18 +8,18 @@ from dataclasses import replace
 from pathlib import Path
 
 from agentflow.agents.base import AskContext
-from agentflow.app.design.laboratory import PhysicsLaboratory
+from agentflow.app.design.evaluator import PhysicsEvaluator
 from agentflow.app.design.replay import MemoryRecord
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.prompts.render import PromptSet
-from agentflow.runs.places import FEEDBACK, StageName
+from agentflow.runs.locations import FEEDBACK, StageName
 from agentflow.tools.bench import Bench
-from agentflow.tools.desk import Allowance, Budget, KnownMachines
+from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.stages import RunWorld
+from agentflow.workflows.tools.stages import RunHost
 
 CAR = Path("examples/car.json").read_text(encoding="utf-8")
 
@@ -39,20 +39,20 @@ async def open_bench(
     record = MemoryRecord()
     contexts = AskContext(ScriptedClient([]), PromptSet())
     async with RolloutPool(1) as pool:
-        laboratory = PhysicsLaboratory(level, pool, seed=0)
+        evaluator = PhysicsEvaluator(level, pool, seed=0)
         run = WorkflowContext(
             "tools",
             replace(level.brief, greatest=greatest),
             lambda _: contexts,
-            laboratory,
+            evaluator,
             WorkflowSettings(),
             record,
             0,
         )
         run.begin_stage(stage)
-        budget = Budget(
+        budget = StageBudget(
             submissions,
             None if rollouts is None else Allowance.of_simulations(rollouts),
             None if looks is None else Allowance.of_pictures(looks),
         )
-        yield Bench(RunWorld(run), stage, budget, KnownMachines()), record
+        yield Bench(RunHost(run), stage, budget, KnownMachines()), record

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from agentflow.machine.tree import ROOT, Machine, Step
-from agentflow.tools.desk import KnownMachines
-from agentflow.tools.results import Refused
+from agentflow.tools.results import RefusedCall
+from agentflow.tools.workspace import KnownMachines
 
 
 def one(face: int) -> Machine:
@@ -27,7 +27,7 @@ def test_a_machine_is_found_by_its_name_or_its_whole_hash() -> None:
 def test_an_unknown_name_is_refused_with_the_newest_names() -> None:
     known = KnownMachines()
     names = [known.add(one(face)).name for face in range(6)]
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(RefusedCall) as caught:
         known.find("x" * 500)
     newest = ", ".join(names[:0:-1])
     assert str(caught.value) == (
@@ -40,6 +40,6 @@ def test_a_run_keeps_a_limited_number() -> None:
     known = KnownMachines(most=2)
     for face in (0, 1, 0):
         known.add(one(face))
-    with pytest.raises(Refused, match=r"^a run keeps at most 2 machines; go on with these$"):
+    with pytest.raises(RefusedCall, match=r"^a run keeps at most 2 machines; go on with these$"):
         known.add(one(2))
     assert len(known) == 2

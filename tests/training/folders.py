@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from agentflow.llm.messages import Sampling
 from agentflow.rewards.scoring import Sample, Scorer
-from agentflow.training.evaluation.record import Evaluation, open_evaluation
+from agentflow.training.evaluation.record import EvaluationRecord, open_evaluation
 from agentflow.training.evaluation.replies import JudgedReply, judge
 from agentflow.training.record import About, TrainingRun
 from tests.integrations.foreign import CAR
@@ -72,7 +72,7 @@ def write_evaluation(
         "prompts": "default 0123456789abcdef",
         "conditions": {"constants": "0", "blocks": "0", "engine": "pybullet 3.2.7"},
     }
-    with open_evaluation(folder, Evaluation.model_validate(about | fields)) as found:
+    with open_evaluation(folder, EvaluationRecord.model_validate(about | fields)) as found:
         found.add(list(replies))
         if finished:
             found.finish()

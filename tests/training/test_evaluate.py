@@ -20,7 +20,7 @@ from agentflow.cli import main
 from agentflow.errors import RunError, UnauthorisedError
 from agentflow.training.evaluation.evaluate import evaluate
 from agentflow.training.evaluation.models import random_seed
-from agentflow.training.evaluation.record import Evaluation, read_evaluation
+from agentflow.training.evaluation.record import EvaluationRecord, read_evaluation
 from agentflow.training.evaluation.replies import JudgedReply
 from tests.integrations.foreign import CAR
 from tests.llm.foreign import ROOT
@@ -188,7 +188,7 @@ def test_another_evaluation_or_a_full_folder_is_not_overwritten(
     assert f"{tmp_path} is not an evaluation: it has notes.txt" in capsys.readouterr().err
 
 
-async def evaluate_at(base_url: str, out: Path) -> Evaluation:
+async def evaluate_at(base_url: str, out: Path) -> EvaluationRecord:
     """Five samples of a model at an endpoint, asked from a thread of its own."""
     options = {
         "model.name": "m",

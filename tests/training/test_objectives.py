@@ -12,7 +12,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.errors import NoScoreError
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
-from agentflow.training.objectives import FUNCTIONS, Objective, Verdict, works
+from agentflow.training.objectives import FUNCTIONS, Objective, ObjectiveVerdict, works
 from tests.env.machines import CAR, FOLDER, machine
 
 FLAT = machine((0, -1, -1), (63, 0, 0), (63, 0, 1), (1, 0, 4))
@@ -83,7 +83,7 @@ def objective_of(name: str) -> Objective:
     )
 
 
-def judge(name: str, given: Machine | str) -> Verdict:
+def judge(name: str, given: Machine | str) -> ObjectiveVerdict:
     """Simulate a machine and apply the function test of this name."""
     objective, tree = objective_of(name), load(given)
     rollout = simulate(tree, objective.task)
@@ -144,7 +144,7 @@ def test_all_tests_of_an_objective_must_pass() -> None:
 def test_an_invalid_machine_does_not_work() -> None:
     objective = objective_of("moves")
     overlapping = machine((0, -1, -1), (63, 0, 0), (63, 0, 0))
-    assert works(objective, simulate(overlapping, objective.task), overlapping) == Verdict(
+    assert works(objective, simulate(overlapping, objective.task), overlapping) == ObjectiveVerdict(
         False, {}
     )
 

@@ -12,7 +12,7 @@ from agentflow.runs.events import typed_event
 from agentflow.runs.reading import Event
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
-from tests.workflows.world import BRIEF, Run, Script, Shelf, edit, fenced, machine, steps
+from tests.workflows.fakes import BRIEF, Run, Script, Shelf, edit, fenced, machine, steps
 
 TRIED = replace(BRIEF, limits=Limits(controls=5.0, trials=3))
 CART = machine((1, 0, 0), (2, 0, 2))

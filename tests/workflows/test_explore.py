@@ -13,7 +13,7 @@ from agentflow.machine.validity import check
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
-from tests.workflows.world import BLOCKS, BRIEF, Author, Notes, Run, Shelf
+from tests.workflows.fakes import BLOCKS, BRIEF, Author, Notes, Run, Shelf
 
 pytest.importorskip("ribs")
 

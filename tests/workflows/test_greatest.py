@@ -9,7 +9,7 @@ import pytest
 from agentflow.machine.tree import Machine
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
-from tests.workflows.world import BRIEF, Author, Notes, Run, Shelf, edit, machine
+from tests.workflows.fakes import BRIEF, Author, Notes, Run, Shelf, edit, machine
 
 CAPPED = replace(BRIEF, greatest=4.0)
 START = machine((1, 0, 0), (2, 0, 2))

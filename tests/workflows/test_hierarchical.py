@@ -4,7 +4,7 @@ import re
 import pytest
 
 from agentflow.machine.tree import Machine
-from tests.workflows.world import (
+from tests.workflows.fakes import (
     BLUEPRINT,
     CRITIQUE,
     INQUIRY,

@@ -14,7 +14,7 @@ from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
 from agentflow.search.registry import STRATEGIES
 from tests.timing import JumpingLoop
-from tests.workflows.world import Author, Run, Shelf
+from tests.workflows.fakes import Author, Run, Shelf
 
 LATENCY, ROLLOUT, WORKERS = 1.0, 0.15, 2
 """Seconds per reply, seconds per simulation, simulations at a time."""
@@ -38,7 +38,7 @@ class Slow:
 
 
 class SlowShelf(Shelf):
-    """A laboratory of two workers."""
+    """An evaluator of two workers."""
 
     def __init__(self) -> None:
         super().__init__()

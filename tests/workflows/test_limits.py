@@ -10,7 +10,7 @@ from agentflow.machine.brief import Limits
 from agentflow.machine.geometry.pieces import largest_piece
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
-from tests.workflows.world import BRIEF, Author, Run
+from tests.workflows.fakes import BRIEF, Author, Run
 
 SEARCH = {"trajectories": 3, "search": {"rounds": 4, "width": 2, "request_rounds": 3}}
 MOST = 4

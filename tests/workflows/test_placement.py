@@ -40,7 +40,7 @@ CLASHING = Machine((*SOLVED, Step(4, 38, 0, MIDDLE + 1)))
 
 
 class Teeth:
-    """A laboratory that knows ideal teeth and no forces."""
+    """An evaluator that knows ideal teeth and no forces."""
 
     def __init__(self) -> None:
         self.tried: list[str] = []

@@ -15,7 +15,7 @@ from agentflow.machine.validity import check
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
-from tests.workflows.world import BRIEF, Notes, Shelf
+from tests.workflows.fakes import BRIEF, Notes, Shelf
 
 TASK = replace(BRIEF, blocks=(0, 1, 2, 15, 63))
 

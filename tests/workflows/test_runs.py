@@ -13,7 +13,7 @@ from agentflow.search.node import Evaluation
 from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
-from tests.workflows.world import (
+from tests.workflows.fakes import (
     BRIEF,
     CRITIQUE,
     INQUIRY,

@@ -10,7 +10,7 @@ import pytest
 
 from agentflow.llm.messages import Reply, Request, ToolCall
 from agentflow.workflows.tools.workflow import MOST_CALLS, MOST_REFUSED
-from tests.workflows.world import BRIEF, Author, Run, machine, steps
+from tests.workflows.fakes import BRIEF, Author, Run, machine, steps
 
 CART = json.dumps(steps((1, 0, 0), (2, 0, 2)))
 NAME = machine((1, 0, 0), (2, 0, 2)).digest[:8]

@@ -51,7 +51,7 @@ class Mean(_Part):
         return cls(mean=round(fmean(known), 6) if known else None, interval=ends)
 
 
-class Attempt(_Part):
+class CountedMachine(_Part):
     """One machine that counts: a first reply, or the best machine of a refined run."""
 
     outcome: Outcome
@@ -71,9 +71,9 @@ class ItemResult(_Part):
     knobs: dict[str, Any]
     full: Number
     """Score that a share of 1 stands for: the greatest possible one, or that of the record."""
-    first: tuple[Attempt, ...]
+    first: tuple[CountedMachine, ...]
     """First replies, with plain scores."""
-    refined: Attempt
+    refined: CountedMachine
     """Best machine of the refined run, with its verified score."""
 
     @property
@@ -95,14 +95,14 @@ class Cost(_Part):
     rollouts: int
 
 
-class Family(_Part):
+class FamilyShares(_Part):
     """Mean shares over the items of a family, or over all."""
 
     first: Mean
     refined: Mean
 
 
-class Card(_Part, populate_by_name=True):
+class Scorecard(_Part, populate_by_name=True):
     """A scorecard."""
 
     schema_version: int = Field(SCHEMA, alias="schema")
@@ -118,8 +118,8 @@ class Card(_Part, populate_by_name=True):
     """Day, UTC."""
     complete: bool
     """Whether every item has its shares."""
-    total: Family
-    families: dict[str, Family]
+    total: FamilyShares
+    families: dict[str, FamilyShares]
     items: tuple[ItemResult, ...]
     cost: Cost
 
@@ -134,22 +134,22 @@ def is_counted(item: ItemResult) -> bool:
     return item.first_share is not None and item.refined.share is not None
 
 
-def summary(items: Sequence[ItemResult]) -> Family:
+def summary(items: Sequence[ItemResult]) -> FamilyShares:
     """Mean shares over items."""
-    return Family(
+    return FamilyShares(
         first=Mean.of(item.first_share for item in items),
         refined=Mean.of(item.refined.share for item in items),
     )
 
 
-def write_card(path: Path, card: Card) -> None:
+def write_card(path: Path, card: Scorecard) -> None:
     """Write a card, sealed."""
     content = card.model_dump(mode="json", by_alias=True)
     with write_output(path) as part:
         part.write_text(json.dumps(sealed(content), indent=1) + "\n", encoding="utf-8")
 
 
-def read_card(path: Path) -> Card:
+def read_card(path: Path) -> Scorecard:
     """Read a card.
 
     Raises:
@@ -166,7 +166,7 @@ def read_card(path: Path) -> Card:
     require_schema(path, content, SCHEMA, otherwise=f", or {again}")
     whole = break_seal(content)
     try:
-        card = Card.model_validate(content)
+        card = Scorecard.model_validate(content)
     except ValidationError as error:
         told = " ".join(locate_fault(error, "the file"))
         raise RunError(f"{path} is damaged: {told}; {again}") from None

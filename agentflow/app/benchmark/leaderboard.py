@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from agentflow.app.benchmark.card import Card, read_card
+from agentflow.app.benchmark.card import Scorecard, read_card
 from agentflow.env.tasks.records import other_recorders
 from agentflow.errors import UsageError
 from agentflow.metrics.formats import interval_text, number
@@ -21,7 +21,7 @@ ABOUT = (
 )
 
 
-def read_cards(paths: Sequence[Path]) -> list[Card]:
+def read_cards(paths: Sequence[Path]) -> list[Scorecard]:
     """Read cards that can be compared, best first.
 
     Raises:
@@ -44,7 +44,7 @@ def read_cards(paths: Sequence[Path]) -> list[Card]:
     return sorted(cards, key=lambda card: (not card.complete, -(card.total.refined.mean or 0.0)))
 
 
-def leaderboard(cards: Sequence[Card]) -> tuple[Table, ...]:
+def leaderboard(cards: Sequence[Scorecard]) -> tuple[Table, ...]:
     """Three tables: all cards ranked, by family, and by item."""
     return _ranking(cards), _by_family(cards), _by_item(cards)
 
@@ -54,7 +54,7 @@ def format_tables(tables: Sequence[Table], form: str) -> str:
     return ("" if form == "json" else "\n").join(FORMATS[form](table) for table in tables)
 
 
-def _ranking(cards: Sequence[Card]) -> Table:
+def _ranking(cards: Sequence[Scorecard]) -> Table:
     columns = (
         Column("refined", "share", percent=True),
         Column("refined", INTERVAL),
@@ -87,7 +87,7 @@ def _ranking(cards: Sequence[Card]) -> Table:
     return Table(title, ("rank", "model"), columns, tuple(rows), notes=notes)
 
 
-def _by_family(cards: Sequence[Card]) -> Table:
+def _by_family(cards: Sequence[Scorecard]) -> Table:
     names = list(cards[0].families)
     columns = tuple(
         Column(name, part, percent=True) for name in names for part in ("first", "refined")
@@ -106,7 +106,7 @@ def _by_family(cards: Sequence[Card]) -> Table:
     return Table("Shares by family", ("model",), columns, rows)
 
 
-def _by_item(cards: Sequence[Card]) -> Table:
+def _by_item(cards: Sequence[Scorecard]) -> Table:
     columns = tuple(
         Column(card.model, part, percent=True) for card in cards for part in ("first", "refined")
     )

@@ -10,11 +10,11 @@ from shlex import quote
 
 from agentflow.app.benchmark.card import (
     NAME,
-    Attempt,
-    Card,
     Cost,
+    CountedMachine,
     ItemResult,
     Outcome,
+    Scorecard,
     is_counted,
     summary,
     write_card,
@@ -25,12 +25,12 @@ from agentflow.app.design.trust import trust_option
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.app.sweeps.run import Watcher, run_sweep
 from agentflow.app.sweeps.tables import FinishedRun, SweepResult, read_sweep_result
-from agentflow.app.sweeps.views import total_bill
+from agentflow.app.sweeps.views import total_usage
 from agentflow.config.run import build_config
 from agentflow.errors import EndpointError
 from agentflow.files.documents import digest_of
 from agentflow.runs.events import EvaluationEvent, read_typed_events
-from agentflow.runs.places import INITIAL
+from agentflow.runs.locations import INITIAL
 from agentflow.runs.result import BUDGET
 from agentflow.version import __version__
 
@@ -43,7 +43,7 @@ class BenchmarkOutcome:
     """The card of a benchmark, and its file."""
 
     file: Path
-    card: Card
+    card: Scorecard
 
 
 def run_benchmark(
@@ -65,7 +65,7 @@ def run_benchmark(
     return BenchmarkOutcome(file, card)
 
 
-def make_card(result: SweepResult) -> Card:
+def make_card(result: SweepResult) -> Scorecard:
     """The card of the finished runs."""
     sweep = result.sweep
     done = {
@@ -74,8 +74,8 @@ def make_card(result: SweepResult) -> Card:
     items = tuple(_result(result, name, item, done) for name, item in read_items(sweep).items())
     families = {item.family: [i for i in items if i.family == item.family] for item in items}
     shared = conditions(sweep)
-    bill = total_bill(result.finished).total
-    return Card(
+    spent = total_usage(result.finished).total
+    return Scorecard(
         agentflow=__version__,
         conditions=shared,
         digest=digest_of(shared),
@@ -87,10 +87,10 @@ def make_card(result: SweepResult) -> Card:
         families={name: summary(of) for name, of in families.items()},
         items=items,
         cost=Cost(
-            calls=bill.calls,
-            prompt_tokens=bill.prompt,
-            completion_tokens=bill.completion,
-            money=bill.money,
+            calls=spent.calls,
+            prompt_tokens=spent.prompt,
+            completion_tokens=spent.completion,
+            money=spent.money,
             rollouts=sum(run.result.rollouts for run in result.finished),
         ),
     )
@@ -111,7 +111,7 @@ def _result(
     )
 
 
-def _replies(run: FinishedRun, item: Item) -> tuple[Attempt, ...]:
+def _replies(run: FinishedRun, item: Item) -> tuple[CountedMachine, ...]:
     """The first replies of a run, with plain scores."""
     if run.result.stopped == BUDGET:
         return (_without_score("stopped", "the budget was used up"),)
@@ -119,19 +119,19 @@ def _replies(run: FinishedRun, item: Item) -> tuple[Attempt, ...]:
     return tuple(
         _attempt(statuses.get(found.machine or "", "ok"), found.score, item.full)
         if found.valid
-        else Attempt(outcome="invalid", score=0.0, share=0.0, reason=found.reason)
+        else CountedMachine(outcome="invalid", score=0.0, share=0.0, reason=found.reason)
         for found in run.numbers.record.of_stage(INITIAL)
     )
 
 
-def _best(run: FinishedRun, item: Item) -> Attempt:
+def _best(run: FinishedRun, item: Item) -> CountedMachine:
     """The best machine of a run, with its verified score, or the lowest where that counts."""
     result = run.result
     if result.stopped == BUDGET:
         return _without_score("stopped", "the budget was used up")
     machine = best_machine(result)
     if machine is None:
-        return Attempt(outcome="invalid", score=0.0, share=0.0, reason=result.reason)
+        return CountedMachine(outcome="invalid", score=0.0, share=0.0, reason=result.reason)
     status, verified = _statuses(run).get(machine.digest, "ok"), result.verified
     if status in ("ok", "diverged") and result.verified_score is None:
         return _without_score("unverified", "a simulation of the verification failed")
@@ -139,14 +139,16 @@ def _best(run: FinishedRun, item: Item) -> Attempt:
     return _attempt(status, lowest if item.lowest else result.verified_score, item.full)
 
 
-def _attempt(status: str, score: float | None, full: float) -> Attempt:
+def _attempt(status: str, score: float | None, full: float) -> CountedMachine:
     if score is None:
         return _without_score("simulation_failed", f"the simulation ended with status {status}")
     outcome: Outcome = "diverged" if status == "diverged" else "scored"
-    return Attempt(outcome=outcome, score=round(score, DIGITS), share=round(score / full, DIGITS))
+    return CountedMachine(
+        outcome=outcome, score=round(score, DIGITS), share=round(score / full, DIGITS)
+    )
 
 
-def _missing(result: SweepResult, part: str, name: str) -> Attempt:
+def _missing(result: SweepResult, part: str, name: str) -> CountedMachine:
     """What takes the place of a run that is not finished."""
     run = next(
         run.name for run in result.planned if (run.labels[PART], run.labels[ITEM]) == (part, name)
@@ -155,8 +157,8 @@ def _missing(result: SweepResult, part: str, name: str) -> Attempt:
     return _without_score("missing", f"the run {why}")
 
 
-def _without_score(outcome: Outcome, reason: str) -> Attempt:
-    return Attempt(outcome=outcome, score=None, share=None, reason=reason)
+def _without_score(outcome: Outcome, reason: str) -> CountedMachine:
+    return CountedMachine(outcome=outcome, score=None, share=None, reason=reason)
 
 
 def _statuses(run: FinishedRun) -> dict[str, str]:

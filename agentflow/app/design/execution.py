@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from agentflow.agents.base import AskContext
 from agentflow.agents.registry import ROLES
-from agentflow.app.design.laboratory import PhysicsLaboratory
+from agentflow.app.design.evaluator import PhysicsEvaluator
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.base import OpenPool, Simulator
@@ -16,7 +16,7 @@ from agentflow.env.verification import Verification
 from agentflow.machine.tree import Machine
 from agentflow.models.clients import Models
 from agentflow.runs.events import RunStartEvent, VariedScore, VerificationEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from agentflow.workflows.base import Record, WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.workflow import Workflow
@@ -29,7 +29,7 @@ class Execution:
     model: str
     """Name of the models in results, or of who designed in their place."""
     result: WorkflowResult
-    laboratory: PhysicsLaboratory
+    evaluator: PhysicsEvaluator
     verification: Verification | None
     """Of the best machine; None without one, or if `config.verify` is off."""
 
@@ -55,7 +55,7 @@ async def execute(
     config = plan.config
     workflow = workflow or WORKFLOWS[config.workflow]
     model = model_name(config, models, workflow)
-    record.event(RunStartEvent(Place("start"), plan.task.name, config.workflow, model))
+    record.event(RunStartEvent(Location("start"), plan.task.name, config.workflow, model))
 
     def context_for(role: str) -> AskContext:
         sampling = models.choices[role].sampling
@@ -64,24 +64,24 @@ async def execute(
     try:
         async with open_pool(config.workers) if pool is None else nullcontext(pool) as simulator:
             objective = config.settings.objective
-            laboratory = PhysicsLaboratory(plan.task, simulator, config.seed, objective)
+            evaluator = PhysicsEvaluator(plan.task, simulator, config.seed, objective)
             result = await workflow(
-                plan.task.brief, context_for, laboratory, config.settings, record, config.seed
+                plan.task.brief, context_for, evaluator, config.settings, record, config.seed
             )
             verification = None
             if config.verify and result.best is not None and result.best.machine is not None:
-                verification = await laboratory.verify(result.best.machine)
+                verification = await evaluator.verify(result.best.machine)
                 record.event(verification_event(result.best.machine, verification))
     finally:
         await models.aclose()
-    return Execution(model, result, laboratory, verification)
+    return Execution(model, result, evaluator, verification)
 
 
 def verification_event(machine: Machine, verification: Verification) -> VerificationEvent:
     """The event of the verification of a run's best machine."""
     found = verification.to_json()
     scores = tuple(VariedScore(**item) for item in found.pop("scores"))
-    return VerificationEvent(Place("best"), machine.digest, **found, scores=scores)
+    return VerificationEvent(Location("best"), machine.digest, **found, scores=scores)
 
 
 def model_name(config: DesignConfig, models: Models, workflow: Workflow) -> str:

@@ -10,7 +10,7 @@ from agentflow.llm.messages import Reply, Request
 from agentflow.models.clients import Models
 from agentflow.runs import Listener, Notify, RunDirectory, read_events
 from agentflow.runs.events import CallsEvent, RemarkEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from agentflow.runs.reading import EVENTS
 
 REMARK = RemarkEvent.kind
@@ -33,7 +33,7 @@ class Remarks:
     def record(self, line: str) -> None:
         """Record a line that the user is shown elsewhere."""
         self._count += 1
-        self._run.event(RemarkEvent(Place(str(self._count)), line))
+        self._run.event(RemarkEvent(Location(str(self._count)), line))
 
     def tell_differences(self) -> None:
         """Report any differences between this process and the record of an earlier one."""
@@ -66,7 +66,7 @@ def watch_calls(models: Models, listener: Listener) -> Models:
     def count(label: str, change: int) -> None:
         nonlocal in_progress
         in_progress += change
-        listener(CallsEvent(Place.parse(label), in_progress, models.budget.cost))
+        listener(CallsEvent(Location.parse(label), in_progress, models.budget.cost))
 
     watched = {id(client): _WatchedClient(client, count) for client in models.clients.values()}
     return replace(models, clients={role: watched[id(c)] for role, c in models.clients.items()})

@@ -31,7 +31,7 @@ from agentflow.models.choices import choose_models
 from agentflow.models.local.folder import read_folder
 from agentflow.prompts.render import CONTROLS, LATER_FUNCTIONS, PromptSet
 from agentflow.runs.events import StageBeginEvent, read_typed_events
-from agentflow.runs.places import STAGES
+from agentflow.runs.locations import STAGES
 from agentflow.search.elites.archive import require_pyribs
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import MAP_ELITES
@@ -264,7 +264,7 @@ def repetition(path: Path, document: Mapping[str, Any]) -> Workflow | None:
     if AUTHOR not in document:
         return None
     events = read_typed_events(path)
-    begun = {event.place.name for event in events if isinstance(event, StageBeginEvent)}
+    begun = {event.location.name for event in events if isinstance(event, StageBeginEvent)}
     stages = tuple(stage for stage in STAGES if stage in begun)
     return repetition_of(document[AUTHOR], stages or STAGES[-1:])
 

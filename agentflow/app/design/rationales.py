@@ -7,7 +7,7 @@ from pathlib import Path
 from agentflow.agents.designer import Designer, extract_rationale
 from agentflow.config.run import DesignConfig
 from agentflow.errors import RunError
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.runs import read_document
 from agentflow.runs.events import AttemptEvent, read_typed_events
 
@@ -31,17 +31,17 @@ def rationales_of(path: Path) -> tuple[str, ...]:
     """
     read_document(path)
     accepted = {
-        event.label: event.place
+        event.label: event.location
         for event in read_typed_events(path)
         if isinstance(event, AttemptEvent) and event.role == Designer.name and event.valid
     }
     plans: dict[int, dict[int, str]] = {}
-    with Tape(path / "calls.jsonl", lambda _line: None, writable=False) as tape:
-        for entry in tape.calls():
-            place = accepted.get(entry.request.label)
-            if place is not None and place.trajectory:
+    with CallLog(path / "calls.jsonl", lambda _line: None, writable=False) as call_log:
+        for entry in call_log.calls():
+            location = accepted.get(entry.request.label)
+            if location is not None and location.trajectory:
                 text = extract_rationale(entry.reply.text)
-                plans.setdefault(place.trajectory, {}).setdefault(place.structure, text)
+                plans.setdefault(location.trajectory, {}).setdefault(location.structure, text)
     texts = tuple("\n".join(plan[n] for n in sorted(plan)) for _, plan in sorted(plans.items()))
     if not any(texts):
         raise RunError(f"{path} contains no rationale: none of its designs was accepted")

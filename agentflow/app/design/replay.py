@@ -14,12 +14,12 @@ from agentflow.app.design.notices import REMARK
 from agentflow.app.design.plan import RunPlan, level_note, repetition
 from agentflow.app.design.results import finding_of
 from agentflow.env.pool.base import Simulator
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.models.clients import replay_models
 from agentflow.runs import Event, Notify, read_document, read_events, read_result
 from agentflow.runs.events import RunEvent, read_stage
 from agentflow.runs.reading import read_machine_text
-from agentflow.runs.result import BUDGET, Finding, RunResult
+from agentflow.runs.result import BUDGET, RunFinding, RunResult
 
 
 def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | None:
@@ -44,8 +44,8 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
     if note := level_note(path, document):
         notify(note)
     memory = MemoryRecord(path)
-    with Tape(path / "calls.jsonl", notify, writable=False) as tape:
-        models = replay_models(plan.config, tape, budget_spent=recorded.stopped == BUDGET)
+    with CallLog(path / "calls.jsonl", notify, writable=False) as call_log:
+        models = replay_models(plan.config, call_log, budget_spent=recorded.stopped == BUDGET)
         execution = asyncio.run(execute(plan, models, memory, pool, repetition(path, document)))
     return first_difference(read_events(path), memory.events) or _result_difference(
         recorded, finding_of(plan, execution)
@@ -103,7 +103,7 @@ def first_difference(
     return None
 
 
-def _result_difference(recorded: RunResult, replayed: Finding) -> str | None:
+def _result_difference(recorded: RunResult, replayed: RunFinding) -> str | None:
     before = recorded.to_json()
     for key, value in replayed.to_json().items():
         if before.get(key) != value:

@@ -15,14 +15,14 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.metrics.intervals import wilson
-from agentflow.runs.result import Finding, RunResult
+from agentflow.runs.result import RunFinding, RunResult
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.statistics import count_passes, stage_row
 
 
-def finding_of(plan: RunPlan, execution: Execution) -> Finding:
+def finding_of(plan: RunPlan, execution: Execution) -> RunFinding:
     """What a run found, by the result of its workflow."""
     result = execution.result
     best = result.best
@@ -40,13 +40,13 @@ def finding_of(plan: RunPlan, execution: Execution) -> Finding:
         **plan.task.brief.budget_json(machine),
         "best_stage": result.best_stage,
         "stages": [stage_row(stage) for stage in result.stages],
-        "rollouts": len(execution.laboratory.rollouts),
+        "rollouts": len(execution.evaluator.rollouts),
         "stopped": result.stopped,
         "reason": result.reason,
         **({"attempts": _pass_rate(result)} if counts_passes else {}),
         **_objective_json(plan.config, result),
     }
-    return Finding.model_validate(found)
+    return RunFinding.model_validate(found)
 
 
 def _objective_json(config: DesignConfig, result: WorkflowResult) -> dict[str, Any]:
@@ -88,7 +88,7 @@ def best_machine(result: RunResult | None) -> Machine | None:
 
 def save_rollouts(path: Path, config: DesignConfig, execution: Execution) -> None:
     """Save the state trajectories of all machines, or of each stage's best machine."""
-    rollouts = execution.laboratory.rollouts
+    rollouts = execution.evaluator.rollouts
     chosen = set(rollouts) if config.keep_rollouts == "all" else _stage_winners(execution.result)
     for digest in sorted(chosen):
         with write_output(path / "rollouts" / f"{digest}.npz", RunError) as part:

@@ -20,8 +20,8 @@ from agentflow.env.pool.base import OpenPool, Simulator
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import ConfigError, EndpointError, InterruptedRunError, RunError
 from agentflow.llm.client import Client
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
-from agentflow.llm.wrappers.tape import Tape
 from agentflow.models.clients import open_models
 from agentflow.runs import Listener, Notify, RunDirectory, read_document, read_result, state_of
 from agentflow.runs.result import RunResult
@@ -182,17 +182,17 @@ class DesignRun:
         """Finish the run and close it."""
         remarks = Remarks(self.directory, self.options.notify)
         try:
-            with Tape(self.directory.tape, remarks.tell) as tape:
+            with CallLog(self.directory.call_log, remarks.tell) as call_log:
                 try:
-                    return await self._finish(tape, remarks)
+                    return await self._finish(call_log, remarks)
                 except EndpointError as error:
-                    if not self._worth_keeping(tape):
+                    if not self._worth_keeping(call_log):
                         self.directory.discard()
                         raise
                     remarks.record(str(error))
                     raise type(error)(f"{error}; {self._resume_hint}") from error
                 except ConfigError:  # e.g. a missing key
-                    if not self._worth_keeping(tape):
+                    if not self._worth_keeping(call_log):
                         self.directory.discard()
                     raise
                 except RunError as error:
@@ -200,10 +200,10 @@ class DesignRun:
         finally:
             self.directory.close()
 
-    async def _finish(self, tape: Tape, remarks: Remarks) -> RunResult:
+    async def _finish(self, call_log: CallLog, remarks: Remarks) -> RunResult:
         plan, directory, options = self.plan, self.directory, self.options
         models = watch_calls(
-            open_models(plan.config, tape, remarks.tell, options.client, options.limiters),
+            open_models(plan.config, call_log, remarks.tell, options.client, options.limiters),
             directory.notify,
         )
         execution = await execute(
@@ -217,16 +217,16 @@ class DesignRun:
             engine=plan.engine,
             **models.budget.to_json(),
             seconds=round(directory.seconds, 2),
-            simulated_seconds=round(execution.laboratory.simulated_seconds, 3),
-            worker_seconds=round(execution.laboratory.worker_seconds, 3),
+            simulated_seconds=round(execution.evaluator.simulated_seconds, 3),
+            worker_seconds=round(execution.evaluator.worker_seconds, 3),
             run=str(directory.path),
         )
         directory.finish(result)
         return result
 
-    def _worth_keeping(self, tape: Tape) -> bool:
+    def _worth_keeping(self, call_log: CallLog) -> bool:
         """Whether there is anything to resume: a reply, or the work of an earlier process."""
-        return self.directory.resumed or bool(len(tape))
+        return self.directory.resumed or bool(len(call_log))
 
     @property
     def _resume_hint(self) -> str:

@@ -12,7 +12,7 @@ from agentflow.agents.designer import Designer
 from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.llm.messages import Message
 from agentflow.llm.procedural.designing import build_machine
-from agentflow.llm.procedural.reading import Prompt, read_prompt
+from agentflow.llm.procedural.reading import PromptContent, read_prompt
 from agentflow.machine import Machine, library
 from agentflow.machine.blocks.library import EXAMPLE, STARTING_BLOCK
 
@@ -34,7 +34,7 @@ def draw_design(rng: Random, level: str) -> Machine:
 
 
 @cache
-def _prompt(level: str) -> Prompt:
+def _prompt(level: str) -> PromptContent:
     """What a designer is told, as the built-in model reads it."""
     _, user = chat_prompt(Designer, get_task(level).brief)
     return read_prompt([Message(role="user", text=user["content"])])

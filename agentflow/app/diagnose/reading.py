@@ -123,14 +123,14 @@ def _unique(pairs: Iterable[Pair]) -> list[Pair]:
     return sorted({(min(pair), max(pair)) for pair in pairs})
 
 
-class Pose(NamedTuple):
+class StatedPose(NamedTuple):
     """Where a block is and which way it faces; None for what is not said."""
 
     facing: str | None
     centre: tuple[float, float, float] | None
 
 
-def read_poses(text: str) -> dict[int, Pose]:
+def read_poses(text: str) -> dict[int, StatedPose]:
     """Poses by block id: a JSON list of objects with `id`, `facing` and `centre`.
 
     Objects by id, and one object alone, are accepted as well. The first pose of a block counts.
@@ -138,7 +138,7 @@ def read_poses(text: str) -> dict[int, Pose]:
     for value in _json_values(text):
         items = list(_posed(value))
         if items:
-            found: dict[int, Pose] = {}
+            found: dict[int, StatedPose] = {}
             for number, item in items:
                 found.setdefault(number, _pose(item))
             return found
@@ -163,10 +163,10 @@ def _posed(value: Any) -> Iterator[tuple[int, Mapping[str, Any]]]:
             yield number, item
 
 
-def _pose(item: Mapping[str, Any]) -> Pose:
+def _pose(item: Mapping[str, Any]) -> StatedPose:
     facing = next((item[key] for key in ("facing", "faces", "orientation") if key in item), None)
     centre = next((item[key] for key in ("centre", "center", "position") if key in item), None)
-    return Pose(_facing(facing), _point(centre))
+    return StatedPose(_facing(facing), _point(centre))
 
 
 def _facing(value: Any) -> str | None:

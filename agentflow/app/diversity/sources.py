@@ -59,7 +59,7 @@ def _candidates(run: Path, valid: bool) -> Iterator[Machine]:
     read_document(run)  # refuses edited runs and links
     found = RunRecord.of(read_typed_events(run)).candidates
     for item in found:
-        if item.place.name != found[-1].place.name or item.machine is None:
+        if item.location.name != found[-1].location.name or item.machine is None:
             continue
         if item.valid or not valid:
             yield recorded_machine(run, item.machine)

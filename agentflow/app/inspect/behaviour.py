@@ -20,7 +20,7 @@ from agentflow.metrics.behaviour.measures import Behaviour, behaviour, edits
 from agentflow.metrics.formats import percent
 from agentflow.metrics.intervals import Rate, bootstrap_mean
 from agentflow.metrics.tables import FORMATS, Column, Row, Table
-from agentflow.metrics.usage import bill
+from agentflow.metrics.usage import summarize_usage
 from agentflow.runs import find_runs, read_calls, read_document
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
@@ -106,7 +106,7 @@ def behaviour_of(run: Path) -> Behaviour:
     task = RunPlan.of_run(run, document, usable_engine(engine_of_run(document))).task
     events, calls = list(read_typed_events(run)), list(read_calls(run))
     predictions = {call["request"]["label"]: prediction_in(call) for call in calls}
-    spent = bill(calls).roles
+    spent = summarize_usage(calls).roles
     return behaviour(
         [*edits(RunRecord.of(events)), *agent_edits(events)],
         lambda place: predictions.get(str(place), ""),

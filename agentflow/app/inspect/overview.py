@@ -18,7 +18,7 @@ from agentflow.env.archive import load_npz
 from agentflow.env.tasks.records import record_json
 from agentflow.errors import RunError, UsageError
 from agentflow.machine import Machine
-from agentflow.metrics.usage import bill
+from agentflow.metrics.usage import summarize_usage
 from agentflow.models.choices import cost_function
 from agentflow.runs import find_runs, read_calls, read_document, read_result, state_of
 from agentflow.runs.events import read_typed_events
@@ -89,7 +89,7 @@ def run_details(path: Path) -> dict[str, Any]:
     known = {} if result is None else result.to_json()
     record = RunRecord.of(read_typed_events(path))
     config = build_config(document.get("config"))
-    spent = bill(read_calls(path), cost_function(config.model))
+    spent = summarize_usage(read_calls(path), cost_function(config.model))
     machine = best_machine(result)
     return {
         **{key: value for key, value in document.items() if key != "schema"},

@@ -16,7 +16,7 @@ from agentflow.app.inspect.reading import recorded_machine
 from agentflow.machine import Machine, library
 from agentflow.runs import read_calls
 from agentflow.runs.events import AttemptEvent, read_typed_events
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 
 WORDS = (
     *("one", "two", "three", "four", "five", "six"),
@@ -57,14 +57,16 @@ def _lacks(machine: Machine, rationale: str) -> bool:
 
 def _whole_designs(run: Path) -> dict[str, str]:
     """Label -> content hash of the machine, for accepted designs of whole machines."""
-    designs: dict[Place, str] = {}
+    designs: dict[Location, str] = {}
     last = 0
     for event in read_typed_events(run):
         if isinstance(event, AttemptEvent) and event.role == Designer.name:
-            last = max(last, event.place.structure)
+            last = max(last, event.location.structure)
             if event.valid and event.machine is not None:
-                designs[event.place] = event.machine
-    return {str(place): digest for place, digest in designs.items() if place.structure == last}
+                designs[event.location] = event.machine
+    return {
+        str(location): digest for location, digest in designs.items() if location.structure == last
+    }
 
 
 @cache

@@ -45,7 +45,7 @@ def read_source(source: str, rules: Brief | Collection[int] | None = None) -> Re
 
 
 def _text_of(source: str) -> str:
-    return _best_machine(Path(source)) if Path(source).is_dir() else read_text(source)
+    return _best_machine_text(Path(source)) if Path(source).is_dir() else read_text(source)
 
 
 def _read(text: str, source: str, rules: Brief | Collection[int] | None = None) -> Reading:
@@ -61,7 +61,7 @@ def _read(text: str, source: str, rules: Brief | Collection[int] | None = None) 
     return reading
 
 
-def _best_machine(run: Path) -> str:
+def _best_machine_text(run: Path) -> str:
     from agentflow.runs import read_document, read_result  # not needed to check a file
 
     read_document(run)  # refuses edited runs and links

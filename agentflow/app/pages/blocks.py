@@ -14,7 +14,7 @@ from agentflow.env.drawing.raster import corners_of, draw
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.drawing.stills import INK, SMOOTH, caption
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
 from agentflow.machine import ROOT, BlockType, Machine, Step, library, place
@@ -51,7 +51,7 @@ def draw_block(block: BlockType, file: Path) -> Path:
     solids, placed = MachineSolids(machine), place(machine).blocks[-1]
     shown = [
         replace(solid, position=add(solid.position, ALOFT))
-        for solid in solids.things(solids.rest)
+        for solid in solids.objects(solids.rest)
         if solid.name == f"block {placed.id}"
     ]
     lift = np.subtract(solids.rest.centre[0], place(machine).blocks[0].center) + ALOFT
@@ -84,7 +84,7 @@ def _example(block: BlockType) -> Machine:
     return Machine((ROOT, Step(1, block.type, 0, 0)))
 
 
-def _tile(placed: Placed, solids: Sequence[Thing], lift: Array, name: str) -> Image.Image:
+def _tile(placed: Placed, solids: Sequence[SceneObject], lift: Array, name: str) -> Image.Image:
     """One view; `lift` moves the machine frame to the world, where the machine stands."""
     corners = np.concatenate([corners_of(solid) for solid in solids])
     origin = np.add(placed.origin, lift)

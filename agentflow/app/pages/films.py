@@ -14,7 +14,7 @@ from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.mechanism import classify
 from agentflow.env.physics.model import Color
 from agentflow.env.rollout import Broken, Rollout, RolloutEvent, Trace
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.simulation.trials import SHOWN_TRIAL
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
@@ -22,7 +22,7 @@ from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.controls import Lane, lanes
 from agentflow.machine.geometry.vectors import IDENTITY
 from agentflow.machine.tree import Machine
-from agentflow.report.film import Motion, deflate, pack_motion
+from agentflow.report.film import FilmMotion, deflate, pack_motion
 
 GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (
     ("source", (0.80, 0.33, 0.20, 1.0)),
@@ -57,7 +57,7 @@ class Shapes:
         """Every solid in page format, in order of number."""
         return [list(row) for row in self._known]
 
-    def number(self, solid: Thing) -> int:
+    def number(self, solid: SceneObject) -> int:
         """The number of a solid given in its block's frame."""
         return self._known.setdefault(tuple(_solid_row(solid)), len(self._known))
 
@@ -135,12 +135,12 @@ def _film_data(
     """Data of one rollout: scene, motion, events."""
     trace = rollout.trace if rollout is not None else None
     scene = rollout.scene if rollout is not None and rollout.scene is not None else Scene()
-    moving = trace.things if trace is not None else ()
+    moving = trace.objects if trace is not None else ()
     columns = {name: len(machine) + index for index, name in enumerate(moving)}
     return {
-        "things": [
-            [*_solid_row(_in_own_frame(thing, columns)), columns.get(thing.name)]
-            for thing in scene.things
+        "objects": [
+            [*_solid_row(_in_own_frame(item, columns)), columns.get(item.name)]
+            for item in scene.objects
         ],
         "wind": _wind_text(scene),
         "traces": _traces(machine, columns),
@@ -197,44 +197,46 @@ def _wind_text(scene: Scene) -> str:
 
 
 def _traces(machine: Machine, columns: Mapping[str, int]) -> list[dict[str, Any]]:
-    """Bodies whose paths are drawn: the root, the boulder, moving things of the scene."""
+    """Bodies whose paths are drawn: the root, the boulder, moving objects of the scene."""
     hero = tracked_block(machine)
     boulder = {"boulder": hero} if hero else {}
     named = {"root block": 0, **boulder, **columns}
     return [{"body": body, "name": name} for name, body in named.items()][:MOST_TRACES]
 
 
-def _motion(figures: MachineSolids, trace: Trace | None, machine: Machine, every: int) -> Motion:
-    """Motion of blocks, then of moving things: every sample, or one in `every` regular ones.
+def _motion(
+    figures: MachineSolids, trace: Trace | None, machine: Machine, every: int
+) -> FilmMotion:
+    """Motion of blocks, then of moving objects: every sample, or one in `every` regular ones.
 
     Two-ended blocks get no motion: they are drawn between their ends.
     """
     if trace is None:
         rest = figures.rest
-        return Motion(np.zeros(1), rest.centre[None], rest.rotation[None], np.zeros((1, 0)))
+        return FilmMotion(np.zeros(1), rest.centre[None], rest.rotation[None], np.zeros((1, 0)))
     if every > 1:
         trace = trace.even[::every]
-    position = np.concatenate([trace.centre, trace.thing_position], axis=1)
-    rotation = np.concatenate([trace.rotation, trace.thing_rotation], axis=1)
+    position = np.concatenate([trace.centre, trace.object_position], axis=1)
+    rotation = np.concatenate([trace.rotation, trace.object_rotation], axis=1)
     for step in machine:
         if step.two_ended:
             position[:, step.id] = position[:, 0]
             rotation[:, step.id] = IDENTITY
-    return Motion(trace.times, position, rotation, trace.utilisation)
+    return FilmMotion(trace.times, position, rotation, trace.utilisation)
 
 
-def _solid_row(solid: Thing) -> Row:
+def _solid_row(solid: SceneObject) -> Row:
     """Kind, size, position, rotation and colour of a solid."""
     size = (solid.size[0],) * 3 if solid.shape == "sphere" else solid.size
     numbers = (*size, *solid.position, *solid.rotation, *solid.color[:3])
     return [solid.shape, *(round(float(value), 4) + 0.0 for value in numbers)]
 
 
-def _in_own_frame(thing: Thing, columns: dict[str, int]) -> Thing:
-    """A thing, in its own frame if it moves."""
-    if thing.name not in columns:
-        return thing
-    return Thing(thing.name, thing.shape, thing.size, (0.0, 0.0, 0.0), color=thing.color)
+def _in_own_frame(item: SceneObject, columns: dict[str, int]) -> SceneObject:
+    """An object, in its own frame if it moves."""
+    if item.name not in columns:
+        return item
+    return SceneObject(item.name, item.shape, item.size, (0.0, 0.0, 0.0), color=item.color)
 
 
 def _rod_data(block: int, machine: Machine, figures: MachineSolids) -> dict[str, Any]:

@@ -83,12 +83,12 @@ def simulate_one(
     """
     asked = list(map(_parse_query, queries))
     if subject.machine is None:
-        return _told(subject, invalid_rollout(subject.problems))
+        return _rollout_data(subject, invalid_rollout(subject.problems))
     rollout = simulate_in_parallel(subject, workers=workers, say=say, interval=interval, **options)
     if save is not None and rollout.trace is not None:
         with write_output(save) as part:
             save_npz(rollout, part)
-    return _told(subject, rollout, asked, interval)
+    return _rollout_data(subject, rollout, asked, interval)
 
 
 async def simulate_lines(
@@ -111,9 +111,9 @@ async def simulate_lines(
     async def result(line: str) -> dict[str, Any]:
         subject = Subject.of_text(parse_line(line), task, seed)
         if subject.machine is None:
-            return _told(subject, invalid_rollout(subject.problems))
+            return _rollout_data(subject, invalid_rollout(subject.problems))
         rollout = await subject.simulate(pool, interval=interval, **options)
-        return _told(subject, rollout, asked, interval)
+        return _rollout_data(subject, rollout, asked, interval)
 
     ahead: asyncio.Queue[asyncio.Task[dict[str, Any]] | Exception | None] = asyncio.Queue(
         AHEAD * workers
@@ -150,7 +150,7 @@ def _feed(
         hand_over(None)
 
 
-def _told(
+def _rollout_data(
     subject: Subject,
     rollout: Rollout,
     queries: Sequence[object] = (),

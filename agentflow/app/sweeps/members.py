@@ -74,11 +74,11 @@ async def _run(run: SweepRun, runs: Path, options: RunOptions) -> RunResult:
     path = runs / run.name
     if not _can_resume(path):
         return await design_async(run.config, runs, options, run.name)
-    require_same(RunPlan.of(run.config), path)
+    require_same_plan(RunPlan.of(run.config), path)
     return await resume_async(path, options)
 
 
-def require_same(plan: RunPlan, path: Path) -> None:
+def require_same_plan(plan: RunPlan, path: Path) -> None:
     """Refuse to mix new runs with one that was made under different conditions.
 
     Raises:

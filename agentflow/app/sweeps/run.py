@@ -20,7 +20,7 @@ from agentflow.app.sweeps.members import (
     Failure,
     carry_out_here,
     carry_out_on_ray,
-    require_same,
+    require_same_plan,
 )
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.config.run import build_config
@@ -155,7 +155,7 @@ class _Work:
         """Refuse to mix new runs with finished ones made under different conditions."""
         for run in self.plan.runs:
             if run.name in self.done:
-                require_same(self.plan.plan_of(run), self.folder / RUNS / run.name)
+                require_same_plan(self.plan.plan_of(run), self.folder / RUNS / run.name)
 
     async def _work_through(
         self, queue: Iterator[SweepRun], carry: CarryOut, log: LineFile

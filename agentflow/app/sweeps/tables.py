@@ -21,7 +21,7 @@ from agentflow.metrics.formats import counted
 from agentflow.metrics.tables import Column, Row, Table, Value
 from agentflow.runs import read_document, read_result
 from agentflow.runs.events import read_typed_events
-from agentflow.runs.places import STAGES
+from agentflow.runs.locations import STAGES
 from agentflow.runs.record import RunRecord
 from agentflow.runs.result import RunResult
 from agentflow.workflows.registry import WORKFLOWS

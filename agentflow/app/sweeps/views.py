@@ -23,10 +23,10 @@ from agentflow.metrics.formats import interval_text
 from agentflow.metrics.intervals import Rate, missing_scipy
 from agentflow.metrics.scores import mean_known
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
-from agentflow.metrics.usage import Bill, Spent, bill
+from agentflow.metrics.usage import Spent, UsageSummary, summarize_usage
 from agentflow.models.choices import cost_function
 from agentflow.runs import RunResult, read_calls
-from agentflow.runs.places import STAGES
+from agentflow.runs.locations import STAGES
 
 CURVE = (0, 1, 2, 4, 8, 12, 16, 20, 30, 40)
 """Numbers of expansions at which strategies are compared."""
@@ -95,7 +95,7 @@ def usage_table(result: SweepResult) -> Table:
     """Cost of runs by role and stage, and speed of simulation."""
     rows: list[Row] = []
     for (task, model, variant), runs in variants(result).items():
-        whole = total_bill(runs)
+        whole = total_usage(runs)
         speeds = simulation_speeds([run.result for run in runs])
         parts = [("all", whole.total), *whole.roles.items(), *whole.stages.items()]
         for name, spent in parts:
@@ -236,18 +236,18 @@ def _numbers(runs: Iterable[FinishedRun]) -> tuple[RunNumbers, ...]:
 
 def last_cell(result: SweepResult, runs: Sequence[FinishedRun]) -> Cell:
     """The cell of the last stage that any of the runs reached."""
-    reached = {item.place.name for run in runs for item in run.numbers.record.candidates}
+    reached = {item.location.name for run in runs for item in run.numbers.record.candidates}
     last = [stage for stage in STAGES if stage in reached]
     return Cell(_numbers(runs), last[-1] if last else result.sweep.table.stage)
 
 
-def total_bill(runs: Iterable[FinishedRun]) -> Bill:
+def total_usage(runs: Iterable[FinishedRun]) -> UsageSummary:
     """What the runs cost."""
-    bills = (
-        bill(read_calls(run.path), cost_function(run.planned.config.model), stage_of)
+    summaries = (
+        summarize_usage(read_calls(run.path), cost_function(run.planned.config.model), stage_of)
         for run in runs
     )
-    return sum(bills, Bill(Spent(), {}, {}))
+    return sum(summaries, UsageSummary(Spent(), {}, {}))
 
 
 def simulation_speeds(found: Sequence[RunResult]) -> tuple[float | None, float | None]:

@@ -67,7 +67,7 @@ def mcp(
     from agentflow.cli.display.live import print_remark
     from agentflow.config.run import PROCEDURAL
     from agentflow.integrations.mcp.addresses import HttpAddress, read_token
-    from agentflow.runs.places import FEEDBACK, STAGES
+    from agentflow.runs.locations import FEEDBACK, STAGES
 
     ours = ["workflow=tools", f"model.name={PROCEDURAL}"]  # a model that nobody asks
     defaults = ["vision=true", *([] if stages else ["candidates_per_stage=1"])]

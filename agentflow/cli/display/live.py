@@ -47,9 +47,9 @@ def watch(quiet: bool) -> Iterator[tuple[Listener | None, Notify]]:
     if quiet:
         yield None, lambda _line: None
     elif console.is_terminal:
-        progress = Progress()
-        with Live(get_renderable=progress.draw, console=console, refresh_per_second=8) as live:
-            yield progress.note, lambda line: console.print(Text(escape_controls(line)))
+        view = RunView()
+        with Live(get_renderable=view.draw, console=console, refresh_per_second=8) as live:
+            yield view.note, lambda line: console.print(Text(escape_controls(line)))
             live.transient = True  # the result follows; a failed run leaves its view
     else:
         yield _print_event, lambda line: print_line(f"agentflow: {line}")
@@ -68,7 +68,7 @@ def print_remark(line: str, quiet: bool = False) -> None:
 
 
 @dataclass
-class Progress:
+class RunView:
     """The live view of a run."""
 
     record: RunRecord = field(default_factory=RunRecord)
@@ -106,7 +106,7 @@ class Progress:
         run, start, stage = self.record, self.record.start, self.record.stage
         seconds = time.monotonic() - self.started
         head = f"{start.task} · {start.workflow} · {start.model}" if start else "starting"
-        name = self.ending or (stage.place.name if stage else "waiting")
+        name = self.ending or (stage.location.name if stage else "waiting")
         trajectories = stage.trajectories if stage else 0
         rate = f", {run.valid_calls / run.calls:.0%} valid" if run.calls else ""
         best = "-" if run.best is None else f"{run.best:.2f}"

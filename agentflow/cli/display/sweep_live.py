@@ -32,7 +32,7 @@ def watch_sweep(runs: int, quiet: bool) -> Iterator[Watcher]:
     if quiet or not console.is_terminal:
         yield Lines(quiet)
         return
-    view = View(runs, console)
+    view = SweepView(runs, console)
     with Live(get_renderable=view.draw, console=console, refresh_per_second=4, transient=False):
         yield view
 
@@ -78,7 +78,7 @@ class Line:
     def cells(self, name: str) -> tuple[str, ...]:
         """The run as a row of the view."""
         run, seconds = self.record, (self.ended or time.monotonic()) - self.started
-        stage = run.stage.place.name if run.stage and self.state == "running" else ""
+        stage = run.stage.location.name if run.stage and self.state == "running" else ""
         counts = (str(run.calls), str(run.evaluations), number(self.best), f"{seconds:.0f} s")
         return (name, self.state, self.message or stage, *counts)
 
@@ -89,7 +89,7 @@ class Line:
 
 
 @dataclass
-class View:
+class SweepView:
     """The live view; runs are in the order in which they started."""
 
     runs: int

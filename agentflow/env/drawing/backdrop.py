@@ -12,7 +12,7 @@ from agentflow.env.drawing.cameras import Camera, axes_of, project
 from agentflow.env.drawing.raster import SUN, corners_of
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import rotated_axes
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 
 LAND = (214, 219, 208)
 LINE = (190, 197, 184)
@@ -35,7 +35,7 @@ CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1) / 2
 """(24, 2) points of a circle of diameter 1."""
 
 
-def backdrop(camera: Camera, solids: Sequence[Thing], spacing: float) -> Image.Image:
+def backdrop(camera: Camera, solids: Sequence[SceneObject], spacing: float) -> Image.Image:
     """Draw the ground (RGBA) with lines every `spacing` metres along z, fewer from far away."""
     size = (camera.width, camera.height)
     picture = Image.new("RGBA", size, LAND)
@@ -96,27 +96,27 @@ def _in_range(places: Array, camera: Camera) -> NDArray[np.bool_]:
     return near
 
 
-def _shadows(camera: Camera, solids: Sequence[Thing]) -> Iterator[list[tuple[float, float]]]:
+def _shadows(camera: Camera, solids: Sequence[SceneObject]) -> Iterator[list[tuple[float, float]]]:
     """Outline of each solid's shadow in the picture; all solids are convex."""
     sun = np.asarray(SUN)
-    for thing in solids:
-        points = silhouette(thing)
+    for item in solids:
+        points = silhouette(item)
         places = project(points - sun * (points[:, 1:2] / sun[1]), camera)
         if _in_range(places, camera).all():
             yield convex_hull(places)
 
 
-def silhouette(thing: Thing) -> Array:
+def silhouette(item: SceneObject) -> Array:
     """(K, 3) points of a solid whose projections span its shadow."""
-    if thing.shape == "sphere":
+    if item.shape == "sphere":
         across, upwards, _ = axes_of(np.asarray(SUN))
         points: Array = CIRCLE[:, :1] * across + CIRCLE[:, 1:] * upwards
-        return points * thing.size[0] + thing.position
-    if thing.shape == "box":
-        return corners_of(thing)
+        return points * item.size[0] + item.position
+    if item.shape == "box":
+        return corners_of(item)
     rim = np.insert(CIRCLE, 1, -0.5, axis=1)
-    rims = np.concatenate([rim, rim * ((1, -1, 1) if thing.shape == "cylinder" else (0, -1, 0))])
-    return rims * thing.size @ rotated_axes(thing.rotation) + thing.position
+    rims = np.concatenate([rim, rim * ((1, -1, 1) if item.shape == "cylinder" else (0, -1, 0))])
+    return rims * item.size @ rotated_axes(item.rotation) + item.position
 
 
 def convex_hull(places: Array) -> list[tuple[float, float]]:

@@ -14,7 +14,7 @@ from agentflow.env.drawing.mp4 import save_mp4
 from agentflow.env.drawing.solids import MachineSolids, Pose
 from agentflow.env.drawing.stills import caption, render_image
 from agentflow.env.rollout import Array, Rollout, Trace
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.tasks.base import Task
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.vectors import IDENTITY
@@ -25,7 +25,7 @@ GRID = 5.0
 SMOOTHING = 0.8
 """Time over which the camera's path is averaged, s."""
 TALL, ENDLESS = 2.0, 1000.0
-"""Height above which things can hide the machine, and the height they are then taken to have, m."""
+"""Height above which objects can hide the machine, and the height that they then count with, m."""
 TRAIL = (200, 40, 30)
 COLORS = 96
 
@@ -69,8 +69,8 @@ def _frames(
     for index, camera in enumerate(_cameras(trace, tracked, View(back=SIDE, size=size))):
         time = float(trace.times[index])
         broken = {item.block for item in rollout.broken if item.time <= time}
-        solids = machine_solids.things(Pose.at(trace, index), broken)
-        others = _remove_occluders(things_at(rollout.scene, trace, index), camera)
+        solids = machine_solids.objects(Pose.at(trace, index), broken)
+        others = _remove_occluders(objects_at(rollout.scene, trace, index), camera)
         picture = render_image(camera, solids, others, GRID)
         _draw_trail(picture, camera, trace.centre[:index, tracked])
         if tracked:
@@ -93,33 +93,33 @@ def _save_gif(frames: Sequence[Image.Image], path: Path, interval: float) -> Non
     )
 
 
-def things_at(scene: Scene, trace: Trace, index: int) -> list[Thing]:
+def objects_at(scene: Scene, trace: Trace, index: int) -> list[SceneObject]:
     """The scene's objects where they are in one sample."""
     moved = []
-    for thing in scene.things:
-        if thing.name in trace.things:
-            column = trace.things.index(thing.name)
-            x, y, z = trace.thing_position[index, column].tolist()
-            a, b, c, w = trace.thing_rotation[index, column].tolist()
-            thing = replace(thing, position=(x, y, z), rotation=(a, b, c, w))
-        moved.append(replace(thing, mass=0.0))
+    for item in scene.objects:
+        if item.name in trace.objects:
+            column = trace.objects.index(item.name)
+            x, y, z = trace.object_position[index, column].tolist()
+            a, b, c, w = trace.object_rotation[index, column].tolist()
+            item = replace(item, position=(x, y, z), rotation=(a, b, c, w))
+        moved.append(replace(item, mass=0.0))
     return moved
 
 
-def _remove_occluders(things: Sequence[Thing], camera: Camera) -> list[Thing]:
+def _remove_occluders(objects: Sequence[SceneObject], camera: Camera) -> list[SceneObject]:
     """Leave out tall objects between the eye and its target (or the ground below it); objects on
     which the target stands stay."""
     eye = np.asarray(camera.eye)
     way = np.array([camera.target[0], 0.0, camera.target[2]]) - eye
     kept = []
-    for thing in things:
-        middle, half = np.asarray(thing.position), np.asarray(thing.size) / 2
+    for item in objects:
+        middle, half = np.asarray(item.position), np.asarray(item.size) / 2
         half[1] = ENDLESS  # even if the eye looks over them: they hide what is close behind them
         bounds = np.sort(np.stack([middle - half - eye, middle + half - eye]) / way, axis=0)
         enters, leaves = float(bounds[0].max()), float(bounds[1].min())
-        low = thing.size[1] <= TALL or thing.rotation != IDENTITY
+        low = item.size[1] <= TALL or item.rotation != IDENTITY
         if low or enters > leaves or enters < 0.0 or leaves > 1.0:
-            kept.append(thing)
+            kept.append(item)
     return kept
 
 

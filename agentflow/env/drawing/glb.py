@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 
 Rgba = tuple[float, float, float, float]
 Shape = Literal["box", "sphere", "cylinder", "cone"]
@@ -61,14 +61,14 @@ class Glb:
             entry[key] = _to_gltf(key, value).tolist() if key in MIRROR else value
         return self._append("nodes", entry)
 
-    def solid(self, thing: Thing, color: Rgba | None = None) -> int:
+    def solid(self, item: SceneObject, color: Rgba | None = None) -> int:
         """Add a node that shows an object, optionally in another colour."""
-        size = (thing.size[0],) * 3 if thing.shape == "sphere" else thing.size
+        size = (item.size[0],) * 3 if item.shape == "sphere" else item.size
         return self.node(
-            thing.name,
-            mesh=self._mesh(thing.shape, color or thing.color),
-            translation=thing.position,
-            rotation=thing.rotation,
+            item.name,
+            mesh=self._mesh(item.shape, color or item.color),
+            translation=item.position,
+            rotation=item.rotation,
             scale=size,
         )
 

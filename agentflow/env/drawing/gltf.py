@@ -10,7 +10,7 @@ from agentflow.env.drawing.film import TRAIL, tracked_block
 from agentflow.env.drawing.glb import Glb, Rgba
 from agentflow.env.drawing.solids import BROKEN, MachineSolids, Pose
 from agentflow.env.rollout import Array, Rollout, Trace
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine, Step
 
@@ -54,7 +54,7 @@ def _block(
     glb: Glb, step: Step, shapes: MachineSolids, pose: Pose, breaks: float | None = None
 ) -> int:
     """Add the node of one block, with its solids and, if it breaks, a red copy of them."""
-    solids: Sequence[Thing] = shapes.solids[step.id]
+    solids: Sequence[SceneObject] = shapes.solids[step.id]
     place: dict[str, object] = {
         "translation": pose.centre[step.id],
         "rotation": pose.rotation[step.id],
@@ -62,7 +62,7 @@ def _block(
     if step.two_ended:
         rod = shapes.rod(step.id, pose)
         place = {"translation": rod.position, "rotation": rod.rotation, "scale": rod.size}
-        solids = [Thing(rod.name, rod.shape, VISIBLE, ORIGIN, color=rod.color)]
+        solids = [SceneObject(rod.name, rod.shape, VISIBLE, ORIGIN, color=rod.color)]
     children = [glb.solid(solid) for solid in solids]
     if breaks is not None:
         red = [glb.solid(solid, BROKEN) for solid in solids]
@@ -102,12 +102,12 @@ def _animate_block(
 def _scene(glb: Glb, scene: Scene, trace: Trace) -> int:
     """Add the scene's objects, animated if they move."""
     nodes = []
-    for thing in scene.things:
-        nodes.append(glb.solid(thing))
-        if thing.name in trace.things:
-            column = trace.things.index(thing.name)
-            turns = _unify_signs(trace.thing_rotation[:, column])
-            glb.animate(nodes[-1], "translation", trace.times, trace.thing_position[:, column])
+    for item in scene.objects:
+        nodes.append(glb.solid(item))
+        if item.name in trace.objects:
+            column = trace.objects.index(item.name)
+            turns = _unify_signs(trace.object_rotation[:, column])
+            glb.animate(nodes[-1], "translation", trace.times, trace.object_position[:, column])
             glb.animate(nodes[-1], "rotation", trace.times, turns)
     return glb.node("scene", nodes)
 

@@ -18,12 +18,12 @@ from agentflow.env.drawing.cameras import (
     fit,
     project,
 )
-from agentflow.env.drawing.film import things_at
+from agentflow.env.drawing.film import objects_at
 from agentflow.env.drawing.raster import corners_of
 from agentflow.env.drawing.solids import MachineSolids, Pose
 from agentflow.env.drawing.stills import INK, caption, render_image
 from agentflow.env.rollout import Array, Rollout
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.errors import UsageError
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import Machine
@@ -62,16 +62,16 @@ def look_at(
         UsageError: The rollout has no states, or not at that time.
     """
     shapes = MachineSolids(machine)
-    pose, things, broken, said = shapes.rest, list[Thing](), set[int](), "as built"
+    pose, objects, broken, said = shapes.rest, list[SceneObject](), set[int](), "as built"
     if rollout is not None and time is not None:
-        pose, things, broken, said = _at(rollout, time)
-    solids = shapes.things(pose, broken)
+        pose, objects, broken, said = _at(rollout, time)
+    solids = shapes.objects(pose, broken)
     near = np.linalg.norm(pose.centre - pose.centre[0], axis=1) <= NEAR
-    framed = [thing for thing in solids if near[int(thing.name.removeprefix("block "))]]
+    framed = [item for item in solids if near[int(item.name.removeprefix("block "))]]
     seen = View(DIRECTIONS[view], SIZE, FIELD_OF_VIEW)
-    points = np.concatenate([corners_of(thing) for thing in framed])
+    points = np.concatenate([corners_of(item) for item in framed])
     camera = camera_at(*fit(points, seen), seen)
-    picture = render_image(camera, solids, things, spacing=1.0)
+    picture = render_image(camera, solids, objects, spacing=1.0)
     _label_blocks(picture, camera, pose.centre)
     _draw_axes(picture, camera)
     _draw_scale(picture, camera)
@@ -81,7 +81,7 @@ def look_at(
     return content.getvalue()
 
 
-def _at(rollout: Rollout, time: float) -> tuple[Pose, list[Thing], set[int], str]:
+def _at(rollout: Rollout, time: float) -> tuple[Pose, list[SceneObject], set[int], str]:
     """Pose, moved scene, broken blocks and caption at the sample nearest to a time."""
     trace = rollout.trace
     if trace is None:
@@ -96,9 +96,9 @@ def _at(rollout: Rollout, time: float) -> tuple[Pose, list[Thing], set[int], str
         )
     index = int(np.abs(trace.times - time).argmin())
     at = float(trace.times[index])
-    things = things_at(rollout.scene, trace, index) if rollout.scene else []
+    objects = objects_at(rollout.scene, trace, index) if rollout.scene else []
     broken = {item.block for item in rollout.broken if item.time <= at}
-    return Pose.at(trace, index), things, broken, f"{at:.2f} s"
+    return Pose.at(trace, index), objects, broken, f"{at:.2f} s"
 
 
 def _label_blocks(picture: Image.Image, camera: Camera, centres: Array) -> None:

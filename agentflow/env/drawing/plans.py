@@ -12,7 +12,7 @@ from agentflow.env.drawing.backdrop import CIRCLE, convex_hull, silhouette
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import rotated_axes
-from agentflow.env.scene import Start, Thing
+from agentflow.env.scene import SceneObject, Start
 from agentflow.env.tasks.base import Task
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT
@@ -62,18 +62,18 @@ class LevelPlan:
 def level_plans(task: Task) -> tuple[LevelPlan, LevelPlan]:
     """A level from above (z to the right, x downwards) and from the right (y upwards)."""
     scene, brief = task.scene(), task.brief
-    things = (*scene.things, *_given(brief.given))
+    objects = (*scene.objects, *_given(brief.given))
     volume = _volume(scene.start, brief.limits.size)
-    low, high = _frame(things, volume)
-    by_height = sorted(things, key=lambda thing: _points(thing)[:, 1].max())
-    by_nearness = sorted(things, key=lambda thing: _points(thing)[:, 0].max())
+    low, high = _frame(objects, volume)
+    by_height = sorted(objects, key=lambda item: _points(item)[:, 1].max())
+    by_nearness = sorted(objects, key=lambda item: _points(item)[:, 0].max())
     above = LevelPlan(
         "from above",
         "x",
         -1,
         (low[2], -high[0]),
         (high[2], -low[0]),
-        tuple(_outline(thing, (2, 0), -1) for thing in by_height),
+        tuple(_outline(item, (2, 0), -1) for item in by_height),
         tuple(convex_hull(volume[:, [2, 0]] * (1, -1))),
     )
     right = LevelPlan(
@@ -82,7 +82,7 @@ def level_plans(task: Task) -> tuple[LevelPlan, LevelPlan]:
         1,
         (low[2], low[1]),
         (high[2], high[1]),
-        tuple(_outline(thing, (2, 1), 1) for thing in by_nearness),
+        tuple(_outline(item, (2, 1), 1) for item in by_nearness),
         tuple(convex_hull(volume[:, [2, 1]])),
     )
     return above, right
@@ -93,27 +93,27 @@ def base_name(name: str) -> str:
     return re.sub(r"[\s\d-]+$", "", name.partition(",")[0])
 
 
-def _given(machine: Machine) -> list[Thing]:
+def _given(machine: Machine) -> list[SceneObject]:
     if machine == LONE_ROOT:
         return []
     shapes = MachineSolids(machine)
     names = {f"block {step.id}": library()[step.type].name for step in machine}
-    return [replace(solid, name=names[solid.name]) for solid in shapes.things(shapes.rest)]
+    return [replace(solid, name=names[solid.name]) for solid in shapes.objects(shapes.rest)]
 
 
 def _volume(start: Start, size: tuple[float, float, float]) -> Array:
     """(8, 3) corners of the building volume at the machine's start."""
-    corners = silhouette(Thing("", "box", size, (0.0, size[1] / 2, 0.0)))
+    corners = silhouette(SceneObject("", "box", size, (0.0, size[1] / 2, 0.0)))
     turned: Array = corners @ rotated_axes(start.rotation) + (0.0, start.height, 0.0)
     return turned
 
 
-def _frame(things: Sequence[Thing], volume: Array) -> tuple[Array, Array]:
+def _frame(objects: Sequence[SceneObject], volume: Array) -> tuple[Array, Array]:
     """Lowest and highest (x, y, z) that the plans show."""
     lows, highs = [volume.min(axis=0)], [volume.max(axis=0)]
     reach = np.array([(-ASIDE, -np.inf, BEHIND), (ASIDE, np.inf, AHEAD)])
-    for thing in things:
-        points = _points(thing)
+    for item in objects:
+        points = _points(item)
         low, high = points.min(axis=0), points.max(axis=0)
         if (high - low).max() > LONG:
             low, high = np.clip(low, *reach), np.clip(high, *reach)
@@ -124,18 +124,18 @@ def _frame(things: Sequence[Thing], volume: Array) -> tuple[Array, Array]:
     return low, high
 
 
-def _points(thing: Thing) -> Array:
-    if thing.shape != "sphere":
-        return silhouette(thing)
-    rim = CIRCLE * thing.size[0]
+def _points(item: SceneObject) -> Array:
+    if item.shape != "sphere":
+        return silhouette(item)
+    rim = CIRCLE * item.size[0]
     flat = (np.insert(rim, axis, 0.0, axis=1) for axis in range(3))
-    return np.concatenate(list(flat)) + thing.position
+    return np.concatenate(list(flat)) + item.position
 
 
-def _outline(thing: Thing, axes: tuple[int, int], sign: int) -> Outline:
-    points = _points(thing)
+def _outline(item: SceneObject, axes: tuple[int, int], sign: int) -> Outline:
+    points = _points(item)
     low, high = points[:, 0].min(), points[:, 0].max()
-    beside = axes == (2, 1) and thing.mass == 0 and not low <= 0 <= high
+    beside = axes == (2, 1) and item.mass == 0 and not low <= 0 <= high
     small = (points.max(axis=0) - points.min(axis=0)).max() < LONG / 8
     places = points[:, axes] * (1, sign)
-    return Outline(thing.name, tuple(convex_hull(places)), thing.color, small or not beside)
+    return Outline(item.name, tuple(convex_hull(places)), item.color, small or not beside)

@@ -16,7 +16,7 @@ from PIL import Image
 from agentflow.env.drawing.cameras import Camera, project
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import rotated_axes
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 
 Grid = NDArray[np.float32]
 Triple = tuple[Grid, Grid, Grid]
@@ -53,37 +53,39 @@ class _Ray:
     half: Array
 
 
-def draw(camera: Camera, things: Sequence[Thing], ground: Image.Image) -> Image.Image:
+def draw(camera: Camera, objects: Sequence[SceneObject], ground: Image.Image) -> Image.Image:
     """Draw objects over the ground; objects with the same name share one outline.
 
     Args:
         camera: The view.
-        things: Objects to draw.
+        objects: Objects to draw.
         ground: Background, RGBA, of the camera's size; so is the result.
     """
     depth = np.full((camera.height, camera.width), np.inf, dtype=np.float32)
     ink = np.zeros(depth.shape, dtype=np.uint32)
-    names = {name: i for i, name in enumerate(dict.fromkeys(t.name for t in things), start=1)}
+    names = {name: i for i, name in enumerate(dict.fromkeys(t.name for t in objects), start=1)}
     with np.errstate(all="ignore"):  # rays that miss yield nan, which compares false
-        for number, thing in enumerate(things, start=1):
-            _add(depth, ink, camera, thing, number * LEVELS)
-    pixels = _apply_colours(ink, things, ground)
-    owners = np.array([0, *(names[thing.name] for thing in things)])
+        for number, item in enumerate(objects, start=1):
+            _add(depth, ink, camera, item, number * LEVELS)
+    pixels = _apply_colours(ink, objects, ground)
+    owners = np.array([0, *(names[item.name] for item in objects)])
     lines = _lines(ink // LEVELS, depth, owners) & (depth < camera.focal_length / OUTLINED)
     pixels[lines] = (pixels[lines] * (OUTLINE, OUTLINE, OUTLINE, 1.0)).astype(np.uint8)
     return Image.fromarray(pixels)
 
 
-def corners_of(thing: Thing) -> Array:
+def corners_of(item: SceneObject) -> Array:
     """(8, 3) corners of the box around a solid, in the world."""
-    size = np.repeat(thing.size[0], 3) if thing.shape == "sphere" else np.asarray(thing.size)
-    corners: Array = CORNERS * size @ rotated_axes(thing.rotation) + thing.position
+    size = np.repeat(item.size[0], 3) if item.shape == "sphere" else np.asarray(item.size)
+    corners: Array = CORNERS * size @ rotated_axes(item.rotation) + item.position
     return corners
 
 
-def _apply_colours(ink: Inks, things: Sequence[Thing], ground: Image.Image) -> NDArray[np.uint8]:
+def _apply_colours(
+    ink: Inks, objects: Sequence[SceneObject], ground: Image.Image
+) -> NDArray[np.uint8]:
     """Replace inks (an object's number and brightness) by colours."""
-    colours = np.array([(0.0, 0.0, 0.0), *(thing.color[:3] for thing in things)])
+    colours = np.array([(0.0, 0.0, 0.0), *(item.color[:3] for item in objects)])
     table = 255.0 * colours[:, None, :] * np.linspace(0.0, 1.0, LEVELS)[:, None]
     palette = np.full((len(colours) * LEVELS, 4), 255, dtype=np.uint8)
     palette[:, :3] = np.minimum(255.0, table).reshape(-1, 3)
@@ -105,13 +107,13 @@ def _lines(number: Inks, depth: Grid, owners: NDArray[np.int64]) -> NDArray[np.b
     return lines
 
 
-def _add(depth: Grid, ink: Inks, camera: Camera, thing: Thing, first_ink: int) -> None:
+def _add(depth: Grid, ink: Inks, camera: Camera, item: SceneObject, first_ink: int) -> None:
     """Draw one solid where it is the nearest."""
-    corners = corners_of(thing)
+    corners = corners_of(item)
     rows, columns = _rectangle(corners, camera)
     for top in range(rows.start, rows.stop, BAND):
         place = slice(top, min(top + BAND, rows.stop)), columns
-        enter, bright = _SHAPES[thing.shape](_ray(camera, thing, place))
+        enter, bright = _SHAPES[item.shape](_ray(camera, item, place))
         near = depth[place]
         hit = (enter > NEAR) & (enter < near)
         if corners[:, 1].min() < -NEAR:
@@ -146,12 +148,12 @@ def _rows(camera: Camera, rows: slice) -> Array:
     return (camera.height / 2 - numbers - 0.5) / camera.focal_length
 
 
-def _ray(camera: Camera, thing: Thing, place: tuple[slice, slice]) -> _Ray:
-    frame = rotated_axes(thing.rotation)
-    half = np.asarray(thing.size) / 2
-    half = np.repeat(half[0], 3) if thing.shape == "sphere" else half
+def _ray(camera: Camera, item: SceneObject, place: tuple[slice, slice]) -> _Ray:
+    frame = rotated_axes(item.rotation)
+    half = np.asarray(item.size) / 2
+    half = np.repeat(half[0], 3) if item.shape == "sphere" else half
     right, up, towards = camera.axes
-    a, b, c = (frame @ np.subtract(camera.eye, thing.position) / half).tolist()
+    a, b, c = (frame @ np.subtract(camera.eye, item.position) / half).tolist()
     numbers = np.arange(place[1].start, place[1].stop)
     u = (numbers + 0.5 - camera.width / 2) / camera.focal_length
     v = _rows(camera, place[0])

@@ -13,7 +13,7 @@ from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.model import Assembly, Color
 from agentflow.env.rollout import Array, Trace
 from agentflow.env.rotations import compose, conjugate, rotate
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import (
     Quat,
@@ -81,9 +81,9 @@ class MachineSolids:
         }
         """Two-ended block -> both ends, each in the frame of the parent that it is attached to."""
 
-    def things(self, pose: Pose, red: Collection[int] = ()) -> list[Thing]:
+    def objects(self, pose: Pose, red: Collection[int] = ()) -> list[SceneObject]:
         """The solids in a pose, named by block; blocks in `red` are red."""
-        result: list[Thing] = []
+        result: list[SceneObject] = []
         for step in self._machine:
             if step.two_ended:
                 solids = [self.rod(step.id, pose)] if step.id in pose.alive else []
@@ -93,7 +93,7 @@ class MachineSolids:
             result += (replace(s, color=BROKEN) for s in solids) if step.id in red else solids
         return result
 
-    def rod(self, block: int, pose: Pose) -> Thing:
+    def rod(self, block: int, pose: Pose) -> SceneObject:
         """The cylinder that shows a two-ended block."""
         a, b = (
             pose.centre[parent] + rotate(pose.rotation[parent], end)
@@ -103,9 +103,11 @@ class MachineSolids:
         along = rotation_from_up(to_vec3(b - a)) if length > 1e-3 else (0.0, 0.0, 0.0, 1.0)
         size = (ROD_DIAMETER, length, ROD_DIAMETER)
         color = self._colors[block]
-        return Thing(f"block {block}", "cylinder", size, to_vec3((a + b) / 2), along, color=color)
+        return SceneObject(
+            f"block {block}", "cylinder", size, to_vec3((a + b) / 2), along, color=color
+        )
 
-    def _solids(self, block: int, assembly: Assembly) -> Iterator[Thing]:
+    def _solids(self, block: int, assembly: Assembly) -> Iterator[SceneObject]:
         back = conjugate(self.rest.rotation[block])
         for part in (assembly.parts[index] for index in assembly.blocks[block]):
             for shape in part.shapes:
@@ -113,16 +115,16 @@ class MachineSolids:
                 rotation = _quat(compose(back, np.asarray(shape.rotation)))
                 position = to_vec3(rotate(back, offset))
                 name, color = f"block {block}", part.color
-                yield Thing(name, shape.kind, shape.size, position, rotation, color=color)
+                yield SceneObject(name, shape.kind, shape.size, position, rotation, color=color)
                 if shape.kind == "cylinder":
                     spoke = (0.8 * shape.size[0], shape.size[1] + SPOKE_RISE, SPOKE_WIDTH)
-                    yield Thing(name, "box", spoke, position, rotation, color=SPOKE)
+                    yield SceneObject(name, "box", spoke, position, rotation, color=SPOKE)
 
 
-def _to_world(thing: Thing, centre: Vec3, rotation: Quat) -> Thing:
+def _to_world(item: SceneObject, centre: Vec3, rotation: Quat) -> SceneObject:
     """Transform an object from a block's frame to the world."""
-    position = add(centre, rotate_vector(rotation, thing.position))
-    return replace(thing, position=position, rotation=product(rotation, thing.rotation))
+    position = add(centre, rotate_vector(rotation, item.position))
+    return replace(item, position=position, rotation=product(rotation, item.rotation))
 
 
 def _quat(rotation: Array) -> Quat:

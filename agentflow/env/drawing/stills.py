@@ -15,7 +15,7 @@ from agentflow.env.drawing.backdrop import backdrop
 from agentflow.env.drawing.cameras import VIEWS, Camera, Size, View, camera_at, fit
 from agentflow.env.drawing.raster import corners_of, draw
 from agentflow.env.drawing.solids import MachineSolids
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.errors import UnknownNameError
 from agentflow.machine.tree import Machine
 
@@ -59,7 +59,7 @@ def png_url(machine: Machine, *, view: str, size: Size, red: Collection[int] = (
 
 
 def render_image(
-    camera: Camera, solids: Sequence[Thing], others: Sequence[Thing], spacing: float
+    camera: Camera, solids: Sequence[SceneObject], others: Sequence[SceneObject], spacing: float
 ) -> Image.Image:
     """Draw solids (which cast shadows) and other objects on the ground."""
     large = replace(camera, width=SMOOTH * camera.width, height=SMOOTH * camera.height)
@@ -77,19 +77,19 @@ def _picture(machine: Machine, view: str, size: Size, red: Collection[int] = ())
     if view not in (*VIEWS, SHEET):
         raise UnknownNameError("view", view, (*VIEWS, SHEET))
     shapes = MachineSolids(machine)
-    solids = shapes.things(shapes.rest, red)
+    solids = shapes.objects(shapes.rest, red)
     if view == SHEET:
         return _sheet(solids, (size[0] // 2, size[1] // 2))
     return _still(solids, view, size)
 
 
-def _still(solids: Sequence[Thing], name: str, size: Size) -> Image.Image:
+def _still(solids: Sequence[SceneObject], name: str, size: Size) -> Image.Image:
     view = View(back=VIEWS[name], size=size)
     target, distance = fit(np.concatenate([corners_of(solid) for solid in solids]), view)
     return render_image(camera_at(target, distance, view), solids, (), spacing=1.0)
 
 
-def _sheet(solids: Sequence[Thing], size: Size) -> Image.Image:
+def _sheet(solids: Sequence[SceneObject], size: Size) -> Image.Image:
     """All views in rows, each labelled with its name."""
     rows = -(-len(VIEWS) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * size[0], rows * size[1]))

@@ -13,9 +13,9 @@ from agentflow.env.feedback.text import (
     block_name,
     body_name,
     number,
+    object_label,
     rounded,
     spacing,
-    thing_name,
     vector_text,
 )
 from agentflow.env.measurements import Contact, Energy, Named, Peak
@@ -66,7 +66,7 @@ def compose(
     """
     even, measured, moment = trace.even, trace.measured, verdict.moment
     end = float(trace.times[-1])
-    contacts = telling(measured.contacts, moment, end)
+    contacts = explanatory(measured.contacts, moment, end)
     runs = orientation_runs(even)
     stalls = [event for event in verdict.events if event.kind == "motor_stalled"]
     text = [
@@ -118,7 +118,7 @@ def _energy_lines(machine: Machine, energy: Energy | None, moment: Moment | None
     ]
 
 
-def telling(contacts: Sequence[Contact], moment: Moment | None, end: float) -> list[Contact]:
+def explanatory(contacts: Sequence[Contact], moment: Moment | None, end: float) -> list[Contact]:
     """The contacts that explain most, in order of time; `end` is that of the rollout, s.
 
     Those of what is thrown come first, then what still holds the machine at the end (such as a wall
@@ -164,7 +164,7 @@ def _contact_text(contact: Contact, end: float) -> str:
 
 
 def _name(body: Named) -> str:
-    return thing_name(body) if isinstance(body, str) else f"block {body}"
+    return object_label(body) if isinstance(body, str) else f"block {body}"
 
 
 def broken_lines(machine: Machine, broken: Sequence[Broken]) -> list[str]:

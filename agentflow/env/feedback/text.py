@@ -84,8 +84,8 @@ def landing_text(time: object) -> str:
     return "no landing after free flight" if time is None else f"landed at {number(float(time))} s"  # type: ignore[arg-type]
 
 
-def thing_name(name: str) -> str:
-    """A thing of the scene in a sentence: "the far wall", "wall 1", "ring 2"."""
+def object_label(name: str) -> str:
+    """An object of the scene in a sentence: "the far wall", "wall 1", "ring 2"."""
     whole = name.partition(",")[0]
     return whole if whole[-1].isdigit() else f"the {whole}"
 
@@ -101,8 +101,8 @@ def block_name(machine: Machine, block: int) -> str:
 
 
 def body_name(machine: Machine, body: Named) -> str:
-    """A block or thing in a sentence."""
-    return thing_name(body) if isinstance(body, str) else block_name(machine, body)
+    """A block or object in a sentence."""
+    return object_label(body) if isinstance(body, str) else block_name(machine, body)
 
 
 def sample_indices(count: int, most: int = MAX_SAMPLES) -> range:

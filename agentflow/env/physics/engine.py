@@ -48,7 +48,7 @@ class EngineIdentity:
 
 
 class Touch(NamedTuple):
-    """Two bodies that touch; blocks before things, and of blocks the one with the smaller id."""
+    """Two bodies that touch; blocks before objects, and of blocks the one with the smaller id."""
 
     a: Body
     b: Body
@@ -69,7 +69,7 @@ class Power(NamedTuple):
 class World(Protocol):
     """A running simulation of one machine in one scene. Equal calls give bitwise equal results.
 
-    Blocks are named by their ids, things by their names, the ground is "ground".
+    Blocks are named by their ids, objects by their names, the ground is "ground".
     """
 
     @property
@@ -127,25 +127,25 @@ class World(Protocol):
 
     def energies(self, snapshot: object) -> Array:
         """(N + M, 2) kinetic energy and energy of height above the ground, J, of every block, then
-        of every moving thing."""
+        of every moving object."""
 
     def contacts(self) -> list[Touch]:
-        """Every pair of blocks or things that touched in the last step, once."""
+        """Every pair of blocks or objects that touched in the last step, once."""
 
     def power(self) -> Power:
         """Power of the devices in the last step."""
 
     def centre(self, body: Body) -> Vec3:
-        """Centre of a block or a thing."""
+        """Centre of a block or an object."""
 
     def rotation(self, body: Body) -> Quat:
-        """Orientation of a block or a thing."""
+        """Orientation of a block or an object."""
 
     def origin(self, block: int) -> Vec3:
         """Building point of a block."""
 
     def touching(self, body: Body) -> frozenset[Body]:
-        """Everything that a block or thing was in contact with in the last step."""
+        """Everything that a block or object was in contact with in the last step."""
 
     def momentum(self) -> Mapping[str, Array]:
         """Total `linear` and `angular` momentum (about the world's origin) and kinetic `energy`
@@ -164,7 +164,7 @@ class Engine(Protocol):
 
         Args:
             assembly: The machine, on the ground above the origin.
-            scene: Things, ground, wind and start.
+            scene: Objects, ground, wind and start.
             rate: Steps per second.
 
         Raises:

@@ -1,4 +1,4 @@
-"""Grabbers: each holds the first thing that it touches until it is switched off."""
+"""Grabbers: each holds the first object that it touches until it is switched off."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EDGE = 0.05
 """Contacts at most this far behind a grabber's front plane are on its front, m."""
 
 Held = int | str
-"""A part, or a thing's name."""
+"""A part, or an object's name."""
 
 Hold = TypeVar("Hold")
 """Something gripped, and where, as an engine notes it."""
@@ -22,7 +22,8 @@ Hold = TypeVar("Hold")
 class Grips(ABC, Generic[Hold]):
     """All grabbers of one machine; how they grip is the engine's own.
 
-    They outlive splits, so they name parts and things, and are bound again when bodies are rebuilt.
+    They outlive splits, so they name parts and objects, and are bound again when bodies are
+    rebuilt.
     """
 
     def __init__(self, grips: Sequence[Gripper]) -> None:

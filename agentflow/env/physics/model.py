@@ -22,7 +22,7 @@ JointKind = Literal["fixed", "revolute", "prismatic", "spherical"]
 
 @dataclass(frozen=True)
 class Shape:
-    """A primitive shape of a part. `size` and `rotation` as in `scene.Thing`."""
+    """A primitive shape of a part. `size` and `rotation` as in `scene.SceneObject`."""
 
     kind: Literal["box", "sphere", "cylinder"]
     size: Vec3
@@ -173,7 +173,7 @@ class Assembly:
 
 @dataclass(frozen=True)
 class State:
-    """Positions and velocities. N blocks, M moving things, L two-ended blocks; game frame."""
+    """Positions and velocities. N blocks, M moving objects, L two-ended blocks; game frame."""
 
     position: Array
     """(N, 3) block origins, m."""
@@ -187,9 +187,9 @@ class State:
     """(N, 3) rad/s."""
     length: Array
     """(L,) m."""
-    thing_position: Array
+    object_position: Array
     """(M, 3) m."""
-    thing_rotation: Array
+    object_rotation: Array
     """(M, 4)."""
-    thing_velocity: Array
+    object_velocity: Array
     """(M, 3) m/s."""

@@ -87,7 +87,7 @@ class Readings:
         velocity[:, self._spanning] = swap_all((one + other)[:, :, VELOCITY] * 0.5)
         line = (one - other)[:, :, POSITION]
         square = line * line
-        things = self._things(tables)
+        objects = self._objects(tables)
         return State(
             position=position,
             centre=middle,
@@ -95,15 +95,15 @@ class Readings:
             velocity=velocity,
             angular_velocity=by_time(swap_turns(blocks[:, SPIN])),
             length=np.sqrt(square[:, :, 0] + square[:, :, 1] + square[:, :, 2]),
-            thing_position=swap_all(things[:, :, POSITION]),
-            thing_rotation=swap_quaternions(things[:, :, ROTATION]),
-            thing_velocity=swap_all(things[:, :, VELOCITY]),
+            object_position=swap_all(objects[:, :, POSITION]),
+            object_rotation=swap_quaternions(objects[:, :, ROTATION]),
+            object_velocity=swap_all(objects[:, :, VELOCITY]),
         )
 
-    def _things(self, tables: Array) -> Array:
-        """(T, M, 13) rows of the moving things, at their centres."""
-        rows = tables[:, self._layout.thing_rows]
-        arms = self._layout.thing_arms
+    def _objects(self, tables: Array) -> Array:
+        """(T, M, 13) rows of the moving objects, at their centres."""
+        rows = tables[:, self._layout.object_rows]
+        arms = self._layout.object_arms
         if not arms.any():
             return rows
         moved = move_rows(rows.reshape(-1, WIDTH), np.tile(arms, (len(tables), 1)))
@@ -139,12 +139,12 @@ class Readings:
 
         Args:
             rows: (C, 13) the state.
-            masses: Of the moving things, kg.
+            masses: Of the moving objects, kg.
             inertias: Their principal moments, engine frame, kg m2.
             gravity: m/s2.
         """
         own = self._assembly.parts
-        parts = np.concatenate([self.parts(rows), rows[self._layout.thing_rows]])
+        parts = np.concatenate([self.parts(rows), rows[self._layout.object_rows]])
         mass = np.array([*(part.mass for part in own), *masses])
         inertia = np.array([*(swap(part.inertia) for part in own), *inertias]).reshape(-1, 3)
         spin = turn_back(matrices(parts[:, ROTATION]), parts[:, SPIN])

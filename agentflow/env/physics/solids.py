@@ -12,7 +12,7 @@ from agentflow.machine.geometry.vectors import Vec3, scale
 
 CONE_SIDES = 24
 YIELD = 0.1
-"""Damping over stiffness of soft things, s; chosen: what is put on them sinks in and stays."""
+"""Damping over stiffness of soft objects, s; chosen: what is put on them sinks in and stays."""
 LONE_RADIUS = 0.1
 """Radius of the ball that replaces each part of a piece without any solid shape, m."""
 

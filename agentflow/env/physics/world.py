@@ -24,7 +24,7 @@ from agentflow.env.physics.rows import ROTATION, Row, Rows
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Skeleton, skeleton
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Body, Scene, Thing
+from agentflow.env.scene import Body, Scene, SceneObject
 from agentflow.machine.geometry.vectors import Quat, Vec3, rotate_vector, subtract
 
 Snapshot = tuple[Readings, Array]
@@ -54,7 +54,7 @@ class Motors(Protocol):
 
 
 @dataclass(frozen=True)
-class Structure:
+class UnsplitMachine:
     """The machine until the next split, and the objects that read and drive it."""
 
     layout: RowLayout
@@ -65,7 +65,7 @@ class Structure:
     motors: Motors
 
 
-Own = TypeVar("Own", bound=Structure)
+Own = TypeVar("Own", bound=UnsplitMachine)
 
 
 class BaseWorld(ABC, Generic[Own]):
@@ -83,7 +83,7 @@ class BaseWorld(ABC, Generic[Own]):
     def __init__(self, physics: Constants, assembly: Assembly, scene: Scene, rate: float) -> None:
         self._physics, self._assembly = physics, assembly
         self._scene = self._unloaded = scene
-        self._things = {thing.name: thing for thing in scene.things}
+        self._objects = {item.name: item for item in scene.objects}
         self._rate, self._divisions = rate, 1
         self._broken: frozenset[int] = frozenset()
         self._levels: dict[Entry, float] = {"wind": 1.0}
@@ -99,12 +99,12 @@ class BaseWorld(ABC, Generic[Own]):
         """Take a step of the current length."""
 
     @abstractmethod
-    def _weigh_things(self) -> None:
-        """Give moving things the masses that they have in the scene now."""
+    def _weigh_objects(self) -> None:
+        """Give moving objects the masses that they have in the scene now."""
 
     @abstractmethod
-    def _inertia(self, thing: Thing) -> Vec3:
-        """Principal moments of a moving thing about its centre of mass, engine frame, kg m2."""
+    def _inertia(self, item: SceneObject) -> Vec3:
+        """Principal moments of a moving object about its centre of mass, engine frame, kg m2."""
 
     @abstractmethod
     def _change_interval(self) -> None:
@@ -122,7 +122,7 @@ class BaseWorld(ABC, Generic[Own]):
             self._grips.switch(entry, level > 0)
         elif entry == "loads":
             self._scene = self._unloaded.loaded(level)
-            self._weigh_things()
+            self._weigh_objects()
         else:
             self.now.motors.set()
 
@@ -166,27 +166,27 @@ class BaseWorld(ABC, Generic[Own]):
     def centre(self, body: Body) -> Vec3:
         if isinstance(body, int):
             return self.now.readings.centre(self._row(body), body)
-        thing = self._things[body]
-        if not thing.mass:
-            return thing.position
+        item = self._objects[body]
+        if not item.mass:
+            return item.position
         px, py, pz, x, y, z, w, *_ = self._row(body)
-        return swap(subtract((px, py, pz), rotate_vector((x, y, z, w), swap(thing.balance))))
+        return swap(subtract((px, py, pz), rotate_vector((x, y, z, w), swap(item.balance))))
 
     def rotation(self, body: Body) -> Quat:
         if isinstance(body, int):
             return self.now.readings.rotation(self._row(body), body)
-        thing = self._things[body]
-        return swap_quaternion(self._row(body)[ROTATION]) if thing.mass else thing.rotation
+        item = self._objects[body]
+        return swap_quaternion(self._row(body)[ROTATION]) if item.mass else item.rotation
 
     def origin(self, block: int) -> Vec3:
         return self.now.readings.origin(self._row(block), block)
 
     def _row(self, body: Body) -> Row:
-        """The row of a block's cluster or of a moving thing."""
+        """The row of a block's cluster or of a moving object."""
         now = self.now
         if isinstance(body, int):
             return now.rows[now.readings.row_of[body]]
-        return now.rows[len(now.layout.leading) + now.layout.things.index(body)]
+        return now.rows[len(now.layout.leading) + now.layout.objects.index(body)]
 
     def touching(self, body: Body) -> frozenset[Body]:
         return self.now.contacts.touching(body)
@@ -201,8 +201,8 @@ class BaseWorld(ABC, Generic[Own]):
     def energies(self, snapshot: Any) -> Array:
         readings, rows = snapshot
         moving = self._scene.moving
-        masses = [thing.mass for thing in moving]
-        inertias = [self._inertia(thing) for thing in moving]
+        masses = [item.mass for item in moving]
+        inertias = [self._inertia(item) for item in moving]
         found: Array = readings.energies(rows, masses, inertias, self._physics["gravity"])
         return found
 

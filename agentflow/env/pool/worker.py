@@ -33,12 +33,12 @@ def serve(descriptor: int) -> None:
             except (EOFError, ConnectionResetError):  # closed, or killed with a reply unread
                 return
             try:
-                connection.send(play(job))
+                connection.send(run_job(job))
             except (BrokenPipeError, ConnectionResetError):  # the parent has been killed
                 return
 
 
-def play(job: dict[str, Any]) -> Reply:
+def run_job(job: dict[str, Any]) -> Reply:
     """Call `simulate` with these arguments."""
     try:
         return simulate(**job)

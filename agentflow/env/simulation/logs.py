@@ -201,7 +201,12 @@ class WorkLog:
         self._last = power
 
     def energy(
-        self, time: float, start: object, then: object, thrown: Body | None, things: tuple[str, ...]
+        self,
+        time: float,
+        start: object,
+        then: object,
+        thrown: Body | None,
+        objects: tuple[str, ...],
     ) -> Energy:
         """Work until a time (s), and kinetic energy then.
 
@@ -210,14 +215,14 @@ class WorkLog:
             start: Snapshot of t = 0.
             then: Snapshot of that time.
             thrown: What counts as thrown; None for nothing.
-            things: Names of the moving things; only one that is thrown counts.
+            objects: Names of the moving objects; only one that is thrown counts.
         """
         work = np.array(self._work)
         springs, motors = (np.interp(time, self._times, column) for column in work.T)
         before, after = self._world.energies(start), self._world.energies(then)
-        blocks = len(after) - len(things)
+        blocks = len(after) - len(objects)
         counted = np.arange(len(after)) < blocks
-        index = blocks + things.index(thrown) if isinstance(thrown, str) else thrown
+        index = blocks + objects.index(thrown) if isinstance(thrown, str) else thrown
         if index is not None:
             counted[index] = True
         kinetic = after[:, 0] - before[:, 0]

@@ -14,7 +14,7 @@ from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
 from agentflow.env.rollout import Broken, Moment, Trace
 from agentflow.env.simulation.logs import ContactLog, LoadHistory, WorkLog
-from agentflow.env.simulation.recorder import Interval, Recorder, thin_out
+from agentflow.env.simulation.recorder import FineInterval, Recorder, thin_out
 
 FINE = 0.02
 """Least time between fine samples, s."""
@@ -40,10 +40,10 @@ class Monitor:
     """What is measured and when; `connections` are the breakable joints."""
 
     def __init__(
-        self, world: World, assembly: Assembly, loads: Loads, things: tuple[str, ...], rate: float
+        self, world: World, assembly: Assembly, loads: Loads, objects: tuple[str, ...], rate: float
     ) -> None:
         self._world, self._loads, self._rate = world, loads, rate
-        self.recorder = Recorder(world, assembly, loads.connections, things)
+        self.recorder = Recorder(world, assembly, loads.connections, objects)
         self._history = LoadHistory(loads, assembly.joints)
         self._contacts, self._work = ContactLog(1.0 / rate), WorkLog(world, 1.0 / rate)
         self._fine = max(1, round(FINE * rate - 0.5))
@@ -130,9 +130,9 @@ class Monitor:
             broken: The connections that broke.
         """
         breaks = [item.time for item in broken if item.time > 0.0]
-        events = [] if moment is None else [Interval.around(moment.time, LONG_BEFORE, AFTER)]
+        events = [] if moment is None else [FineInterval.around(moment.time, LONG_BEFORE, AFTER)]
         others = (*breaks[:1], *self._touches[:1], *breaks[1:2], *self._touches[1:2])
-        events += [Interval.around(time, BEFORE, AFTER) for time in others]
+        events += [FineInterval.around(time, BEFORE, AFTER) for time in others]
         return thin_out(trace, events)
 
     def measure(self, moment: Moment | None, broken: tuple[Broken, ...]) -> Measured:
@@ -145,4 +145,4 @@ class Monitor:
         _, start = self.recorder.snapshot_near(0.0)
         time, then = self.recorder.snapshot_near(inf if moment is None else moment.time)
         thrown = None if moment is None else moment.body
-        return self._work.energy(time, start, then, thrown, self.recorder.things)
+        return self._work.energy(time, start, then, thrown, self.recorder.objects)

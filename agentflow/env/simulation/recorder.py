@@ -17,7 +17,7 @@ MOST_FINE = 26
 """Most fine samples of a rollout, as many as a window of 5 s has regular ones."""
 
 
-class Interval(NamedTuple):
+class FineInterval(NamedTuple):
     """Times between which fine samples are kept, s, and what they are around."""
 
     first: float
@@ -25,7 +25,7 @@ class Interval(NamedTuple):
     event: float
 
     @classmethod
-    def around(cls, event: float, before: float, after: float) -> Interval:
+    def around(cls, event: float, before: float, after: float) -> FineInterval:
         """The interval around an event."""
         return cls(event - before - 1e-9, event + after + 1e-9, event)
 
@@ -34,7 +34,7 @@ class Recorder:
     """Collects the samples of one rollout."""
 
     def __init__(
-        self, world: World, assembly: Assembly, connections: Sequence[int], things: tuple[str, ...]
+        self, world: World, assembly: Assembly, connections: Sequence[int], objects: tuple[str, ...]
     ):
         """Start an empty record; `connections` are the indices of the breakable joints."""
         self._world, self._assembly = world, assembly
@@ -42,7 +42,7 @@ class Recorder:
             (assembly.joints[i].block, assembly.joints[i].partner) for i in connections
         )
         self._connections = connections
-        self.things = things
+        self.objects = objects
         self._times: list[float] = []
         self._regular: list[bool] = []
         self._snapshots: list[object] = []
@@ -82,7 +82,7 @@ class Recorder:
             linear=tuple(block for block, _, _ in self._assembly.spans),
             utilisation=self._utilisation(times, loads(times)),
             connections=self._pairs,
-            things=self.things,
+            objects=self.objects,
             regular=np.array(self._regular),
             **vars(states),
         )
@@ -102,7 +102,7 @@ class Recorder:
         return greatest
 
 
-def thin_out(trace: Trace, events: Sequence[Interval]) -> Trace:
+def thin_out(trace: Trace, events: Sequence[FineInterval]) -> Trace:
     """The regular samples of a trace, and at most `MOST_FINE` others, those near events.
 
     Args:

@@ -9,7 +9,7 @@ from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.engine import Engine, TooLargeError
 from agentflow.env.physics.engines import choose_engine
 from agentflow.env.rollout import Rollout, invalid_rollout
-from agentflow.env.simulation.play import Play
+from agentflow.env.simulation.trial import Trial
 from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.simulation.variations import DEFAULT, Variation, VariedEngine
 from agentflow.env.tasks.base import Task
@@ -75,16 +75,16 @@ def simulate(
     chosen = engine or _own_engine(task.engine)
     if variation.varies_bodies:
         chosen = VariedEngine(chosen, variation, value["friction"])
-    played: list[Rollout] = []
-    for trial in task.trials(seed):
+    finished: list[Rollout] = []
+    for task_of_trial in task.trials(seed):
         try:
-            play = Play(machine, trial, chosen, rate, power, interval, wall_limit, value)
+            trial = Trial(machine, task_of_trial, chosen, rate, power, interval, wall_limit, value)
         except TooLargeError as error:
             return invalid_rollout([error.problem], str(chosen.identity))
-        played.append(play.run())
-        if played[-1].status == "timeout":
+        finished.append(trial.run())
+        if finished[-1].status == "timeout":
             break
-    return combine_trials(played)
+    return combine_trials(finished)
 
 
 def _own_engine(name: str) -> Engine:

@@ -22,7 +22,7 @@ class Variation:
     rate: float = 1.0
     """Of the number of steps per second."""
     masses: float = 1.0
-    """Of the mass and inertia of every block and thing."""
+    """Of the mass and inertia of every block and object."""
     friction: float = 1.0
     """Of all friction: of surfaces, rolling, and dry in joints."""
     motor_torque: float = 1.0
@@ -88,7 +88,7 @@ class VariedEngine:
     engine: Engine
     variation: Variation
     usual_friction: float
-    """Friction coefficient of the ground and things that have none of their own."""
+    """Friction coefficient of the ground and objects that have none of their own."""
 
     @property
     def identity(self) -> EngineIdentity:
@@ -146,16 +146,16 @@ class VariedEngine:
         return Strength(value.force * by, value.torque * by)
 
     def _vary_scene(self, scene: Scene) -> Scene:
-        things = tuple(
+        objects = tuple(
             replace(
-                thing,
-                mass=thing.mass * self.variation.masses,
-                load=thing.load * self.variation.masses,
-                friction=self._vary_friction(thing.friction),
+                item,
+                mass=item.mass * self.variation.masses,
+                load=item.load * self.variation.masses,
+                friction=self._vary_friction(item.friction),
             )
-            for thing in scene.things
+            for item in scene.objects
         )
-        return replace(scene, things=things, friction=self._vary_friction(scene.friction))
+        return replace(scene, objects=objects, friction=self._vary_friction(scene.friction))
 
     def _vary_friction(self, value: float | None) -> float:
         return (self.usual_friction if value is None else value) * self.variation.friction

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import engine_limits
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters, Schedule, Task
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import BRACE, library
@@ -197,15 +197,15 @@ def joint_sentences(blocks: Collection[int]) -> Iterator[str]:
 
 def wall(
     name: str, x: float, z: float, size: Vec3, friction: float | None = None, base: float = 0.0
-) -> Thing:
+) -> SceneObject:
     """A box of full extents `size` that stands at height `base`, centred over (x, z); m."""
     position = (x, base + size[1] / 2, z)
-    return Thing(name, "box", size, position, friction=friction, color=WOOD)
+    return SceneObject(name, "box", size, position, friction=friction, color=WOOD)
 
 
 def tilted_plate(
     name: str, size: Vec3, top: tuple[float, float], pitch: float, friction: float | None = None
-) -> Thing:
+) -> SceneObject:
     """A plate of full extents `size` (m) whose z+ end is raised by `pitch` (rad).
 
     `top` holds y and z of the middle of its upper side.
@@ -213,7 +213,7 @@ def tilted_plate(
     half = size[1] / 2
     place = (0.0, top[0] - half * cos(pitch), top[1] + half * sin(pitch))
     turn = about_axis((-1.0, 0.0, 0.0), pitch)
-    return Thing(name, "box", size, place, turn, friction=friction, color=WOOD)
+    return SceneObject(name, "box", size, place, turn, friction=friction, color=WOOD)
 
 
 @dataclass(frozen=True)

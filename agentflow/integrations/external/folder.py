@@ -11,7 +11,7 @@ from heapq import nsmallest
 from pathlib import Path
 
 from agentflow.machine.tree import Machine
-from agentflow.runs.places import BLIND, FEEDBACK, INITIAL, StageName
+from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL, StageName
 from agentflow.tools import ToolSpec
 
 TASK, MCP, MACHINES, BEFORE = "TASK.md", ".mcp.json", "machines", "before"

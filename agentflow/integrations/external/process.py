@@ -28,7 +28,7 @@ TAIL = 1 << 16
 
 
 @dataclass(frozen=True)
-class Command:
+class ProgramCommand:
     """What to run, for how long, and with which environment."""
 
     words: Sequence[str]
@@ -53,7 +53,7 @@ class Ending:
 
 
 async def run_program(
-    command: Command, folder: Path, given: Path, write: Callable[[bytes], None]
+    command: ProgramCommand, folder: Path, given: Path, write: Callable[[bytes], None]
 ) -> Ending:
     """Run a program in a folder until it ends or its limit is reached, then kill what is left.
 

@@ -24,9 +24,9 @@ from agentflow.integrations.external.folder import (
     read_machine_files,
     write_folder,
 )
-from agentflow.integrations.external.process import Command, Ending, run_program
+from agentflow.integrations.external.process import Ending, ProgramCommand, run_program
 from agentflow.runs.events import FilesEvent, FileVerdict, ProgramEvent, RunEvent
-from agentflow.runs.places import Place, StageName
+from agentflow.runs.locations import Location, StageName
 from agentflow.tools import Bench
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
@@ -71,7 +71,7 @@ async def _work(run: WorkflowContext, bench: Bench, stage: StageName) -> Sequenc
     """Run the program and hand in its files; how it ended."""
     with _folder(stage) as folder:
         ending = await _run(run, bench, stage, folder)
-        program = ProgramEvent(Place(stage), ending.status, ending.timed_out)
+        program = ProgramEvent(Location(stage), ending.status, ending.timed_out)
         run.note(program)
         found = read_machine_files(folder / MACHINES)
     verdicts = []
@@ -80,7 +80,7 @@ async def _work(run: WorkflowContext, bench: Bench, stage: StageName) -> Sequenc
             break
         verdicts.append(await _hand_in(bench, file))
     more = len(found.read) - len(verdicts) + found.more
-    files = FilesEvent(Place(stage), tuple(verdicts), more, found.problem)
+    files = FilesEvent(Location(stage), tuple(verdicts), more, found.problem)
     run.note(files)
     return [program, files]
 
@@ -108,7 +108,7 @@ async def _run(run: WorkflowContext, bench: Bench, stage: StageName, folder: Pat
         variables = {URL: served.url, TOKEN: served.token}
         environment = program_environment(settings, os.environ, variables)
         write_folder(folder, _assignment(run, bench, stage), served.url, served.token)
-        command = Command(words, environment, TOKEN, settings.limit_s)
+        command = ProgramCommand(words, environment, TOKEN, settings.limit_s)
         run.log(f"=== {stage}: {shlex.join(words)}\n".encode())
         try:
             ending = await run_program(command, folder, folder / TASK, run.log)

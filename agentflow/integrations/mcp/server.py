@@ -28,7 +28,7 @@ _SESSION: Final = "agentflow"
 Context = ServerRequestContext[Any, Any]
 
 
-class Session(Protocol):
+class ClientSession(Protocol):
     """The work of one client, from its first call until it leaves."""
 
     async def bench(self) -> Bench | None:
@@ -50,7 +50,7 @@ class Session(Protocol):
         """The client has gone; nothing further is expected of it."""
 
 
-Sessions = Callable[[str], Session]
+Sessions = Callable[[str], ClientSession]
 """Opens the session of a client with this name and version."""
 
 
@@ -121,14 +121,14 @@ class _Answers:
     def __init__(self, sessions: Sessions) -> None:
         self._sessions = sessions
 
-    def _session(self, ctx: Context) -> Session:
+    def _session(self, ctx: Context) -> ClientSession:
         """The session of the connection that a request came on."""
         connection = ctx.session._connection  # the SDK offers handlers no other way to it
         if _SESSION not in connection.state:
             session = self._sessions(_client_name(ctx))
             connection.state[_SESSION] = session
             connection.exit_stack.callback(session.leave)
-        found: Session = connection.state[_SESSION]
+        found: ClientSession = connection.state[_SESSION]
         return found
 
     async def _find_bench(self, ctx: Context) -> Bench | None:
@@ -200,7 +200,7 @@ class _Answers:
 
 
 async def _call(
-    session: Session, name: str, arguments: object, on_change: Callable[[], Awaitable[None]]
+    session: ClientSession, name: str, arguments: object, on_change: Callable[[], Awaitable[None]]
 ) -> ToolResult:
     """Call a tool at the session's bench; a call that ends the stage also tells what follows.
 

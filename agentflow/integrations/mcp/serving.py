@@ -22,7 +22,7 @@ from agentflow.integrations.mcp.http import serve_http
 from agentflow.integrations.mcp.server import build_server
 from agentflow.listening import end_is_asked_for
 from agentflow.runs import Notify
-from agentflow.runs.places import StageName
+from agentflow.runs.locations import StageName
 
 
 def serve(

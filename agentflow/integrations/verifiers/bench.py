@@ -20,7 +20,7 @@ from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.integrations.mcp.content import tool_result
-from agentflow.runs.places import FEEDBACK, StageName
+from agentflow.runs.locations import FEEDBACK, StageName
 from agentflow.tools import Bench, ToolSpec
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.tools.workflow import TOOLS, workflow_of

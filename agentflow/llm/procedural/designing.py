@@ -13,7 +13,7 @@ from agentflow.llm.procedural.mechanisms import (
     known_mechanisms,
     suitable_mechanisms,
 )
-from agentflow.llm.procedural.reading import Prompt, value_of
+from agentflow.llm.procedural.reading import PromptContent, value_of
 from agentflow.machine import Machine, check, library
 
 ANY_TYPES = "Frame"  # the part that takes any types
@@ -22,7 +22,7 @@ MAX_TYPES = 3  # per structure
 MAX_BLOCKS = 20  # per dimension
 
 
-def plan(prompt: Prompt, rng: random.Random) -> str:
+def plan(prompt: PromptContent, rng: random.Random) -> str:
     """Write a blueprint of one mechanism, with ranges for its dimensions in the guidance."""
     mechanism = rng.choice(suitable_mechanisms(prompt.brief))
     parts = known_mechanisms(prompt.brief)["parts"]
@@ -47,7 +47,7 @@ def plan(prompt: Prompt, rng: random.Random) -> str:
     return f"{mechanism['idea']}\n```json\n{json.dumps(blueprint, indent=1)}\n```"
 
 
-def _choose_types(slots: list[list[int]], prompt: Prompt, rng: random.Random) -> list[int]:
+def _choose_types(slots: list[list[int]], prompt: PromptContent, rng: random.Random) -> list[int]:
     """Choose an allowed type per slot, at most three; type 0 if there is none."""
     blocks = [kind for kind in prompt.brief.blocks if kind and not library()[kind].linear]
     usable = slots if slots[0] else [blocks] * MAX_TYPES
@@ -55,7 +55,7 @@ def _choose_types(slots: list[list[int]], prompt: Prompt, rng: random.Random) ->
     return list(dict.fromkeys(rng.choice(fill) for fill in fills if fill)) or [0]
 
 
-def design(prompt: Prompt, rng: random.Random) -> str:
+def design(prompt: PromptContent, rng: random.Random) -> str:
     """Answer with the machine extended by one structure, or with a whole mechanism."""
     machine, notes = build_machine(prompt, rng)
     return (
@@ -63,7 +63,7 @@ def design(prompt: Prompt, rng: random.Random) -> str:
     )
 
 
-def build_machine(prompt: Prompt, rng: random.Random) -> tuple[Machine, list[str]]:
+def build_machine(prompt: PromptContent, rng: random.Random) -> tuple[Machine, list[str]]:
     """Extend the machine by one structure, or build a whole mechanism; notes on its parts."""
     parts = known_mechanisms(prompt.brief)["parts"]
     shared = {name: len(prompt.types & {*part["slots"][0]}) for name, part in parts.items()}
@@ -87,7 +87,7 @@ def build_machine(prompt: Prompt, rng: random.Random) -> tuple[Machine, list[str
     return add_program(builder.machine, prompt.brief.limits.controls, rng, ranges), notes
 
 
-def _is_complete(builder: Builder, slots: list[list[int]], prompt: Prompt) -> bool:
+def _is_complete(builder: Builder, slots: list[list[int]], prompt: PromptContent) -> bool:
     """Whether the machine is valid and has each part's main block and the required blocks."""
     machine, usable = builder.machine, builder.types
     new = {step.type for step in machine.steps[len(prompt.machine) :]}

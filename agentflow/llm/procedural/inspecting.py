@@ -16,7 +16,7 @@ from agentflow.llm.procedural.mechanisms import (
     load_data,
     rigid_groups,
 )
-from agentflow.llm.procedural.reading import Prompt
+from agentflow.llm.procedural.reading import PromptContent
 from agentflow.machine import Geometry, place
 from agentflow.machine.geometry.balance import centre_of_mass, stands, support_polygon
 
@@ -24,7 +24,7 @@ _NUMBER = r"(-?\d{1,6}\.?\d{0,6})"
 _BROKEN = re.compile(rf"block (\d{{1,6}}) \([^()\n]*\) off block (\d{{1,6}}) at {_NUMBER} s")
 
 
-def inspect(prompt: Prompt, rng: random.Random) -> str:  # noqa: ARG001
+def inspect(prompt: PromptContent, rng: random.Random) -> str:  # noqa: ARG001
     """Write a critique from geometry alone, without random choices."""
     geometry = place(prompt.machine)
     x, y, z = centre_of_mass(geometry)
@@ -74,7 +74,7 @@ def _idle_blocks(geometry: Geometry) -> list[int]:
     return [b.id for b in still if b.id not in carried and b.box_min[1] > high]
 
 
-def query(prompt: Prompt, rng: random.Random) -> str:
+def query(prompt: PromptContent, rng: random.Random) -> str:
     """Query the first broken connection around its time, else a moving block and the root."""
     moving = [step.id for step in prompt.machine if step.type in MOVERS]
     intervals = [(rng.choice(moving or [0]), 0.0, 1.0), (0, 0.0, 1.0)]

@@ -18,7 +18,7 @@ from typing import Any
 
 import yaml
 
-from agentflow.llm.procedural.reading import Prompt
+from agentflow.llm.procedural.reading import PromptContent
 from agentflow.machine import Brief, Geometry, Step, library, place, spatial_problems
 from agentflow.machine.blocks.library import BOULDER, CONTAINER, STARTING_BLOCK
 from agentflow.machine.geometry.pose import PlacedFace
@@ -81,7 +81,7 @@ def suitable_mechanisms(brief: Brief) -> list[Any]:
 class Builder:
     """Adds blocks to a machine; blocks that would make it invalid are not added."""
 
-    def __init__(self, prompt: Prompt, rng: random.Random) -> None:
+    def __init__(self, prompt: PromptContent, rng: random.Random) -> None:
         """Start from the prompt's machine; only the prompt's types are added."""
         self.machine = prompt.machine
         self.geometry = place(self.machine)

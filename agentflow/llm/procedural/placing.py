@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from agentflow.errors import ConfigError
-from agentflow.llm.procedural.reading import Prompt
+from agentflow.llm.procedural.reading import PromptContent
 from agentflow.machine import Geometry, Machine, Step, library, place
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.geometry.gears import gear_trains, meshing_pairs
@@ -19,7 +19,7 @@ ATTEMPTS, MAX_COGS = 8, 12  # per reply; per attempt
 _TARGET = re.compile(r"block (\d{1,3}) \(target\) turns in the (same|opposite) direction")
 
 
-def place_cogs(prompt: Prompt, rng: random.Random) -> str:
+def place_cogs(prompt: PromptContent, rng: random.Random) -> str:
     """Answer with the given steps and a chain of cogs, or the last attempt."""
     given = prompt.machine
     if plate_of(given[0].type) is None or len(given) == 1:

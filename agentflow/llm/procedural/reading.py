@@ -36,7 +36,7 @@ _COUNTS = ("no", "one", "two", "three", "four", "five", "six")
 
 
 @dataclass(frozen=True)
-class Prompt:
+class PromptContent:
     """The content of one prompt; empty where it has none."""
 
     sections: defaultdict[str, str]  # heading -> text below it, "" for a missing heading
@@ -52,7 +52,7 @@ class Prompt:
         return json.dumps(to_coordinates(machine)) if self.coordinates else machine.to_text()
 
 
-def read_prompt(messages: Sequence[Message]) -> Prompt:
+def read_prompt(messages: Sequence[Message]) -> PromptContent:
     """Read the prompt of any role."""
     text = next((message.text for message in messages if message.role == "user"), "")
     pieces = _HEADING.split(text)
@@ -64,7 +64,7 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
         machine = (read_coordinates if coordinates else read_machine)(current, library()).machine
     types = frozenset(map(int, _ROW.findall(sections["Blocks"]))) & frozenset(library())
     listed = map(int, re.findall(r"[0-9]{1,6}", value_of(structure, "Allowed types")))
-    return Prompt(
+    return PromptContent(
         sections=sections,
         later="\n".join(message.text for message in messages[2:]),
         brief=_read_brief(sections["Task"], types, sections["Controls"]),
@@ -120,14 +120,14 @@ def _read_brief(task: str, types: frozenset[int], controls: str) -> Brief:
 class Script:
     """A function that answers the prompts of a role."""
 
-    answer: Callable[[Prompt, random.Random], str]
+    answer: Callable[[PromptContent, random.Random], str]
     """The text of the reply; all random choices are from the generator."""
     asked: str
     """Words in the section "Your reply" by which the role's prompts are known."""
     needs_machine: bool = True
     """Whether prompts without a machine cannot be answered."""
 
-    def fits(self, prompt: Prompt) -> bool:
+    def fits(self, prompt: PromptContent) -> bool:
         """Whether it can answer a prompt."""
         known = self.asked in prompt.sections["Your reply"]
         return known and (prompt.has_machine or not self.needs_machine)

@@ -16,11 +16,11 @@ from agentflow.llm.procedural.mechanisms import (
     purpose,
     rigid_groups,
 )
-from agentflow.llm.procedural.reading import Prompt
+from agentflow.llm.procedural.reading import PromptContent
 from agentflow.machine import Geometry, apply_script, check, place
 from agentflow.machine.blocks.library import BOULDER, CONTAINER
 
-Spot = tuple[tuple[float, ...], str]  # a face's position, and its name in a command
+FacePosition = tuple[tuple[float, ...], str]  # a face's position, and its name in a command
 REVISED = 0.5  # share of changes that revise the control program, where there is one
 ATTEMPTS, MIN_LENGTH = 200, 1.5  # changes tried; length of a two-ended block, m
 _COMMAND = re.compile(r"(?:add|remove|move) ?[\d\[][\d\[\] toin]*", re.IGNORECASE)
@@ -39,7 +39,7 @@ class Change(NamedTuple):
     """Symptoms that rules know."""
 
 
-def refine(prompt: Prompt, rng: random.Random) -> str:
+def refine(prompt: PromptContent, rng: random.Random) -> str:
     """Answer with one or two changes that fit the symptoms."""
     script, names, seen = propose_change(prompt, rng, _failed_scripts(prompt))
     edited = apply_script(prompt.machine, "\n".join(script), prompt.brief).machine
@@ -53,7 +53,7 @@ def refine(prompt: Prompt, rng: random.Random) -> str:
     )
 
 
-def propose_change(prompt: Prompt, rng: random.Random, failed: Set[str]) -> Change:
+def propose_change(prompt: PromptContent, rng: random.Random, failed: Set[str]) -> Change:
     """One or two changes that fit the symptoms; `failed` are scripts not to try again."""
     geometry, goal = place(prompt.machine), purpose(prompt.brief)
     symptoms = prompt.sections["Simulation feedback"] + prompt.sections["Critique"]
@@ -77,7 +77,7 @@ def propose_change(prompt: Prompt, rng: random.Random, failed: Set[str]) -> Chan
     return Change(script, names, sorted({words for seen in matches for words in seen}))
 
 
-def _propose(rule: Any, prompt: Prompt, geometry: Geometry, rng: random.Random) -> list[str]:
+def _propose(rule: Any, prompt: PromptContent, geometry: Geometry, rng: random.Random) -> list[str]:
     """A random script of a rule, legal or not; empty if it finds no face or block."""
     kinds = [kind for kind in rule["types"] if kind in prompt.types]
     blocks = [block for block in geometry.blocks if block.type in rule["types"]]
@@ -98,7 +98,7 @@ def _propose(rule: Any, prompt: Prompt, geometry: Geometry, rng: random.Random) 
     return [f"Remove {block.id}", *(again if rule["do"] == "Swap" else [])]
 
 
-def _faces_at(where: str, geometry: Geometry) -> list[Spot]:
+def _faces_at(where: str, geometry: Geometry) -> list[FacePosition]:
     """Faces at a location named in refining.yaml."""
     group, low = rigid_groups(geometry), geometry.box_min[1] + 1.1
     moves, loads = where in ("swung", "ahead"), (*WHEELS, CONTAINER, BOULDER)
@@ -111,7 +111,7 @@ def _faces_at(where: str, geometry: Geometry) -> list[Spot]:
     return [(f.position, f"to {b.id} in {f.face_id}") for b, f in found]
 
 
-def _is_usable(prompt: Prompt, script: list[str], failed: Set[str]) -> bool:
+def _is_usable(prompt: PromptContent, script: list[str], failed: Set[str]) -> bool:
     """Whether a script can be applied, has not failed before and locks no joint."""
     if {normalise(script), *(normalise([line]) for line in script)} & failed:
         return False
@@ -122,7 +122,7 @@ def _is_usable(prompt: Prompt, script: list[str], failed: Set[str]) -> bool:
     return not locks and check(outcome.machine, prompt.brief).task_valid
 
 
-def _failed_scripts(prompt: Prompt) -> set[str]:
+def _failed_scripts(prompt: PromptContent) -> set[str]:
     """Commands marked Error, and scripts that failed or did not raise the score."""
     lines = f"{prompt.sections['Earlier attempts']}\n{prompt.later}".splitlines()
     failed = {normalise(_COMMAND.findall(line)[:1]) for line in lines if ": Error" in line}

@@ -16,7 +16,7 @@ from itertools import cycle, islice
 
 from agentflow.llm.messages import Message, Request, ToolCall
 from agentflow.llm.procedural.designing import build_machine
-from agentflow.llm.procedural.reading import Prompt, read_listing, read_prompt
+from agentflow.llm.procedural.reading import PromptContent, read_listing, read_prompt
 from agentflow.llm.procedural.refining import normalise, propose_change
 from agentflow.machine import Machine, apply_script, library, read_machine
 from agentflow.machine.brief import LONE_ROOT
@@ -34,7 +34,7 @@ TURNS = 40  # replies after which it only submits
 
 
 @dataclass
-class Candidate:
+class SeenMachine:
     """A named machine, as far as the conversation tells about it."""
 
     machine: Machine | None = None
@@ -56,7 +56,7 @@ class Candidate:
 class Notes:
     """What a conversation tells."""
 
-    prompt: Prompt
+    prompt: PromptContent
     tools: frozenset[str]
     """Tools on offer."""
     turns: int = 0
@@ -65,16 +65,16 @@ class Notes:
     """Tools called so far."""
     left: dict[str, int] = field(default_factory=lambda: {"submission": 0, "simulation": 0})
     """What is left: submissions and simulations."""
-    candidates: dict[str, Candidate] = field(default_factory=dict)
+    seen_machines: dict[str, SeenMachine] = field(default_factory=dict)
     """By name, oldest first."""
 
-    def at(self, name: str) -> Candidate:
+    def at(self, name: str) -> SeenMachine:
         """What is known about a machine."""
-        return self.candidates.setdefault(name, Candidate())
+        return self.seen_machines.setdefault(name, SeenMachine())
 
     def by_score(self) -> list[str]:
         """Names of machines with a score, best first."""
-        known = self.candidates.items()
+        known = self.seen_machines.items()
         scores = {name: found.score for name, found in known if found.score is not None}
         return sorted(scores, key=scores.__getitem__, reverse=True)
 
@@ -178,17 +178,19 @@ def choose_calls(request: Request, rng: random.Random) -> tuple[ToolCall, ...]:
 
 def _submit_new(notes: Notes, _rng: random.Random) -> Calls:
     """Submit what was made in this conversation."""
-    return _submit(notes, [name for name, candidate in notes.candidates.items() if candidate.made])
+    return _submit(
+        notes, [name for name, candidate in notes.seen_machines.items() if candidate.made]
+    )
 
 
 def _submit(notes: Notes, names: Iterable[str]) -> Calls:
-    fresh = [name for name in names if not notes.candidates[name].submitted]
+    fresh = [name for name in names if not notes.seen_machines[name].submitted]
     return [("submit", {"machine": name}) for name in fresh[: notes.left["submission"]]]
 
 
 def _write(notes: Notes, rng: random.Random) -> Calls:
     """Check new machines, or edits of those of earlier stages."""
-    if earlier := [name for name, known in notes.candidates.items() if not known.made]:
+    if earlier := [name for name, known in notes.seen_machines.items() if not known.made]:
         return _describe(notes, earlier) or _edit(notes, earlier, notes.left["submission"], rng)
     machines = [build_machine(notes.prompt, rng)[0] for _ in range(notes.left["submission"])]
     return [("check", {"machine": machine.to_text()}) for machine in machines]
@@ -198,7 +200,7 @@ def _measure(notes: Notes, _rng: random.Random) -> Calls:
     """Look up earlier scores, then simulate machines without a score."""
     if "history" not in notes.called:
         return [("history", {})]
-    waiting = [name for name, known in notes.candidates.items() if not known.simulated]
+    waiting = [name for name, known in notes.seen_machines.items() if not known.simulated]
     return _simulate(waiting[: notes.left["simulation"]])
 
 
@@ -209,13 +211,13 @@ def _improve(notes: Notes, rng: random.Random) -> Calls:
         return []
     if not best:
         return _write(notes, rng)
-    unread = [name for name in best if not notes.candidates[name].feedback]
+    unread = [name for name in best if not notes.seen_machines[name].feedback]
     wave = min(WAVE, notes.left["simulation"])
     return [*_describe(notes, best), *_simulate(unread)] or _edit(notes, best, wave, rng)
 
 
 def _describe(notes: Notes, names: Iterable[str]) -> Calls:
-    unknown = [name for name in names if not notes.candidates[name].described]
+    unknown = [name for name in names if not notes.seen_machines[name].described]
     return [("describe", {"machine": name, "short": True}) for name in unknown]
 
 
@@ -227,7 +229,7 @@ def _edit(notes: Notes, names: Iterable[str], count: int, rng: random.Random) ->
     """New changes of these machines, in turns."""
     calls: Calls = []
     for name in islice(cycle(names), count):
-        known = notes.candidates[name]
+        known = notes.seen_machines[name]
         sections = notes.prompt.sections | {"Simulation feedback": known.feedback}
         prompt = replace(notes.prompt, sections=sections, machine=known.machine or LONE_ROOT)
         if script := propose_change(prompt, rng, known.tried).script:

@@ -1,1 +1,1 @@
-"""Clients that wrap another client: retries, rate limits, budget, tape."""
+"""Clients that wrap another client: retries, rate limits, budget, call log."""

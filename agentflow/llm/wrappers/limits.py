@@ -61,24 +61,24 @@ class SlidingWindow:
 
 
 @dataclass
-class Call:
+class StartedCall:
     """A call that has begun."""
 
     used: int | None = None
     """Tokens that it used, once known."""
 
 
-class Limits(Protocol):
+class RateLimits(Protocol):
     """The rate limits of one endpoint, kept in this process or in another."""
 
-    def call(self, tokens: int) -> AbstractAsyncContextManager[Call]:
+    def call(self, tokens: int) -> AbstractAsyncContextManager[StartedCall]:
         """Enter when a call of about so many tokens may begin, and leave at its end."""
 
 
 class Limiters(Protocol):
     """The rate limits of every endpoint, each shared by all its clients."""
 
-    def of(self, base_url: str, settings: LimitSettings) -> Limits:
+    def of(self, base_url: str, settings: LimitSettings) -> RateLimits:
         """The limits of an endpoint; those that were asked for first hold."""
 
 
@@ -88,7 +88,7 @@ class LocalLimiters:
     def __init__(self) -> None:
         self._by_url: dict[str, Limiter] = {}
 
-    def of(self, base_url: str, settings: LimitSettings) -> Limits:
+    def of(self, base_url: str, settings: LimitSettings) -> RateLimits:
         """See `Limiters`."""
         return self._by_url.setdefault(base_url, Limiter(settings))
 
@@ -107,15 +107,15 @@ class Limiter:
         self._tokens = SlidingWindow(settings.tpm, period_s) if settings.tpm else None
 
     @asynccontextmanager
-    async def call(self, tokens: int) -> AsyncIterator[Call]:
-        """See `Limits`."""
+    async def call(self, tokens: int) -> AsyncIterator[StartedCall]:
+        """See `RateLimits`."""
         async with AsyncExitStack() as stack:
             if self._slots:
                 await stack.enter_async_context(self._slots)
             if self._calls:
                 await self._calls.take(1)
             booked = await self._tokens.take(tokens) if self._tokens else None
-            call = Call()
+            call = StartedCall()
             try:
                 yield call
             finally:
@@ -126,7 +126,7 @@ class Limiter:
 class LimitedClient(ClientWrapper):
     """Delays calls until the rate limits allow them."""
 
-    def __init__(self, inner: Client, limits: Limits) -> None:
+    def __init__(self, inner: Client, limits: RateLimits) -> None:
         super().__init__(inner)
         self._limits = limits
 

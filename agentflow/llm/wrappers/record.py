@@ -1,4 +1,4 @@
-"""Clients around a tape: one records and resumes, the other only replays."""
+"""Clients around a call log: one records and resumes, the other only replays."""
 
 from __future__ import annotations
 
@@ -9,57 +9,57 @@ from itertools import takewhile
 from agentflow.errors import BudgetSpentError, ReplayMissError
 from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.messages import Reply, Request
-from agentflow.llm.wrappers.tape import RecordedCall, Tape, key_of
+from agentflow.llm.wrappers.call_log import CallLog, RecordedCall, key_of
 
 _EXCERPT_CHARS = 30
 
 
 class RecordingClient(ClientWrapper):
-    """Answers from the tape if possible; otherwise asks the inner client and records its reply.
+    """Answers from the call log if possible; otherwise asks the inner client and records its reply.
 
-    Several clients may share one tape; the caller closes it.
+    Several clients may share one call log; the caller closes it.
     """
 
-    def __init__(self, inner: Client, tape: Tape) -> None:
+    def __init__(self, inner: Client, call_log: CallLog) -> None:
         super().__init__(inner)
-        self._tape = tape
+        self._call_log = call_log
         self._locks: dict[str, asyncio.Lock] = {}
 
     def holds(self, request: Request) -> bool:
-        """Whether the tape already has the reply."""
-        return key_of(self.name, request) in self._tape
+        """Whether the call log already has the reply."""
+        return key_of(self.name, request) in self._call_log
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request; see `Client`.
 
         Raises:
-            RunError: The tape cannot be written.
+            RunError: The call log cannot be written.
         """
         key = key_of(self.name, request)
         try:
             async with self._locks.setdefault(key, asyncio.Lock()):
-                reply = self._tape.find(key)
+                reply = self._call_log.find(key)
                 if reply is None:
                     reply = await self._inner.complete(request)
                     call = RecordedCall(key=key, model=self.name, request=request, reply=reply)
-                    self._tape.append(call)
+                    self._call_log.append(call)
                 return reply
         finally:
             self._locks.pop(key, None)
 
 
 class ReplayClient:
-    """Answers from the tape only.
+    """Answers from the call log only.
 
     Args:
-        tape: The record.
+        call_log: The record.
         model: Name of the model in the recorded run.
         budget_spent: Whether the recorded run stopped at its budget; replay then stops at the first
-            call that is missing from the tape.
+            call that is missing from the call log.
     """
 
-    def __init__(self, tape: Tape, model: str, *, budget_spent: bool = False) -> None:
-        self._tape = tape
+    def __init__(self, call_log: CallLog, model: str, *, budget_spent: bool = False) -> None:
+        self._call_log = call_log
         self.name = model
         self._budget_spent = budget_spent
 
@@ -67,21 +67,21 @@ class ReplayClient:
         """Answer one request.
 
         Raises:
-            ReplayMissError: It is not on the tape.
-            BudgetSpentError: It is not on the tape, and the run stopped at its budget.
+            ReplayMissError: It is not in the call log.
+            BudgetSpentError: It is not in the call log, and the run stopped at its budget.
         """
-        reply = self._tape.find(key_of(self.name, request))
+        reply = self._call_log.find(key_of(self.name, request))
         if reply is None and self._budget_spent:
             raise BudgetSpentError("the recorded run ended here")
         if reply is None:
-            raise ReplayMissError(_explain_miss(self._tape, self.name, request))
+            raise ReplayMissError(_explain_miss(self._call_log, self.name, request))
         return reply
 
     async def aclose(self) -> None:
-        """Nothing to release; the tape stays open."""
+        """Nothing to release; the call log stays open."""
 
 
-def _explain_miss(tape: Tape, model: str, request: Request) -> str:
+def _explain_miss(call_log: CallLog, model: str, request: Request) -> str:
     """The nearest recorded request and the first field that differs."""
     requested = _fields(model, request)
 
@@ -94,8 +94,8 @@ def _explain_miss(tape: Tape, model: str, request: Request) -> str:
             sum(known.get(name) == value for name, value in requested.items()),
         )
 
-    nearest = max(tape.calls(), key=likeness, default=None)
-    miss = f"{tape.path} does not contain the call {request.label!r}"
+    nearest = max(call_log.calls(), key=likeness, default=None)
+    miss = f"{call_log.path} does not contain the call {request.label!r}"
     if nearest is None:
         return f"{miss}; it contains no calls"
     difference = _first_difference(_fields(nearest.model, nearest.request), requested)

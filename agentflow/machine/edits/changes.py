@@ -14,7 +14,7 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.edits.draft import Draft, End
 from agentflow.machine.geometry.placement import face_at, place
 from agentflow.machine.geometry.pose import Placed, Units3
-from agentflow.machine.problems import Problem, Refused, block_label
+from agentflow.machine.problems import Problem, RefusedEdit, block_label
 from agentflow.machine.tree import Machine, carried_by
 
 Change = Callable[[Draft], int]
@@ -45,7 +45,7 @@ def copy(draft: Draft, block: int, to: End) -> int:
     step = draft.steps[block]
     if step.two_ended or block == 0:
         label = block_label(block, step.type)
-        raise Refused("not_copied", f"{label} cannot be copied; copy a block that it holds")
+        raise RefusedEdit("not_copied", f"{label} cannot be copied; copy a block that it holds")
     _, *carried = carried_by(draft.steps.values(), block, alone=True)
     ids = {block: draft.attach(step.type, [to]).id}
     for old in carried:
@@ -61,7 +61,7 @@ def mirror(draft: Draft, block: int) -> int:
     """
     if block == 0:
         reason = "the root is its own mirror image; choose a block that it holds"
-        raise Refused("not_mirrored", reason)
+        raise RefusedEdit("not_mirrored", reason)
     placed = {item.id: item for item in draft.geometry.blocks}
     images = {old: placed[new] for old, new in _images(placed).items()}
     first = draft.next_id
@@ -97,9 +97,11 @@ class Mending:
             chosen = change(draft)
             for problem in _problems(draft):
                 if (problem.code, problem.blocks) not in self._known:
-                    raise Refused(problem.code, problem.message)
-        except Refused as refused:
-            raise Refused(refused.code, refused.reason.partition("; free faces of")[0]) from None
+                    raise RefusedEdit(problem.code, problem.message)
+        except RefusedEdit as refused:
+            raise RefusedEdit(
+                refused.code, refused.reason.partition("; free faces of")[0]
+            ) from None
         machine, ids = draft.finish()
         return machine, ids.get(chosen, 0)
 
@@ -113,9 +115,9 @@ class Mending:
         for end in self._other_faces(block):
             try:
                 return self.make(partial(move, block=block, to=end))
-            except Refused as refused:
+            except RefusedEdit as refused:
                 refusals.append(refused)
-        none = Refused("face_occupied", "its parent has no other free face to turn to")
+        none = RefusedEdit("face_occupied", "its parent has no other free face to turn to")
         raise refusals[0] if refusals else none
 
     def _other_faces(self, block: int) -> Iterator[End]:
@@ -154,13 +156,13 @@ def _image_of_face(parent: Placed, face: int, images: Mapping[int, Placed]) -> E
     image = images.get(parent.id)
     if image is None or image.shape is None or parent.shape is None:
         reason = f"{parent.label} has no mirror image to attach to; mirror it first"
-        raise Refused("not_mirrored", reason)
+        raise RefusedEdit("not_mirrored", reason)
     wanted = _flip(face_at(parent, face))
     for candidate in image.shape.faces:
         if face_at(image, candidate.id) == wanted:
             return image.id, candidate.id
     reason = f"{parent.label} has no face where the mirror image of its face {face} is"
-    raise Refused("not_mirrored", reason)
+    raise RefusedEdit("not_mirrored", reason)
 
 
 def _flip(point: Units3) -> Units3:

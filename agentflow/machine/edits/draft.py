@@ -19,7 +19,7 @@ from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.problems import (
     Problem,
-    Refused,
+    RefusedEdit,
     block_label,
     comma_list,
     face_problem,
@@ -53,7 +53,7 @@ class Program:
         steps: Collection[Step],
         window: float | None,
     ) -> None:
-        """Add an entry; raise `Refused` if it is wrong.
+        """Add an entry; raise `RefusedEdit` if it is wrong.
 
         Args:
             target: The blocks or the group that the command names.
@@ -66,22 +66,22 @@ class Program:
         control = Control(target, *numbers)
         if len(self._entries) >= MAX_CONTROLS:
             reason = f"a machine can have at most {MAX_CONTROLS} controls: Uncontrol others first"
-            raise Refused("too_many_controls", reason)
+            raise RefusedEdit("too_many_controls", reason)
         problems = list(entry_problems(self._next, control, steps))
         problems += window_problem(self._next, control, window)
         for problem in problems[:1]:
-            raise Refused(problem.code, problem.message)
+            raise RefusedEdit(problem.code, problem.message)
         self._entries[self._next] = control
         self._next += 1
 
     def remove(self, number: int) -> None:
-        """Remove an entry of the given machine; raise `Refused` if it is not there."""
+        """Remove an entry of the given machine; raise `RefusedEdit` if it is not there."""
         if not 0 <= number < self._given:
             known = f"the controls are 0 to {self._given - 1}" if self._given else "it has none"
-            raise Refused("control_not_found", f"the machine has no control {number}; {known}")
+            raise RefusedEdit("control_not_found", f"the machine has no control {number}; {known}")
         if number not in self._entries:
             reason = f"control {number} was removed earlier in this script"
-            raise Refused("control_not_found", reason)
+            raise RefusedEdit("control_not_found", reason)
         del self._entries[number]
 
     def forget(self, block: int) -> None:
@@ -94,21 +94,22 @@ class Program:
                     del self._entries[number]
 
     def require_groups(self, removed: int, steps: Collection[Step]) -> None:
-        """Raise `Refused` if a group that an entry drives lost its last block just now."""
+        """Raise `RefusedEdit` if a group that an entry drives lost its last block just now."""
         for number, control in self._entries.items():
             if isinstance(control.target, str) and any(entry_problems(number, control, steps)):
                 reason = (
                     f"control {number} drives {control.target}, of which block {removed} is the "
                     f"last: first Uncontrol {number}"
                 )
-                raise Refused("control_group", reason)
+                raise RefusedEdit("control_group", reason)
 
 
 class Draft:
     """A machine being changed: ids may have gaps, and new blocks get new ids at the end.
 
-    A change raises `Refused` for what it names: types, faces, blocks that stay. What is wrong with
-    the whole machine, such as overlaps, is in `problems`: whoever changes it decides when to look.
+    A change raises `RefusedEdit` for what it names: types, faces, blocks that stay. What is wrong
+    with the whole machine, such as overlaps, is in `problems`: whoever changes it decides when to
+    look.
     """
 
     def __init__(self, machine: Machine, brief: Brief | None = None) -> None:
@@ -128,13 +129,13 @@ class Draft:
         two_ended = len(ends) == 2
         fault = type_problem(kind, self._allowed, two_ended=two_ended)
         if fault is not None:
-            raise Refused(*fault)
+            raise RefusedEdit(*fault)
         for end in ends:
             self._require_face(end)
         if not two_ended:
             self._require_free(ends[0])
         if len(self.steps) >= MAX_BLOCKS:
-            raise Refused("too_many_blocks", f"a machine can have at most {MAX_BLOCKS} blocks")
+            raise RefusedEdit("too_many_blocks", f"a machine can have at most {MAX_BLOCKS} blocks")
         added = Step(self.next_id, kind, *(part for end in ends for part in end))
         self.next_id += 1
         self.steps[added.id] = added
@@ -146,7 +147,7 @@ class Draft:
         carried = [step.id for step in self.steps.values() if block in step.parents]
         if carried:
             what = f"{block_label(block, removed.type)} still carries {comma_list(carried)}"
-            raise Refused("has_children", f"{what}; remove the blocks it carries first")
+            raise RefusedEdit("has_children", f"{what}; remove the blocks it carries first")
         del self.steps[block]
         self.program.forget(block)
 
@@ -157,11 +158,11 @@ class Draft:
         carried = carried_by(self.steps.values(), block)
         if parent in carried:
             reason = f"block {block} carries block {parent}; choose a parent that it does not carry"
-            raise Refused("parent_not_earlier", reason)
+            raise RefusedEdit("parent_not_earlier", reason)
         self._require_face(to)
         if to == (moved.parent, moved.face_id):
             reason = f"block {block} is already on face {face} of block {parent}"
-            raise Refused("no_change", reason)
+            raise RefusedEdit("no_change", reason)
         self._require_free(to)
         self.steps[block] = replace(moved, parent=parent, face_id=face)
         order = list(self.steps)
@@ -172,9 +173,9 @@ class Draft:
     def editable(self, block: int, done: str) -> Step:
         """A block that can be `done` (removed or moved); refuses those that stay."""
         if block == 0:
-            raise Refused("starting_block", f"block 0, the Starting Block, cannot be {done}")
+            raise RefusedEdit("starting_block", f"block 0, the Starting Block, cannot be {done}")
         if block < self._given:
-            raise Refused("given_altered", f"block {block} is given and cannot be {done}")
+            raise RefusedEdit("given_altered", f"block {block} is given and cannot be {done}")
         return self.steps[block]
 
     def movable(self, block: int) -> Step:
@@ -182,7 +183,7 @@ class Draft:
         moved = self.editable(block, "moved")
         if moved.two_ended:
             what = f"{block_label(block, moved.type)} is two-ended and cannot be moved"
-            raise Refused("two_ended", f"{what}; remove it and add a new one")
+            raise RefusedEdit("two_ended", f"{what}; remove it and add a new one")
         return moved
 
     @property
@@ -208,7 +209,7 @@ class Draft:
         parent, face = end
         fault = face_problem(parent, self.steps[parent].type, face)
         if fault is not None:
-            raise Refused("face_not_found", fault)
+            raise RefusedEdit("face_not_found", fault)
 
     def _require_free(self, end: End) -> None:
         parent, face = end
@@ -220,4 +221,4 @@ class Draft:
                     f"{block_label(step.id, step.type)}; free faces of block {parent}: "
                     f"{comma_list(self.geometry.free_faces(parent))}"
                 )
-                raise Refused("face_occupied", reason)
+                raise RefusedEdit("face_occupied", reason)

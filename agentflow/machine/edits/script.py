@@ -26,7 +26,7 @@ from agentflow.machine.edits.commands import (
     script_lines,
 )
 from agentflow.machine.edits.draft import NO_CONTROLS, Draft
-from agentflow.machine.problems import Refused, comma_list
+from agentflow.machine.problems import RefusedEdit, comma_list
 from agentflow.machine.tree import Machine
 
 MAX_NAME = 32
@@ -48,33 +48,33 @@ class _Names:
         self._all = {command.name for command in commands if isinstance(command, Add)} - {""}
 
     def give(self, name: str, block_id: int) -> None:
-        """Name a block; raise `Refused` if the name is not allowed or taken."""
+        """Name a block; raise `RefusedEdit` if the name is not allowed or taken."""
         if re.fullmatch(r"[+-]?[\d.]+", name):
             better = "b" + re.sub(r"\D", "", name)
             reason = f"the name {name} looks like an id; give it a letter, as in 'as {better}'"
-            raise Refused("bad_name", reason)
+            raise RefusedEdit("bad_name", reason)
         if name in _WORDS:
-            raise Refused("bad_name", f"{name} is a word of the commands; choose another name")
+            raise RefusedEdit("bad_name", f"{name} is a word of the commands; choose another name")
         if not re.fullmatch(r"[a-z0-9_]+", name) or len(name) > MAX_NAME:
             rule = f"at most {MAX_NAME} letters, digits and underscores"
-            raise Refused("bad_name", f"the name {name} is not allowed; use {rule}")
+            raise RefusedEdit("bad_name", f"the name {name} is not allowed; use {rule}")
         if name in self.given:
             taken = f"the name {name} is already taken by new block {self.given[name]}"
-            raise Refused("name_taken", f"{taken}; choose another name")
+            raise RefusedEdit("name_taken", f"{taken}; choose another name")
         self.given[name] = block_id
 
     def find(self, name: str) -> int:
-        """The id of the block with a name; raise `Refused` if there is none."""
+        """The id of the block with a name; raise `RefusedEdit` if there is none."""
         if name in self.given:
             return self.given[name]
         if name in self._all:
             reason = f"the name {name} is given only in a later line; move that line up"
-            raise Refused("name_not_yet_given", reason)
+            raise RefusedEdit("name_not_yet_given", reason)
         if not self._all:
             reason = f"no block has the name {name}; use an id, or give the name: '{_EXAMPLE}'"
-            raise Refused("unknown_name", reason)
+            raise RefusedEdit("unknown_name", reason)
         known = comma_list(sorted(self._all))
-        raise Refused("unknown_name", f"no block has the name {name}; the names are: {known}")
+        raise RefusedEdit("unknown_name", f"no block has the name {name}; the names are: {known}")
 
     def name_of(self, block_id: int) -> str:
         """The name of a block; "" if it has none."""
@@ -151,7 +151,7 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
     for line, command in zip(lines, commands, strict=True):
         try:
             work.apply(command)
-        except Refused as refused:
+        except RefusedEdit as refused:
             verdicts.append(StepVerdict(line, "Error", refused.code, refused.reason))
             verdicts += [StepVerdict(rest, "Unverified") for rest in lines[len(verdicts) :]]
             return EditOutcome(False, tuple(verdicts), machine, same)
@@ -167,10 +167,10 @@ def _too_long(count: int) -> StepVerdict:
     return StepVerdict("", "Error", "too_many_commands", reason)
 
 
-def _bad_format(*more: str) -> Refused:
+def _bad_format(*more: str) -> RefusedEdit:
     """The refusal of a line that is no command; `more` are the commands besides those for all."""
     commands = "; ".join((*GRAMMAR, *more))
-    return Refused("bad_format", f"not a command; the commands are: {commands}; {NAMING}")
+    return RefusedEdit("bad_format", f"not a command; the commands are: {commands}; {NAMING}")
 
 
 class _Application:
@@ -182,7 +182,7 @@ class _Application:
         self._names = _Names(commands)
 
     def apply(self, command: Command | None) -> None:
-        """Apply one command; raise `Refused` if that is impossible."""
+        """Apply one command; raise `RefusedEdit` if that is impossible."""
         if isinstance(command, Add):
             self._add(command)
         elif isinstance(command, Remove):
@@ -192,7 +192,7 @@ class _Application:
         elif command is not None and self._controlled:
             self._control(command)
         elif isinstance(command, AddControl | RemoveControl):
-            raise Refused("controls_not_allowed", NO_CONTROLS)
+            raise RefusedEdit("controls_not_allowed", NO_CONTROLS)
         else:
             raise _bad_format(*(CONTROL_GRAMMAR if self._draft.brief and self._controlled else ()))
 
@@ -206,7 +206,7 @@ class _Application:
         ends = [(self._parent(ref), face) for ref, face in command.ends]
         added = self._draft.attach(command.type, ends)
         for problem in self._draft.crowding:
-            raise Refused(problem.code, f"with this block {problem.message} in an earlier line")
+            raise RefusedEdit(problem.code, f"with this block {problem.message} in an earlier line")
         if command.name:
             self._names.give(command.name, added.id)
         label = f"{added.id} ({command.name})" if command.name else added.id
@@ -224,7 +224,7 @@ class _Application:
         if block <= parent < self._draft.original:
             reason = f"new parent {parent} does not come before block {block}"
             rule = "a parent must have a smaller id or be added by this script"
-            raise Refused("parent_not_earlier", f"{reason}; {rule}")
+            raise RefusedEdit("parent_not_earlier", f"{reason}; {rule}")
         self._draft.reattach(block, (parent, command.face))
         self._require_space("")
 
@@ -255,10 +255,10 @@ class _Application:
         """The id of a block that is still there; `what` begins the codes of refusals."""
         block_id = self._names.find(ref) if isinstance(ref, str) else ref
         if isinstance(ref, int) and not 0 <= ref < self._draft.original:
-            raise Refused(f"{what}_not_found", self._absent(ref, use))
+            raise RefusedEdit(f"{what}_not_found", self._absent(ref, use))
         if block_id not in self._draft.steps:
             label = ref if isinstance(ref, str) else f"block {ref}"
-            raise Refused(f"{what}_removed", f"{label} was removed earlier in this script")
+            raise RefusedEdit(f"{what}_removed", f"{label} was removed earlier in this script")
         return block_id
 
     def _absent(self, block_id: int, use: str) -> str:
@@ -272,4 +272,4 @@ class _Application:
     def _require_space(self, prefix: str) -> None:
         """Refuse if the current machine is spatially invalid."""
         for problem in self._draft.problems[:1]:
-            raise Refused(problem.code, prefix + problem.message)
+            raise RefusedEdit(problem.code, prefix + problem.message)

@@ -12,7 +12,7 @@ from agentflow.machine.blocks.library import STARTING_BLOCK, library
 from agentflow.machine.formats.connect import LocatedBlock, connect, facing_of
 from agentflow.machine.formats.parse import MAX_BLOCKS, MAX_COORDINATE, Reading
 from agentflow.machine.geometry.vectors import Quat, Vec3, add, rotate_vector
-from agentflow.machine.problems import Problem, Refused, short_repr, type_problem
+from agentflow.machine.problems import Problem, RefusedEdit, short_repr, type_problem
 
 START, END, END_TURN = "start-position", "end-position", "end-rotation"
 SCALE_TOLERANCE = 0.001
@@ -100,7 +100,7 @@ class _Reader:
         """Read one block, or add a problem."""
         try:
             located = self._read_block(block, index)
-        except Refused as fault:
+        except RefusedEdit as fault:
             message = f"block {index} of the file ({_ids(block)}): {fault.reason}"
             is_root = (block.get("id") or "").strip() == str(STARTING_BLOCK)
             problems = self.loose if fault.code == "scale" and not is_root else self.problems
@@ -139,7 +139,7 @@ class _Reader:
             factors = _point(scale, "xyz", "Scale")
             if any(abs(factor - 1) > SCALE_TOLERANCE for factor in factors):
                 size = " x ".join(f"{factor:g}" for factor in factors)
-                raise Refused("scale", f"it is scaled to {size}; blocks cannot be scaled here")
+                raise RefusedEdit("scale", f"it is scaled to {size}; blocks cannot be scaled here")
         if not library()[kind].linear:
             return LocatedBlock(index, kind, position, rotation)
         end = block.find(f"./Data/Vector3[@key='{END}']")
@@ -152,14 +152,16 @@ class _Reader:
     def _type(self, block: Element) -> int:
         text = (block.get("id") or "").strip()
         if not (text.isascii() and text.isdigit() and len(text) < 10):
-            raise Refused("not_a_number", f"its id is {short_repr(text)}, expected a block type")
+            raise RefusedEdit(
+                "not_a_number", f"its id is {short_repr(text)}, expected a block type"
+            )
         kind = int(text)
         if kind == STARTING_BLOCK and self.root is None:
             return kind
         two_ended = kind in library() and library()[kind].linear
         fault = type_problem(kind, self.allowed, two_ended=two_ended)
         if fault is not None:
-            raise Refused(*fault)
+            raise RefusedEdit(*fault)
         return kind
 
 
@@ -176,7 +178,7 @@ def _point(element: Element | None, names: str, what: str) -> Vec3:
 def _numbers(element: Element | None, names: str, what: str) -> list[float]:
     """Numbers in attributes, or in child elements, with these names."""
     if element is None:
-        raise Refused("missing_field", f"it has no {what}")
+        raise RefusedEdit("missing_field", f"it has no {what}")
     numbers = []
     for name in names:
         text = element.get(name) or element.findtext(name) or ""
@@ -185,7 +187,7 @@ def _numbers(element: Element | None, names: str, what: str) -> list[float]:
         except ValueError:
             number = math.nan
         if not abs(number) <= MAX_COORDINATE:
-            raise Refused(
+            raise RefusedEdit(
                 "not_a_number", f"{name} of its {what} is {short_repr(text)}, {_EXPECTED}"
             )
         numbers.append(number)

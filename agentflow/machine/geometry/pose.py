@@ -67,7 +67,7 @@ class ShapeFace(NamedTuple):
     facing: Facing
 
 
-class Shape(NamedTuple):
+class BlockShape(NamedTuple):
     """A block type in one of the six orientations, relative to its building point, in units."""
 
     facing: Facing
@@ -77,7 +77,7 @@ class Shape(NamedTuple):
 
 
 @lru_cache(maxsize=512)
-def shape(block_type: int, facing: str) -> Shape:
+def shape(block_type: int, facing: str) -> BlockShape:
     """A standard block type in one orientation; the root is centred on its building point."""
     block = library()[block_type]
     assert block.size is not None
@@ -93,7 +93,7 @@ def shape(block_type: int, facing: str) -> Shape:
         )
         for face in block.faces
     )
-    return Shape(
+    return BlockShape(
         FACINGS[facing],
         (min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2])),
         (max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2])),
@@ -133,7 +133,7 @@ class Placed(NamedTuple):
     at: Units3
     lo: Units3
     hi: Units3
-    shape: Shape | None
+    shape: BlockShape | None
     """None for a two-ended block."""
     far: Units3 | None = None
     """Second end of a two-ended block."""

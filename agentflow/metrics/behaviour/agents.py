@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from agentflow.metrics.behaviour.measures import Edit
 from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent, ToolEvent
-from agentflow.runs.places import FEEDBACK, Place
+from agentflow.runs.locations import FEEDBACK, Location
 from agentflow.runs.reading import Event
 
 NAME = 8
@@ -20,15 +20,15 @@ def agent_edits(events: Iterable[RunEvent | Event]) -> Iterator[Edit]:
     nearest simulated ancestor. Machines that it wrote anew have no ancestor, and are no edits.
     Edits are left out if a simulation of one of their machines crashed or timed out.
     """
-    family, turn = _Family(), Place()
+    family, turn = _Family(), Location()
     for event in events:
         if isinstance(event, AttemptEvent):  # the calls of a reply come after it
-            turn = event.place
+            turn = event.location
         elif isinstance(event, ToolEvent):
             family.take_in(event, turn)
         elif isinstance(event, EvaluationEvent):
             family.names[event.machine[:NAME]] = event.machine
-            if event.place.call:  # asked for by a tool, in this turn
+            if event.location.call:  # asked for by a tool, in this turn
                 family.add_turn(event.machine, turn)
             yield from family.simulate(event)
 
@@ -41,11 +41,11 @@ class _Family:
         """Name -> content hash."""
         self._parents: dict[str, tuple[str, bool]] = {}
         """Content hash -> that of the machine it was made of, and whether scores were known."""
-        self._turns: dict[str, list[Place]] = {}
+        self._turns: dict[str, list[Location]] = {}
         """Content hash -> replies that made the machine or had it simulated."""
         self._results: dict[str, EvaluationEvent] = {}
 
-    def take_in(self, event: ToolEvent, turn: Place) -> None:
+    def take_in(self, event: ToolEvent, turn: Location) -> None:
         """Note whether a call has made a machine of another."""
         made = event.machine
         if made is None or event.refused:
@@ -54,10 +54,10 @@ class _Family:
         sent = event.arguments if isinstance(event.arguments, Mapping) else {}
         parent = self.names.get(str(sent.get("machine")))
         if parent and made != parent and made not in self._parents:
-            self._parents[made] = parent, event.place.name == FEEDBACK
+            self._parents[made] = parent, event.location.name == FEEDBACK
             self.add_turn(made, turn)
 
-    def add_turn(self, machine: str, turn: Place) -> None:
+    def add_turn(self, machine: str, turn: Location) -> None:
         """Note that a reply is about a machine."""
         turns = self._turns.setdefault(machine, [])
         if turn not in turns:
@@ -68,7 +68,7 @@ class _Family:
         if result.machine in self._results:
             return
         self._results[result.machine] = result
-        turns, seen, at, informed = list[Place](), set[str](), result.machine, True
+        turns, seen, at, informed = list[Location](), set[str](), result.machine, True
         while at in self._parents and at not in seen:
             seen.add(at)
             turns += self._turns.get(at, ())

@@ -11,7 +11,7 @@ from agentflow.metrics.behaviour.predictions import predicted_score, predicts_su
 from agentflow.metrics.intervals import Rate
 from agentflow.metrics.search import search_roots
 from agentflow.runs.events import EvaluationEvent
-from agentflow.runs.places import INITIAL, Place
+from agentflow.runs.locations import INITIAL, Location
 from agentflow.runs.record import RunRecord
 
 MARGIN = 0.02
@@ -24,7 +24,7 @@ NONE = Rate(0, 0)
 class Edit:
     """An accepted edit whose machine was simulated; both results have scores."""
 
-    replies: tuple[Place, ...]
+    replies: tuple[Location, ...]
     """Of the calls in which its author may have predicted its result; none of a random edit."""
     before: EvaluationEvent
     after: EvaluationEvent
@@ -52,16 +52,24 @@ def edits(record: RunRecord) -> Iterator[Edit]:
     """(trajectory, node) -> machine; the node of first machines is None."""
     machines |= {(start.trajectory, None): start.machine for start in record.of_stage(INITIAL)}
     machines |= {(number, 0): start.machine for number, start in search_roots(record).items()}
-    machines |= {(node.place.trajectory, node.place.node): node.machine for node in record.nodes}
-    made: list[tuple[tuple[Place, ...], str | None, str | None]] = [
-        ((item.place,), machines.get((item.place.trajectory, item.place.node)), item.machine)
+    machines |= {
+        (node.location.trajectory, node.location.node): node.machine for node in record.nodes
+    }
+    made: list[tuple[tuple[Location, ...], str | None, str | None]] = [
+        (
+            (item.location,),
+            machines.get((item.location.trajectory, item.location.node)),
+            item.machine,
+        )
         for item in record.refinements
     ]
     made += [((), item.parent, item.machine) for item in record.edits]
     for replies, parent, machine in made:
         before, after = record.machines.get(parent or ""), record.machines.get(machine or "")
         if before and after and parent != machine and None not in (before.score, after.score):
-            informed = any(place.node is not None for place in replies)  # by the feedback stage
+            informed = any(
+                location.node is not None for location in replies
+            )  # by the feedback stage
             yield Edit(replies, before, after, informed)
 
 
@@ -123,7 +131,7 @@ class Behaviour:
 
 def behaviour(
     made: Sequence[Edit],
-    prediction_of: Callable[[Place], str],
+    prediction_of: Callable[[Location], str],
     change: Change,
     effort: Mapping[str, float],
     *,

@@ -22,7 +22,7 @@ MAX_TOKENS = 2048
 """Longest reply of a model without a limit of its own."""
 
 
-class Sample(NamedTuple):
+class SampledReply(NamedTuple):
     """A sampled reply."""
 
     text: str
@@ -40,7 +40,7 @@ class Sampler:
     model: Any
     tokenizer: Any
 
-    def draw(self, messages: Messages, n: int, seed: int, sampling: Sampling) -> list[Sample]:
+    def draw(self, messages: Messages, n: int, seed: int, sampling: Sampling) -> list[SampledReply]:
         """Sample n replies to one prompt; the same seed gives the same replies on one machine.
 
         Args:
@@ -64,7 +64,7 @@ class Sampler:
         }
         if sampling.temperature:
             options |= {"temperature": sampling.temperature, "top_p": sampling.top_p, "top_k": 0}
-        found: list[Sample] = []
+        found: list[SampledReply] = []
         with torch.random.fork_rng(), torch.inference_mode():
             torch.manual_seed(seed)
             while len(found) < n:
@@ -74,12 +74,12 @@ class Sampler:
                 found += map(self._read, replies)
         return found
 
-    def _read(self, tokens: list[int]) -> Sample:
+    def _read(self, tokens: list[int]) -> SampledReply:
         ends = self.model.generation_config.eos_token_id
         ends = set(ends if isinstance(ends, list) else [ends])
         length = next((i for i, token in enumerate(tokens) if token in ends), None)
         text = self.tokenizer.decode(tokens[:length], skip_special_tokens=True)
-        return Sample(text, len(tokens) if length is None else length, length is not None)
+        return SampledReply(text, len(tokens) if length is None else length, length is not None)
 
     def _encode(self, messages: Messages) -> Any:
         prompt = self.folder.prompt(messages)
@@ -153,7 +153,7 @@ class LocalClient:
         )
 
 
-def _finish(drawn: Sample) -> Finish:
+def _finish(drawn: SampledReply) -> Finish:
     if not drawn.complete:
         return "length"
     return "stop" if drawn.text.strip() else "empty"

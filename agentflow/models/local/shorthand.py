@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from agentflow.errors import UsageError
 from agentflow.llm.messages import Message
 from agentflow.llm.procedural.mechanisms import purpose
-from agentflow.llm.procedural.reading import Prompt, read_prompt
+from agentflow.llm.procedural.reading import PromptContent, read_prompt
 
 END = "<design>"
 """Special token that ends a short prompt; the reply follows."""
@@ -44,7 +44,7 @@ def shorten(messages: Sequence[Mapping[str, str]]) -> str:
     return f"{purpose(prompt.brief)} {' '.join(map(str, prompt.brief.blocks))}{END}"
 
 
-def _asks_for_whole_machine(prompt: Prompt) -> bool:
+def _asks_for_whole_machine(prompt: PromptContent) -> bool:
     other = ("Structure to build now", "Rationale to follow")
     return (
         WHOLE in prompt.sections["Your reply"]

@@ -35,12 +35,12 @@ export class Framing {
 
 /** Corners of each body's bounding box in its own frame: blocks, then moving objects. */
 function corners(machine, shapes) {
-  const found = machine.solids.map((solids) => cornersOfBox(new THREE.Box3().setFromPoints(solids.flatMap((index) => cornersOfThing(shapes[index])))));
-  for (const thing of machine.things) if (thing[BODY] !== null) found[thing[BODY]] = cornersOfThing(thing);
+  const found = machine.solids.map((solids) => cornersOfBox(new THREE.Box3().setFromPoints(solids.flatMap((index) => cornersOfObject(shapes[index])))));
+  for (const item of machine.objects) if (item[BODY] !== null) found[item[BODY]] = cornersOfObject(item);
   return found;
 }
 
-function cornersOfThing([, sx, sy, sz, x, y, z, i, j, k, w]) {
+function cornersOfObject([, sx, sy, sz, x, y, z, i, j, k, w]) {
   const turn = new THREE.Quaternion(i, -j, -k, w);
   return EIGHT.map(([a, b, c]) => new THREE.Vector3(a * sx, b * sy, c * sz).applyQuaternion(turn).add(new THREE.Vector3(-x, y, z)));
 }
@@ -93,9 +93,9 @@ function expandBox(box, film, body, points, back) {
 /** The union of all boxes and of the fixed objects that are not too wide. */
 function boxOfAll(boxes, machine, back) {
   const all = boxes.reduce((sum, box) => sum.union(box), new THREE.Box3());
-  for (const thing of machine.things) {
-    if (thing[BODY] !== null || Math.max(thing[1], thing[3]) > WIDEST) continue;
-    for (const point of cornersOfThing(thing)) all.expandByPoint(point.applyMatrix4(back));
+  for (const item of machine.objects) {
+    if (item[BODY] !== null || Math.max(item[1], item[3]) > WIDEST) continue;
+    for (const point of cornersOfObject(item)) all.expandByPoint(point.applyMatrix4(back));
   }
   return all;
 }

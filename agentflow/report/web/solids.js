@@ -24,7 +24,7 @@ export class Solids {
   constructor(machine, shapes) {
     this.parts = [
       ...machine.solids.flatMap((solids, block) => solids.map((index) => part(shapes[index], block, block))),
-      ...machine.things.map((thing) => part(thing, null, thing[BODY])),
+      ...machine.objects.map((item) => part(item, null, item[BODY])),
     ];
     this.rods = machine.rods.map((rod) => ({ block: rod.block, color: rod.color, ends: rod.ends }));
     this.gone = machine.gone;

@@ -24,8 +24,8 @@ from agentflow.machine.edits.draft import End
 from agentflow.machine.formats.detect import read_for
 from agentflow.runs import read_document
 from agentflow.studio.answers import Arguments, Nothing, get, post
+from agentflow.studio.building.person_runs import PersonRuns
 from agentflow.studio.building.state import describe_state, find_spots, spots_to_add
-from agentflow.studio.building.workshop import Workshop
 from agentflow.studio.folder import LONGEST, RunFolder
 from agentflow.studio.simulations import Simulations
 from agentflow.study.session import Written
@@ -51,7 +51,7 @@ class OnTask(Arguments):
         return find_task(self.task)
 
 
-class Built(OnTask):
+class MachineForTask(OnTask):
     """A machine for a task."""
 
     machine: Written
@@ -66,7 +66,7 @@ class Built(OnTask):
         return machine, Mending(machine, self.level.brief)
 
 
-class Asked(Built):
+class Asked(MachineForTask):
     """What to find faces for: a new block, or one to move or copy."""
 
     add: int | None = None
@@ -76,7 +76,7 @@ class Asked(Built):
     copy_of: int | None = None
 
 
-class Edited(Built):
+class Edited(MachineForTask):
     """A change."""
 
     do: Literal["add", "remove", "move", "turn", "copy", "mirror"]
@@ -102,9 +102,11 @@ class Recorded(Arguments):
 class Building:
     """Answers about machines that are being built."""
 
-    def __init__(self, folder: RunFolder, workshop: Workshop, simulations: Simulations) -> None:
+    def __init__(
+        self, folder: RunFolder, person_runs: PersonRuns, simulations: Simulations
+    ) -> None:
         """Prepare; nothing is simulated yet."""
-        self._folder, self._workshop, self._simulations = folder, workshop, simulations
+        self._folder, self._person_runs, self._simulations = folder, person_runs, simulations
 
     @property
     def routes(self) -> list[BaseRoute]:
@@ -113,12 +115,12 @@ class Building:
             get("/api/build/blocks", Nothing, self.blocks),
             get("/api/build/new", OnTask, self.new),
             get("/api/build/from", Recorded, self.recorded),
-            post("/api/build/state", Built, self.state),
+            post("/api/build/state", MachineForTask, self.state),
             post("/api/build/spots", Asked, self.spots),
             post("/api/build/edit", Edited, self.edit),
             post("/api/build/open", Opened, self.open),
-            post("/api/build/test", Built, self.test),
-            post("/api/build/film", Built, self.film),
+            post("/api/build/test", MachineForTask, self.test),
+            post("/api/build/film", MachineForTask, self.film),
             post("/api/build/finish", OnTask, self.finish),
         ]
 
@@ -144,7 +146,7 @@ class Building:
         machine = read_one(str(path)) if digest is None else recorded_machine(path, digest)
         return {"task": task_of_run(path, read_document(path)).name, "machine": machine.to_json()}
 
-    async def state(self, given: Built) -> dict[str, Any]:
+    async def state(self, given: MachineForTask) -> dict[str, Any]:
         """Everything about a machine."""
         machine, rules = given.read()
         return await asyncio.to_thread(describe_state, machine, rules.brief)
@@ -167,11 +169,11 @@ class Building:
         )
         return await asyncio.to_thread(describe_state, machine, given.level.brief)
 
-    async def test(self, given: Built) -> dict[str, Any]:
+    async def test(self, given: MachineForTask) -> dict[str, Any]:
         """Simulate a machine, and record it."""
-        return await self._workshop.test(given.task, given.read()[0])
+        return await self._person_runs.test(given.task, given.read()[0])
 
-    async def film(self, given: Built) -> dict[str, Any]:
+    async def film(self, given: MachineForTask) -> dict[str, Any]:
         """The film of a machine."""
         machine, _ = given.read()
         item = ReportedMachine(machine, given.level, SEED, None, FINE)
@@ -179,7 +181,7 @@ class Building:
 
     async def finish(self, given: OnTask) -> dict[str, Any]:
         """Complete the run of a task."""
-        return await self._workshop.finish(given.task)
+        return await self._person_runs.finish(given.task)
 
 
 def _read_for_task(task: Task, source: object, *, is_bsg: bool = False) -> Machine:

@@ -16,7 +16,7 @@ from agentflow.machine.edits.changes import Change, Mending, add
 from agentflow.machine.edits.draft import End
 from agentflow.machine.geometry.balance import centre_of_mass, mass, stands, support_polygon
 from agentflow.machine.geometry.placement import Geometry
-from agentflow.machine.problems import Refused, type_problem
+from agentflow.machine.problems import RefusedEdit, type_problem
 
 
 def describe_state(machine: Machine, brief: Brief, chosen: int = 0) -> dict[str, Any]:
@@ -97,7 +97,7 @@ def _why_not(rules: Mending, change: Change) -> str:
     """What forbids a change; "" if it is legal."""
     try:
         rules.make(change)
-    except Refused as refused:
+    except RefusedEdit as refused:
         return refused.reason
     return ""
 

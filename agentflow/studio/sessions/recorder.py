@@ -25,8 +25,8 @@ from agentflow.study.session import (
     Pause,
     Session,
     SessionLog,
-    Start,
-    Trial,
+    SessionStart,
+    StudioTest,
     read_session,
 )
 
@@ -36,7 +36,7 @@ MOST_EVENTS = 20_000
 """Most lines of one session."""
 MOST_SOUND = 512 * 2**20
 """Most bytes of one recording; an hour of speech has about 60 MB."""
-Told = Action | Trial | Note
+Told = Action | StudioTest | Note
 """What the page tells; this process writes everything else."""
 _TOLD: TypeAdapter[Told] = TypeAdapter(Annotated[Told, Field(discriminator="kind")])
 
@@ -46,7 +46,7 @@ class _Open:
     """The session that is open."""
 
     name: str
-    start: Start
+    start: SessionStart
     log: SessionLog
     machine: MachineJson
     """As it was last told."""
@@ -76,7 +76,7 @@ class _Open:
             self.paused, self.paused_at = self.paused + seconds, None
 
 
-class Recorder:
+class SessionRecorder:
     """Writes sessions, one at a time; leaving the context ends the one that is open."""
 
     def __init__(self, runs: Path, clock: Callable[[], float] = monotonic) -> None:
@@ -84,7 +84,7 @@ class Recorder:
         self._folder, self._clock = runs / FOLDER, clock
         self._open: _Open | None = None
 
-    def begin(self, start: Start) -> dict[str, Any]:
+    def begin(self, start: SessionStart) -> dict[str, Any]:
         """Begin a session.
 
         Raises:
@@ -124,7 +124,7 @@ class Recorder:
             read = _TOLD.validate_python({**event, **timed, "at": max(at, 0.0)})
         except ValidationError as error:
             raise UsageError(tell_fault(error, "the event")) from None
-        if isinstance(read, Action | Trial):
+        if isinstance(read, Action | StudioTest):
             _require_machine(read.machine)
             found.machine = read.machine
         if found.events >= MOST_EVENTS:
@@ -213,7 +213,7 @@ class Recorder:
         told = {"left_s": found.left, "paused": found.paused_at is not None}
         return {"session": found.name, **start, **told, "machine": found.machine}
 
-    def __enter__(self) -> Recorder:
+    def __enter__(self) -> SessionRecorder:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -228,13 +228,13 @@ def _require_machine(machine: MachineJson) -> None:
 
 
 def _numbers(session: Session) -> dict[str, Any]:
-    scores = [trial.score for trial in session.of(Trial) if trial.score is not None]
+    scores = [trial.score for trial in session.of(StudioTest) if trial.score is not None]
     return {
         "task": session.start.task,
         "mode": session.start.mode,
         "began": session.start.began.timestamp(),
         "seconds": session.seconds,
         "actions": len(session.of(Action)),
-        "trials": len(session.of(Trial)),
+        "trials": len(session.of(StudioTest)),
         "best": max(scores, default=None),
     }

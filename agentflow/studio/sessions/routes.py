@@ -12,13 +12,13 @@ from starlette.routing import BaseRoute
 
 from agentflow.errors import UsageError
 from agentflow.studio.answers import Arguments, Nothing, get, post
-from agentflow.studio.building.routes import Built
+from agentflow.studio.building.routes import MachineForTask
 from agentflow.studio.folder import LONGEST
-from agentflow.studio.sessions.recorder import Recorder
-from agentflow.study.session import Start
+from agentflow.studio.sessions.recorder import SessionRecorder
+from agentflow.study.session import SessionStart
 
 
-class NewSession(Built):
+class NewSession(MachineForTask):
     """The form of a session, and the machine that it begins with."""
 
     mode: Literal["free", "guided"] = "free"
@@ -54,7 +54,7 @@ class Sound(Named):
 class Sessions:
     """Answers about sessions."""
 
-    def __init__(self, recorder: Recorder) -> None:
+    def __init__(self, recorder: SessionRecorder) -> None:
         """Answer with what a recorder writes."""
         self._recorder = recorder
 
@@ -86,7 +86,7 @@ class Sessions:
         if guided and not given.rationale.strip():
             raise UsageError("a guided session shows a rationale; write one")
         return self._recorder.begin(
-            Start(
+            SessionStart(
                 task=given.task,
                 limit_s=given.limit_s,
                 mode=given.mode,

@@ -19,7 +19,7 @@ ANSWERS = "answers.jsonl"
 COMMAND = "agentflow data generate"
 
 
-class Question(BaseModel, frozen=True, extra="forbid"):
+class ObjectivePrompt(BaseModel, frozen=True, extra="forbid"):
     """An objective, and the prompt that asks for a machine that meets it."""
 
     objective: Objective
@@ -46,7 +46,7 @@ class AnswerPlan(BaseModel, frozen=True, extra="forbid"):
     """Most answers in all; they are spread over the objectives."""
     variants: float
     """Machines made by random edits for each answer with a valid machine, on average."""
-    questions: tuple[Question, ...]
+    questions: tuple[ObjectivePrompt, ...]
 
     @property
     def count(self) -> int:
@@ -54,7 +54,7 @@ class AnswerPlan(BaseModel, frozen=True, extra="forbid"):
         whole = self.samples * len(self.questions)
         return whole if self.limit is None else min(whole, self.limit)
 
-    def asked(self) -> Iterator[tuple[Question, int]]:
+    def asked(self) -> Iterator[tuple[ObjectivePrompt, int]]:
         """Question and number of the sample of each answer, in their order in the file."""
         pairs = ((question, n) for n in range(self.samples) for question in self.questions)
         return islice(pairs, self.count)

@@ -59,7 +59,7 @@ class Lengths(BaseModel, frozen=True, extra="forbid"):
     most: int
 
 
-class Card(BaseModel, frozen=True, extra="forbid"):
+class DataCard(BaseModel, frozen=True, extra="forbid"):
     """What is known about a set."""
 
     format: Literal[1] = 1
@@ -102,7 +102,7 @@ def make_card(
     planned: int,
     seed: int,
     likenesses: Mapping[str, Likeness],
-) -> Card:
+) -> DataCard:
     """The card of a set.
 
     Args:
@@ -122,7 +122,7 @@ def make_card(
     asked = Counter(judgement.objective for judgement in judged)
     apart = _kept_apart(kept, seed)
     sizes = Counter("dev" if pair.objective in apart else "train" for pair in pairs)
-    return Card(
+    return DataCard(
         model=model,
         made_with=made_with,
         licence=licence,
@@ -184,7 +184,7 @@ def _lengths(values: Sequence[int]) -> Lengths:
 CARD, CARD_TEXT = "card.json", "card.md"
 
 
-def write_set(folder: Path, pairs: Sequence[Pair], card: Card) -> None:
+def write_set(folder: Path, pairs: Sequence[Pair], card: DataCard) -> None:
     """Write train.jsonl, dev.jsonl and the card.
 
     Raises:
@@ -201,7 +201,7 @@ def write_set(folder: Path, pairs: Sequence[Pair], card: Card) -> None:
             part.write_text(text, encoding="utf-8", newline="\n")
 
 
-def card_text(card: Card) -> str:
+def card_text(card: DataCard) -> str:
     """The card for people, in Markdown."""
     parts = {
         "Data card": _facts(card),
@@ -218,7 +218,7 @@ def card_text(card: Card) -> str:
     return "\n\n".join(headed).removeprefix("#") + "\n"
 
 
-def _facts(card: Card) -> list[str]:
+def _facts(card: DataCard) -> list[str]:
     return [
         f"* Machines designed by: {card.model}",
         f"* Recorded with: `{card.made_with}`",
@@ -232,7 +232,7 @@ def _facts(card: Card) -> list[str]:
     ]
 
 
-def _gates(card: Card) -> list[str]:
+def _gates(card: DataCard) -> list[str]:
     published, total = card.published, sum(card.pairs.values())
     return [
         "In the order in which they were applied: those that need no simulation come first.",
@@ -250,7 +250,7 @@ def _gates(card: Card) -> list[str]:
     ]
 
 
-def _tell_lengths(card: Card) -> list[str]:
+def _tell_lengths(card: DataCard) -> list[str]:
     return [
         f"In tokens, estimated from {CHARS_PER_TOKEN} characters a token.",
         "",
@@ -261,7 +261,7 @@ def _tell_lengths(card: Card) -> list[str]:
     ]
 
 
-def _contamination(card: Card) -> list[str]:
+def _contamination(card: DataCard) -> list[str]:
     return [
         f"An objective is left out if {MOST_SHARED:.0%} or more of its runs of {WORDS} words are "
         f"in the brief of a level, if {MOST_SHARED:.0%} or more of those of a level's objective "
@@ -275,7 +275,7 @@ def _contamination(card: Card) -> list[str]:
     ]
 
 
-def _nearest(card: Card) -> list[tuple[object, ...]]:
+def _nearest(card: DataCard) -> list[tuple[object, ...]]:
     """The ten texts that come nearest to a level."""
     texts = card.contamination["texts"].items()
     ranked = sorted(texts, key=lambda item: -max(item[1]["shared"], item[1]["cosine"]))

@@ -23,13 +23,13 @@ from agentflow.training.data.answers import (
     COMMAND,
     Answer,
     AnswerPlan,
-    Question,
+    ObjectivePrompt,
     read_answers,
 )
-from agentflow.training.data.card import Card, make_card, write_set
+from agentflow.training.data.card import DataCard, make_card, write_set
 from agentflow.training.data.contamination import compare_texts, evaluation_trees
 from agentflow.training.data.folder import work_in
-from agentflow.training.data.gates import Candidate, Judge, Judgement
+from agentflow.training.data.gates import Judge, Judgement, PairCandidate
 from agentflow.training.data.pairs import Pair, clean_text, make_messages, make_reply
 from agentflow.training.data.variants import describe_changes
 
@@ -62,7 +62,7 @@ def filter_answers(
     workers: int,
     show: Progress,
     open_pool: OpenPool = RolloutPool,
-) -> Card:
+) -> DataCard:
     """Write a set of the pairs in a folder of answers that pass all gates, with its card.
 
     Args:
@@ -115,15 +115,15 @@ def filter_answers(
         return card
 
 
-def _candidates(answers: Sequence[Answer]) -> list[Candidate]:
+def _candidates(answers: Sequence[Answer]) -> list[PairCandidate]:
     """The machines of all answers, then their variants: those of machines that work are worth a
     simulation."""
-    own = [Candidate(answer, 0) for answer in answers]
-    return own + [Candidate(a, n) for a in answers for n in range(1, len(a.variants) + 1)]
+    own = [PairCandidate(answer, 0) for answer in answers]
+    return own + [PairCandidate(a, n) for a in answers for n in range(1, len(a.variants) + 1)]
 
 
 def _pairs(
-    plan: AnswerPlan, candidates: Sequence[Candidate], judged: Sequence[Judgement]
+    plan: AnswerPlan, candidates: Sequence[PairCandidate], judged: Sequence[Judgement]
 ) -> Iterator[Pair]:
     """The pairs of the set, in the order of the answers."""
     questions = {item.objective.name: item for item in plan.questions}
@@ -133,11 +133,11 @@ def _pairs(
             yield _pair(question, candidate, judgement)
 
 
-def _pair(question: Question, candidate: Candidate, judgement: Judgement) -> Pair:
+def _pair(question: ObjectivePrompt, candidate: PairCandidate, judgement: Judgement) -> Pair:
     answer, brief = candidate.answer, question.objective.task.brief
     rationale, machine = clean_text(answer.rationale), _read(candidate, brief)
     if candidate.variant:
-        own = _read(Candidate(answer, 0), brief)
+        own = _read(PairCandidate(answer, 0), brief)
         rationale = f"{rationale} {describe_changes(own, machine)}".lstrip()
     return Pair(
         messages=make_messages(question.prompt, make_reply(rationale, machine)),
@@ -149,7 +149,7 @@ def _pair(question: Question, candidate: Candidate, judgement: Judgement) -> Pai
     )
 
 
-def _read(candidate: Candidate, brief: Brief) -> Machine:
+def _read(candidate: PairCandidate, brief: Brief) -> Machine:
     machine = candidate.report(brief).machine
     assert machine is not None, "it passed its gates"
     return machine

@@ -68,7 +68,7 @@ class Judgement(BaseModel, frozen=True, extra="forbid"):
 
 
 @dataclass(frozen=True)
-class Candidate:
+class PairCandidate:
     """The machine of an answer, or one of its variants."""
 
     answer: Answer
@@ -123,7 +123,7 @@ class Judge:
 
     async def judge(
         self,
-        candidates: Sequence[Candidate],
+        candidates: Sequence[PairCandidate],
         log: Path,
         workers: int,
         open_pool: OpenPool,
@@ -150,7 +150,7 @@ class Judge:
                     await work_in_order(screened, work, keep, AHEAD * workers)
         return judged
 
-    def _screen(self, candidate: Candidate) -> _Screened:
+    def _screen(self, candidate: PairCandidate) -> _Screened:
         """Apply the gates that need no simulation."""
         answer = candidate.answer
         judgement = Judgement(

@@ -22,7 +22,13 @@ from agentflow.models.choices import choose_models
 from agentflow.progress import Progress
 from agentflow.runs import Notify
 from agentflow.search.concurrency import work_in_order
-from agentflow.training.data.answers import ANSWERS, Answer, AnswerPlan, Question, split_reply
+from agentflow.training.data.answers import (
+    ANSWERS,
+    Answer,
+    AnswerPlan,
+    ObjectivePrompt,
+    split_reply,
+)
 from agentflow.training.data.folder import (
     open_log,
     work_in,
@@ -72,9 +78,9 @@ def plan_answers(
     )
 
 
-def _ask_for(objective: Objective, prompts: str) -> Question:
+def _ask_for(objective: Objective, prompts: str) -> ObjectivePrompt:
     prompt = make_prompt(chat_prompt(Designer, objective.task.brief, prompts))
-    return Question(objective=objective, prompt=prompt)
+    return ObjectivePrompt(objective=objective, prompt=prompt)
 
 
 def generate(
@@ -151,7 +157,7 @@ class _Work:
     def _count(self, answer: Answer) -> None:
         self.done, self.variants = self.done + 1, self.variants + len(answer.variants)
 
-    async def _ask(self, asked: tuple[Question, int]) -> Answer:
+    async def _ask(self, asked: tuple[ObjectivePrompt, int]) -> Answer:
         """One answer, and its variants. Each sample has its own seed."""
         question, sample = asked
         name, plan = question.objective.name, self._plan

@@ -21,7 +21,7 @@ from agentflow.machine.brief import Brief, Limits
 from agentflow.machine.formats.detect import read_any
 from agentflow.machine.formats.source import read_text
 from agentflow.training.data.answers import split_reply
-from agentflow.training.data.card import Card, make_card, write_set
+from agentflow.training.data.card import DataCard, make_card, write_set
 from agentflow.training.data.contamination import compare_texts, evaluation_trees, tree_hash
 from agentflow.training.data.gates import Gate, Judgement
 from agentflow.training.data.pairs import (
@@ -40,7 +40,7 @@ KIND = "import"
 
 
 @dataclass(frozen=True)
-class Foreign:
+class ImportedPair:
     """A prompt and a reply from elsewhere."""
 
     name: str
@@ -57,7 +57,7 @@ class Foreign:
 
 def import_set(
     source: Path, out: Path, *, evaluation: Sequence[Path] = (), licence: str | None = None
-) -> Card:
+) -> DataCard:
     """Write a set of what a file or folder holds, with its card; machines are not simulated.
 
     Args:
@@ -101,7 +101,7 @@ def import_set(
 
 
 def _judge(
-    row: Foreign, number: int, contaminated: bool, trees: frozenset[str], kept: set[str]
+    row: ImportedPair, number: int, contaminated: bool, trees: frozenset[str], kept: set[str]
 ) -> Judgement:
     machine, problems = row.report.machine, row.report.problems
     tree = tree_hash(machine) if machine else ""
@@ -119,7 +119,7 @@ def _judge(
     )
 
 
-def _pair(row: Foreign) -> Pair:
+def _pair(row: ImportedPair) -> Pair:
     machine = row.report.machine
     assert machine is not None, "it passed its gates"
     reply = make_reply(row.rationale, machine) if row.reply is None else row.reply
@@ -133,7 +133,7 @@ def _pair(row: Foreign) -> Pair:
     )
 
 
-def _read_file(path: Path) -> Iterator[Foreign]:
+def _read_file(path: Path) -> Iterator[ImportedPair]:
     """The conversations in a JSON list or JSONL file."""
     for number, row in _rows(_whole_text(path), path):
         yield _conversation(row, f"{path}, {number}", f"imported from {path.name}")
@@ -167,7 +167,7 @@ def _rows(text: str, path: Path) -> Iterator[tuple[str, Any]]:
                 raise UsageError(f"{path}, line {number} is not JSON: {error}") from None
 
 
-def _conversation(row: Any, where: str, source: str) -> Foreign:
+def _conversation(row: Any, where: str, source: str) -> ImportedPair:
     """A row of a chat data set.
 
     Raises:
@@ -186,7 +186,7 @@ def _conversation(row: Any, where: str, source: str) -> Foreign:
     fields = row if isinstance(row, Mapping) else {}
     text = "\n".join(message.content for message in prompt)
     rationale, program = split_reply(reply.content)
-    return Foreign(
+    return ImportedPair(
         name=str(fields.get("objective") or _name_of(text)),
         text=text,
         prompt=tuple(prompt),
@@ -204,7 +204,7 @@ def _message(item: Any) -> ChatMessage:
     return ChatMessage.model_validate({"role": ROLES.get(role, role), "content": cleaned})
 
 
-def _read_folder(folder: Path) -> Iterator[Foreign]:
+def _read_folder(folder: Path) -> Iterator[ImportedPair]:
     """The .bsg files of a folder that have a caption."""
     for path in sorted(folder.rglob("*.bsg")):
         caption = path.with_suffix(".txt")
@@ -214,7 +214,7 @@ def _read_folder(folder: Path) -> Iterator[Foreign]:
         if not text:
             raise UsageError(f"{caption} is empty: write what the machine is")
         report = _checked(read_text(str(path)), bsg=True)
-        yield Foreign(
+        yield ImportedPair(
             name=_name_of(text),
             text=text,
             prompt=_prompt_for(text, report),

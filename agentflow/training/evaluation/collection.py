@@ -11,7 +11,7 @@ from agentflow.errors import RunError
 from agentflow.training.evaluation.record import (
     ABOUT,
     REPLIES,
-    Evaluation,
+    EvaluationRecord,
     read_evaluation,
     read_replies,
 )
@@ -28,11 +28,11 @@ class PooledEvaluation:
     """Evaluations of the same name as one: their replies count alike."""
 
     name: str
-    members: Mapping[Path, Evaluation]
+    members: Mapping[Path, EvaluationRecord]
     replies: tuple[JudgedReply, ...]
 
     @property
-    def first(self) -> Evaluation:
+    def first(self) -> EvaluationRecord:
         """One of them, for what they have in common."""
         return next(iter(self.members.values()))
 
@@ -81,7 +81,7 @@ def collect(folders: Sequence[Path]) -> Collection:
         RunError: One holds none, or a damaged one; or evaluations of the same name cannot be
             pooled.
     """
-    evaluations: dict[Path, Evaluation] = {}
+    evaluations: dict[Path, EvaluationRecord] = {}
     trainings: dict[str, TrainingRecord] = {}
     for folder in folders:
         found = [path.parent for path in _files(folder, ABOUT)]
@@ -107,7 +107,7 @@ def _files(folder: Path, name: str) -> list[Path]:
     return sorted(path for path in folder.rglob(name) if path.is_file())
 
 
-def _pool(evaluations: Mapping[Path, Evaluation]) -> Iterable[PooledEvaluation]:
+def _pool(evaluations: Mapping[Path, EvaluationRecord]) -> Iterable[PooledEvaluation]:
     for name in dict.fromkeys(about.name for about in evaluations.values()):
         members = {path: about for path, about in evaluations.items() if about.name == name}
         _require_poolable(members)
@@ -120,7 +120,7 @@ def _pool(evaluations: Mapping[Path, Evaluation]) -> Iterable[PooledEvaluation]:
         yield PooledEvaluation(name, members, tuple(replies))
 
 
-def _require_poolable(members: Mapping[Path, Evaluation]) -> None:
+def _require_poolable(members: Mapping[Path, EvaluationRecord]) -> None:
     """Refuse to pool replies that were sampled or judged in different ways, or twice."""
     (first, about), *others = members.items()
     for path, other in others:

@@ -28,8 +28,8 @@ from agentflow.runs import Notify
 from agentflow.training.digests import digest_model
 from agentflow.training.evaluation.models import ROLE, Answer, open_model
 from agentflow.training.evaluation.record import (
-    Evaluation,
     EvaluationFolder,
+    EvaluationRecord,
     open_evaluation,
 )
 from agentflow.training.evaluation.replies import judge_async
@@ -51,7 +51,7 @@ def evaluate(
     notify: Notify = lambda _line: None,
     say: Progress = silent,
     open_pool: OpenPool = RolloutPool,
-) -> Evaluation:
+) -> EvaluationRecord:
     """Evaluate the configured model on tasks; continue an interrupted evaluation.
 
     Args:
@@ -85,7 +85,9 @@ def evaluate(
         return folder.finish()
 
 
-def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: str) -> Evaluation:
+def _describe(
+    config: DesignConfig, tasks: Sequence[str], samples: int, name: str
+) -> EvaluationRecord:
     """Everything that decides the results, with every name looked up."""
     if samples < 1:
         raise UsageError(f"an evaluation needs at least one sample of each task, not {samples}")
@@ -99,7 +101,7 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
     for task in tasks:
         get_task(task, config.knobs, config.engine)  # it exists
     choice = choose_models(config.model)[ROLE]
-    return Evaluation(
+    return EvaluationRecord(
         name=name,
         model=choice.model,
         files=None if choice.folder is None else digest_model(choice.folder),

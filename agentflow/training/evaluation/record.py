@@ -26,7 +26,7 @@ from agentflow.training.evaluation.replies import JudgedReply, summaries
 ABOUT, REPLIES = "evaluation.json", "samples.jsonl"
 
 
-class Evaluation(BaseModel, frozen=True, extra="forbid"):
+class EvaluationRecord(BaseModel, frozen=True, extra="forbid"):
     """The content of evaluation.json: everything that decides the results, and the results."""
 
     format: Literal[1] = 1
@@ -56,7 +56,7 @@ class Evaluation(BaseModel, frozen=True, extra="forbid"):
     """Task -> its numbers; None until the evaluation is finished."""
 
 
-class _EvaluationDocument(Document[Evaluation]):
+class _EvaluationDocument(Document[EvaluationRecord]):
     def differs(self, folder: Path, different: Difference) -> RunError:
         if different.key != "files":
             return super().differs(folder, different)
@@ -66,14 +66,14 @@ class _EvaluationDocument(Document[Evaluation]):
         )
 
 
-DOCUMENT = _EvaluationDocument(ABOUT, Evaluation, "an evaluation", outcome=("results",))
+DOCUMENT = _EvaluationDocument(ABOUT, EvaluationRecord, "an evaluation", outcome=("results",))
 
 
 class EvaluationFolder:
     """The directory of an evaluation, open for writing."""
 
     def __init__(
-        self, path: Path, about: Evaluation, lines: LineFile, replies: list[JudgedReply]
+        self, path: Path, about: EvaluationRecord, lines: LineFile, replies: list[JudgedReply]
     ) -> None:
         """Use `open_evaluation`."""
         self.path, self.about, self._lines = path, about, lines
@@ -91,17 +91,19 @@ class EvaluationFolder:
             self._lines.append(reply.model_dump_json().encode())
         self.replies += replies
 
-    def finish(self) -> Evaluation:
+    def finish(self) -> EvaluationRecord:
         """Write the results."""
         found = summaries(self.replies, self.about.tasks, self.about.seed)
         results = {task: summary.to_json() for task, summary in found.items()}
-        self.about = Evaluation.model_validate({**self.about.model_dump(), "results": results})
+        self.about = EvaluationRecord.model_validate(
+            {**self.about.model_dump(), "results": results}
+        )
         DOCUMENT.write(self.path, self.about)
         return self.about
 
 
 @contextmanager
-def open_evaluation(path: Path, about: Evaluation) -> Iterator[EvaluationFolder]:
+def open_evaluation(path: Path, about: EvaluationRecord) -> Iterator[EvaluationFolder]:
     """Begin an evaluation in a new or empty folder, or continue the one that is there.
 
     One without any reply, such as of a model that could not be reached, is begun again.
@@ -121,7 +123,7 @@ def open_evaluation(path: Path, about: Evaluation) -> Iterator[EvaluationFolder]
             yield EvaluationFolder(path, about, lines, replies)
 
 
-def read_evaluation(path: Path) -> Evaluation:
+def read_evaluation(path: Path) -> EvaluationRecord:
     """What an evaluation directory says about itself.
 
     Raises:
@@ -145,7 +147,7 @@ def _damaged(file: Path, number: int, why: ValueError) -> RunError:
     return RunError(f"{file}, line {number} is damaged: {told}")
 
 
-def _require_order(path: Path, about: Evaluation, replies: list[JudgedReply]) -> None:
+def _require_order(path: Path, about: EvaluationRecord, replies: list[JudgedReply]) -> None:
     """Refuse replies that are not to the tasks of an evaluation in their order."""
     expected = [task for task in about.tasks for _ in range(about.samples)]
     found = [reply.task for reply in replies]

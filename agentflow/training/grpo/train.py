@@ -28,7 +28,13 @@ from agentflow.training.grpo.judging import REWARDS, Judging
 from agentflow.training.grpo.trainer import NUMBERS, SimulationTrainer
 from agentflow.training.model import adapter_config, load_base, read_base
 from agentflow.training.record import About, TrainingRun, read_curves
-from agentflow.training.trainer import Notes, library_options, require_one_device, seed_torch, train
+from agentflow.training.trainer import (
+    TrainingNotes,
+    library_options,
+    require_one_device,
+    seed_torch,
+    train,
+)
 
 CURVES: Mapping[str, str] = MappingProxyType(
     {name: name for name in NUMBERS}
@@ -117,7 +123,7 @@ def _make_trainer(
         train_dataset=Dataset.from_list(prompts),
         processing_class=tokenizer,
         peft_config=adapter_config(config.peft),
-        callbacks=[Notes(run, CURVES, notify)],
+        callbacks=[TrainingNotes(run, CURVES, notify)],
     )
     if trainer.ref_model is not None:  # read from where the model came from, without its adapter
         trainer.ref_model.load_state_dict(model.state_dict())

@@ -6,7 +6,7 @@ from agentflow.training.objectives.objective import (
     OBJECTIVES,
     Objective,
     ObjectiveTask,
-    Verdict,
+    ObjectiveVerdict,
     read_objectives,
     works,
 )
@@ -17,7 +17,7 @@ __all__ = [
     "Finding",
     "Objective",
     "ObjectiveTask",
-    "Verdict",
+    "ObjectiveVerdict",
     "read_objectives",
     "works",
 ]

@@ -50,10 +50,10 @@ class Motion:
         return float(self.rollout.terms.get(name) or 0.0)
 
     def path(self, body: int | str) -> Array:
-        """(T, 3) centres of a block, by id, or of a moving thing of the scene, by name."""
+        """(T, 3) centres of a block, by id, or of a moving object of the scene, by name."""
         if isinstance(body, int):
             return self.trace.centre[:, body]
-        return self.trace.thing_position[:, self.trace.things.index(body)]
+        return self.trace.object_position[:, self.trace.objects.index(body)]
 
     def distance(self, body: int | str, towards: Direction) -> float:
         """Greatest distance of a body from its place at t = 0 in a direction, m."""
@@ -114,13 +114,13 @@ class Motion:
             best = max(best, end - since) if since is not None else best
         return float(best)
 
-    def hardest_hit(self, thing: str) -> float:
-        """Greatest impulse with which a block hit a thing, N s; 0 without a touch after t = 0."""
-        return max((hit for name, hit in self._hits if name == thing), default=0.0)
+    def hardest_hit(self, object_name: str) -> float:
+        """Greatest impulse with which a block hit an object, N s; 0 without a touch after t = 0."""
+        return max((hit for name, hit in self._hits if name == object_name), default=0.0)
 
-    def touched(self, thing: str) -> bool:
-        """Whether a block touched a thing, at t = 0 or later."""
-        return any(name == thing for name, _ in self._hits)
+    def touched(self, object_name: str) -> bool:
+        """Whether a block touched an object, at t = 0 or later."""
+        return any(name == object_name for name, _ in self._hits)
 
     @cached_property
     def _hits(self) -> list[tuple[int | str, float]]:

@@ -11,8 +11,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import BaseModel, Field, SerializeAsAny, ValidationError, field_validator
 
-from agentflow.env.rollout import Broken, Feedback, Rollout, Trace
-from agentflow.env.rollout import Verdict as Score
+from agentflow.env.rollout import Broken, Feedback, Rollout, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Referee, Task
 from agentflow.env.tasks.registry import get_task
@@ -141,13 +140,13 @@ class ObjectiveTask(Task):
         return self.base.referee(machine)
 
     def feedback(
-        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Score
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
         return self.base.feedback(machine, trace, broken, verdict)
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ObjectiveVerdict:
     """Whether a machine works."""
 
     passed: bool
@@ -155,7 +154,7 @@ class Verdict:
     """Measured values and thresholds, such as "moves.metres"; empty if nothing was simulated."""
 
 
-def works(objective: Objective, rollout: Rollout, machine: Machine) -> Verdict:
+def works(objective: Objective, rollout: Rollout, machine: Machine) -> ObjectiveVerdict:
     """Apply the function tests to a rollout of `objective.task`.
 
     Args:
@@ -169,14 +168,14 @@ def works(objective: Objective, rollout: Rollout, machine: Machine) -> Verdict:
     if rollout.status in ("timeout", "crashed"):
         raise NoScoreError(f"the simulation for {objective.name!r} ended as {rollout.status}")
     if rollout.status != "ok" or rollout.trace is None:
-        return Verdict(False, {})
+        return ObjectiveVerdict(False, {})
     motion = Motion(machine, rollout, rollout.trace, objective.task.window)
     found = {
         f"{name}.{key}": finding
         for name, test in objective.test.items()
         for key, finding in test.measure(motion)
     }
-    return Verdict(all(finding.passed for finding in found.values()), found)
+    return ObjectiveVerdict(all(finding.passed for finding in found.values()), found)
 
 
 OBJECTIVES = Path("configs/objectives.yaml")
@@ -221,14 +220,14 @@ def _read(entry: object, path: str | Path, number: int) -> Objective:
 def _check(objective: Objective) -> None:
     """Raise ConfigError if a function test measures something that is not there."""
     scene = objective.task.scene()
-    things = [thing.name for thing in scene.things]
-    moving = [thing.name for thing in scene.moving]
+    objects = [item.name for item in scene.objects]
+    moving = [item.name for item in scene.moving]
     for name, test in objective.test.items():
         named = [body for body in test.bodies if isinstance(body, str)]
         types = [body for body in test.bodies if not isinstance(body, str)]
         _expect(name, "allowed block type", types, objective.blocks)
         _expect(name, "thing that moves in the scene", named, moving)
-        _expect(name, "thing of the scene", test.obstacles, things)
+        _expect(name, "thing of the scene", test.obstacles, objects)
 
 
 def _expect(test: str, kind: str, wanted: Iterable[object], known: Collection[object]) -> None:

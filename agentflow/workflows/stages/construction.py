@@ -16,11 +16,11 @@ from agentflow.runs.events import (
     FirstAttempt,
     RefillEvent,
 )
-from agentflow.runs.places import INITIAL, Place
+from agentflow.runs.locations import INITIAL, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate
 from agentflow.workflows.context import WorkflowContext
-from agentflow.workflows.stages.shared import failure_reason, first_attempt_of
+from agentflow.workflows.stages.designs import failure_reason, first_attempt_of
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ async def build(run: WorkflowContext, blueprint: Blueprint) -> list[Candidate]:
     chance = run.stream("beam")
     beam = [Slot() for _ in run.trajectories]
     for number, structure in enumerate(blueprint.structures, start=1):
-        here = Place(structure=number)
+        here = Location(structure=number)
         places = beam if number == 1 else _refill(run, beam, here, chance)
         built = await run_concurrently(
             _build_structure(run, blueprint, number, slot, place)
@@ -72,7 +72,7 @@ async def build(run: WorkflowContext, blueprint: Blueprint) -> list[Candidate]:
 
 
 def _refill(
-    run: WorkflowContext, beam: Sequence[Slot], here: Place, chance: random.Random
+    run: WorkflowContext, beam: Sequence[Slot], here: Location, chance: random.Random
 ) -> list[Slot]:
     """Fill empty places of the beam with copies of randomly drawn valid machines."""
     valid = [place for place, slot in enumerate(beam) if slot.machine]
@@ -105,7 +105,7 @@ async def _build_structure(
     )
 
     async def design(index: int) -> Slot:
-        asked = Place(Designer.name, structure=number, trajectory=place, candidate=index)
+        asked = Location(Designer.name, structure=number, trajectory=place, candidate=index)
         outcome = await run.ask(Designer(), given, asked, stage=INITIAL)
         first = slot.first & first_attempt_of(outcome)
         if outcome is None or outcome.output is None:

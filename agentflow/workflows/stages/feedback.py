@@ -15,24 +15,24 @@ from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.errors import BudgetSpentError
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt
-from agentflow.runs.places import FEEDBACK, Place
+from agentflow.runs.locations import FEEDBACK, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Attempt, Evaluation, Node
 from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.base import Candidate, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
-from agentflow.workflows.stages.search_record import SearchRecorder
-from agentflow.workflows.stages.shared import (
+from agentflow.workflows.stages.designs import (
     edit_record,
     failure_reason,
     first_attempt_of,
     with_result,
 )
+from agentflow.workflows.stages.search_record import SearchRecorder
 
 
 @dataclass(frozen=True)
-class Version:
-    """A machine in a search and how it was made; versions of the same machine are equal."""
+class Revision:
+    """A machine in a search and how it was made; revisions of the same machine are equal."""
 
     machine: Machine
     edit: EditRecord | None = field(default=None, compare=False)
@@ -40,7 +40,7 @@ class Version:
     history: History = field(default=History(), compare=False)
     """Edits that led to the machine that was refined, in its numbering."""
     label: str = field(default="", compare=False)
-    """Label of the attempt that made it; tells versions of the same machine apart."""
+    """Label of the attempt that made it; tells revisions of the same machine apart."""
 
     @property
     def is_edited(self) -> bool:
@@ -59,9 +59,9 @@ async def feedback_loop(
     assert candidate.machine is not None
     assert candidate.evaluation is not None
     trajectory = Trajectory(run, candidate.trajectory, blueprint, model_role)
-    recorder = SearchRecorder(run, Place(FEEDBACK, trajectory=candidate.trajectory))
+    recorder = SearchRecorder(run, Location(FEEDBACK, trajectory=candidate.trajectory))
     trials = candidate.trials
-    root = Version(candidate.machine, None if trials.entries else candidate.edit, trials)
+    root = Revision(candidate.machine, None if trials.entries else candidate.edit, trials)
     found = await STRATEGIES[numbers.strategy](
         root,
         candidate.evaluation,
@@ -84,7 +84,7 @@ async def feedback_loop(
 
 
 class Trajectory:
-    """How the search of one trajectory expands a node and evaluates a version."""
+    """How the search of one trajectory expands a node and evaluates a revision."""
 
     def __init__(
         self,
@@ -101,23 +101,23 @@ class Trajectory:
         self._number = number
         self._queried: dict[int, str] = {}
         """Node id -> answers to its querier's queries."""
-        self._tried: dict[str, list[Attempt[Version]]] = {}
-        """Label of a version -> attempts to refine it, over all its expansions."""
+        self._tried: dict[str, list[Attempt[Revision]]] = {}
+        """Label of a revision -> attempts to refine it, over all its expansions."""
         self._evaluations: dict[Machine, Evaluation] = {}
         self._history = History()
         """Edit history of the node under expansion."""
         self._views: tuple[str, ...] = ()
         """Pictures of the machine of that node."""
 
-    async def evaluate(self, version: Version, label: str) -> Evaluation:
-        """Simulate a version."""
-        found = await self._run.evaluate(version.machine, self._place(FEEDBACK, label))
-        self._evaluations[version.machine] = found
+    async def evaluate(self, revision: Revision, label: str) -> Evaluation:
+        """Simulate a revision."""
+        found = await self._run.evaluate(revision.machine, self._location(FEEDBACK, label))
+        self._evaluations[revision.machine] = found
         return found
 
     async def expand(
-        self, node: Node[Version], labels: Sequence[str], earlier: Sequence[Attempt[Version]]
-    ) -> list[Attempt[Version]]:
+        self, node: Node[Revision], labels: Sequence[str], earlier: Sequence[Attempt[Revision]]
+    ) -> list[Attempt[Revision]]:
         """Ask refiners once about a node; they are shown the results of earlier requests."""
         self._evaluations[node.candidate.machine] = node.evaluation
         if not earlier:
@@ -134,27 +134,27 @@ class Trajectory:
         return attempts
 
     async def _refine(
-        self, node: Node[Version], given: RefinerInput, label: str
-    ) -> Attempt[Version] | None:
-        place = self._place("refiner/feedback", label)
+        self, node: Node[Revision], given: RefinerInput, label: str
+    ) -> Attempt[Revision] | None:
+        location = self._location("refiner/feedback", label)
         outcome = await self._run.ask(
-            Refiner(), given, place, stage=FEEDBACK, model_role=self._model_role, once=True
+            Refiner(), given, location, stage=FEEDBACK, model_role=self._model_role, once=True
         )
         if outcome is None:
             return None
-        if (place.round, place.try_) == (1, 1):
+        if (location.round, location.try_) == (1, 1):
             self.first = first_attempt_of(outcome)
         if outcome.output is None:
             return Attempt(label, None, failure_reason(outcome))
         edit = edit_record(outcome.output, node.evaluation)
-        version = Version(outcome.output.machine, edit, self._history, label)
-        return Attempt(label, version, edit.script)
+        revision = Revision(outcome.output.machine, edit, self._history, label)
+        return Attempt(label, revision, edit.script)
 
-    def _place(self, name: str, label: str) -> Place:
-        """Turn a label of the search into a place in this trajectory."""
-        return replace(Place.parse(label), name=name, trajectory=self._number)
+    def _location(self, name: str, label: str) -> Location:
+        """Turn a label of the search into a location in this trajectory."""
+        return replace(Location.parse(label), name=name, trajectory=self._number)
 
-    def _given(self, node: Node[Version], earlier: Sequence[Attempt[Version]]) -> RefinerInput:
+    def _given(self, node: Node[Revision], earlier: Sequence[Attempt[Revision]]) -> RefinerInput:
         settings = self._run.settings
         return RefinerInput(
             **self._run.role_input | {"brief": self.brief},
@@ -169,14 +169,14 @@ class Trajectory:
             images=self._views,
         )
 
-    def _history_of(self, node: Node[Version]) -> History:
+    def _history_of(self, node: Node[Revision]) -> History:
         """The edits that led to the node, and those already tried on it, in its numbering."""
-        version, score = node.candidate, node.evaluation.score
-        history = version.history
-        if version.edit is not None:
-            history = history.renumbered(version.edit.ids)
-            history = history.add(with_result(version.edit, node.evaluation))
-        for attempt in self._tried.get(version.label, ()):
+        revision, score = node.candidate, node.evaluation.score
+        history = revision.history
+        if revision.edit is not None:
+            history = history.renumbered(revision.edit.ids)
+            history = history.add(with_result(revision.edit, node.evaluation))
+        for attempt in self._tried.get(revision.label, ()):
             child = attempt.candidate
             if child is None:
                 history = history.add(EditRecord("", "Error", attempt.note, before=score))
@@ -185,7 +185,7 @@ class Trajectory:
                 history = history.add(replace(tried, ids={}))
         return history
 
-    async def _inquire(self, node: Node[Version]) -> str:
+    async def _inquire(self, node: Node[Revision]) -> str:
         """Ask the querier about a node; "" if there is no valid reply or no query in it."""
         run, machine = self._run, node.candidate.machine
         given = QuerierInput(
@@ -194,20 +194,20 @@ class Trajectory:
             score=node.evaluation.score,
             feedback=_feedback(node),
         )
-        place = Place(Querier.name, trajectory=self._number, node=node.id)
-        outcome = await run.ask(Querier(), given, place, stage=FEEDBACK)
+        location = Location(Querier.name, trajectory=self._number, node=node.id)
+        outcome = await run.ask(Querier(), given, location, stage=FEEDBACK)
         if outcome is None or outcome.output is None or not outcome.output.queries:
             return ""
-        return await run.query(machine, outcome.output.queries, place)
+        return await run.query(machine, outcome.output.queries, location)
 
 
-def _verdict(attempt: Attempt[Version]) -> str:
+def _verdict(attempt: Attempt[Revision]) -> str:
     """The result of an attempt, as later attempts of the same expansion are told."""
     if attempt.candidate is None:
         return attempt.note
     return f"{attempt.note}\n(accepted: make another change than this one)"
 
 
-def _feedback(node: Node[Version]) -> str:
+def _feedback(node: Node[Revision]) -> str:
     summary: SimulationSummary = node.evaluation.details
     return summary.feedback

@@ -9,13 +9,13 @@ from agentflow.agents.inspector import Inspector
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.querier import Querier
 from agentflow.agents.refiner import Refiner
-from agentflow.runs.places import BLIND, FEEDBACK, INITIAL
+from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.stages.designs import refine_blindly, try_machines
 from agentflow.workflows.stages.feedback import feedback_loop
-from agentflow.workflows.stages.shared import refine_blindly, try_machines
 
 
 async def refine(

@@ -16,7 +16,7 @@ from agentflow.runs.events import (
     SearchEndEvent,
     SelectEvent,
 )
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from agentflow.search.events import (
     ArchiveOpened,
     BackedUp,
@@ -32,13 +32,13 @@ from agentflow.workflows.context import WorkflowContext
 
 
 class SearchRecorder:
-    """An observer that records the search at one place: a stage and a trajectory."""
+    """An observer that records the search at one location: a stage and a trajectory."""
 
-    def __init__(self, run: WorkflowContext, place: Place) -> None:
-        self._run, self._place = run, place
+    def __init__(self, run: WorkflowContext, location: Location) -> None:
+        self._run, self._location = run, location
 
     def __call__(self, event: SearchEvent) -> None:
-        round_ = replace(self._place, round=event.round)
+        round_ = replace(self._location, round=event.round)
         if isinstance(event, Selected):
             self._run.note(SelectEvent(round_, event.path))
         elif isinstance(event, Expanded):
@@ -51,14 +51,14 @@ class SearchRecorder:
         elif isinstance(event, Simulated):
             node, evaluation = event.node, event.node.evaluation
             made = (event.round, node.parent or 0, node.label, node.candidate.machine.digest)
-            place = replace(self._place, node=node.id)
-            self._run.note(NodeEvent(place, *made, evaluation.valid, evaluation.score))
+            location = replace(self._location, node=node.id)
+            self._run.note(NodeEvent(location, *made, evaluation.valid, evaluation.score))
         elif isinstance(event, BackedUp):
-            place = replace(self._place, node=event.path[-1])
-            self._run.note(BackUpEvent(place, event.path, event.reward))
+            location = replace(self._location, node=event.path[-1])
+            self._run.note(BackUpEvent(location, event.path, event.reward))
         elif isinstance(event, ArchiveOpened):
             axes = tuple(RecordedAxis(**vars(axis)) for axis in event.axes)
-            self._run.note(ArchiveEvent(self._place, axes))
+            self._run.note(ArchiveEvent(self._location, axes))
         elif isinstance(event, Filed):
             self._run.note(self._niche(event))
 
@@ -66,7 +66,7 @@ class SearchRecorder:
         node, filing = event.node, event.filing
         found: SimulationSummary = node.evaluation.details
         return NicheEvent(
-            replace(self._place, node=node.id),
+            replace(self._location, node=node.id),
             event.round,
             node.candidate.machine.digest,
             node.evaluation.score,
@@ -83,5 +83,5 @@ class SearchRecorder:
         counts = (cost.expansions, cost.attempts, cost.valid, cost.rollouts)
         reason = GREATEST if found.perfect else None
         self._run.note(
-            SearchEndEvent(self._place, found.result, found.best, found.stopped, *counts, reason)
+            SearchEndEvent(self._location, found.result, found.best, found.stopped, *counts, reason)
         )

@@ -9,14 +9,14 @@ from agentflow.agents.tool_agent import Agent, AgentInput
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, CandidateEvent, RunEvent
-from agentflow.runs.places import FEEDBACK, INITIAL, STAGES, Place, StageName
+from agentflow.runs.locations import FEEDBACK, INITIAL, STAGES, Location, StageName
 from agentflow.tools.bench import Bench
-from agentflow.tools.desk import Allowance, Budget, KnownMachines
-from agentflow.tools.world import View
+from agentflow.tools.host import ViewDirection
+from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
 from agentflow.workflows.base import Candidate, SimulationSummary, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import design_machines, simulate
+from agentflow.workflows.stages.designs import design_machines, simulate
 
 ROLLOUTS = 24
 """Simulations of a run by default: as many as three stages of eight machines need."""
@@ -25,8 +25,8 @@ Worker = Callable[[Bench, StageName], Awaitable[None]]
 """Works at the bench of a stage; the stage ends when it returns, with what it has submitted."""
 
 
-class RunWorld:
-    """Implements the `World` of a bench over a run of a workflow."""
+class RunHost:
+    """Implements the `BenchHost` of a bench over a run of a workflow."""
 
     def __init__(self, run: WorkflowContext) -> None:
         self._run = run
@@ -47,17 +47,17 @@ class RunWorld:
         summary: SimulationSummary | None = evaluation.details if evaluation else None
         return summary
 
-    async def simulate(self, machine: Machine, place: Place) -> SimulationSummary:
+    async def simulate(self, machine: Machine, location: Location) -> SimulationSummary:
         """Simulate a machine; the only trajectory of an agent has the number 1."""
-        evaluation = await self._run.evaluate(machine, replace(place, trajectory=1))
+        evaluation = await self._run.evaluate(machine, replace(location, trajectory=1))
         summary: SimulationSummary = evaluation.details
         return summary
 
-    async def query(self, machine: Machine, queries: Sequence[object], place: Place) -> str:
+    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> str:
         """Recorded states of a simulated machine, as tables."""
-        return await self._run.query(machine, queries, place)
+        return await self._run.query(machine, queries, location)
 
-    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
         """A PNG picture of a machine as built, or at a time of its simulation."""
         return await self._run.look(machine, view, time)
 
@@ -95,8 +95,8 @@ async def work_in_stages(
             share = max(1, rollouts.left // (len(stages) - number))
             submissions = min(submissions, share)
         left = len(stages) - number - 1
-        budget = Budget(submissions, rollouts if stage == FEEDBACK else None, looks, left)
-        bench = Bench(RunWorld(run), stage, budget, machines)
+        budget = StageBudget(submissions, rollouts if stage == FEEDBACK else None, looks, left)
+        bench = Bench(RunHost(run), stage, budget, machines)
         run.begin_stage(stage)
         await worker(bench, stage)
         await bench.close()

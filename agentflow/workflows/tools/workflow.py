@@ -8,14 +8,14 @@ from dataclasses import replace
 
 from agentflow.agents.tool_agent import Agent, AgentInput
 from agentflow.llm.messages import Message, Tool, ToolCall
-from agentflow.runs.places import STAGES, Place, StageName
+from agentflow.runs.locations import STAGES, Location, StageName
 from agentflow.tools.bench import Bench
 from agentflow.tools.results import ToolResult
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.random_dsl import RANDOM_DSL
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import UNANSWERED
+from agentflow.workflows.stages.designs import UNANSWERED
 from agentflow.workflows.tools.stages import (
     Worker,
     count_rollouts,
@@ -52,8 +52,8 @@ def converse(run: WorkflowContext) -> Worker:
         reason = ""
         while not bench.ended and not reason:
             turn += 1
-            place = Place(f"{Agent.name}/{stage}", attempt=turn)
-            attempt = await run.take_turn(messages, tools, place, stage=stage)
+            location = Location(f"{Agent.name}/{stage}", attempt=turn)
+            attempt = await run.take_turn(messages, tools, location, stage=stage)
             if attempt is None:
                 reason = UNANSWERED
                 break

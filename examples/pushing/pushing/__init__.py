@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from agentflow.env.feedback.compose import compose
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
 from agentflow.env.tasks.knobs import knob
@@ -65,7 +65,8 @@ class Pushing(Family):
         size = (crate.edge, crate.edge, crate.edge)
         middle = (0.0, crate.edge / 2, crate.distance)
         return Scene(
-            (Thing(CRATE, "box", size, middle, mass=crate.mass),), self.parameters.wind.velocity
+            (SceneObject(CRATE, "box", size, middle, mass=crate.mass),),
+            self.parameters.wind.velocity,
         )
 
     def referee(self, machine: Machine) -> PushingReferee:  # noqa: ARG002

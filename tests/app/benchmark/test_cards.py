@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from agentflow.app.benchmark.card import (
-    Attempt,
-    Card,
     Cost,
+    CountedMachine,
     ItemResult,
+    Scorecard,
     is_counted,
     read_card,
     summary,
@@ -23,14 +23,14 @@ from agentflow.errors import AgentflowError
 from agentflow.files.documents import sealed
 
 SHIPPED = Path(__file__).parents[3] / "docs" / "cards"
-MISSING = Attempt(outcome="missing", score=None, share=None, reason="the run is unfinished")
+MISSING = CountedMachine(outcome="missing", score=None, share=None, reason="the run is unfinished")
 
 
-def scored(share: float) -> Attempt:
-    return Attempt(outcome="scored", score=10 * share, share=share)
+def scored(share: float) -> CountedMachine:
+    return CountedMachine(outcome="scored", score=10 * share, share=share)
 
 
-def item(name: str, firsts: tuple[float, ...], refined: Attempt) -> ItemResult:
+def item(name: str, firsts: tuple[float, ...], refined: CountedMachine) -> ItemResult:
     return ItemResult(
         item=name,
         family=name.partition("-")[0],
@@ -42,8 +42,8 @@ def item(name: str, firsts: tuple[float, ...], refined: Attempt) -> ItemResult:
     )
 
 
-def card(model: str, *items: ItemResult, **conditions: Any) -> Card:
-    return Card(
+def card(model: str, *items: ItemResult, **conditions: Any) -> Scorecard:
+    return Scorecard(
         agentflow="0",
         conditions={
             "version": 1,
@@ -108,7 +108,7 @@ flying-1    flying    10.00        0.00%  100.00%   0.00%    0.00%   0.00%      
 """
 
 
-def written(folder: Path, name: str, of: Card) -> Path:
+def written(folder: Path, name: str, of: Scorecard) -> Path:
     path = folder / f"{name}.json"
     write_card(path, of)
     return path

@@ -16,7 +16,7 @@ from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.messages import Reply
 from agentflow.llm.settings import EndpointSettings
 from agentflow.llm.wrappers.budget import Budget
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.runs import RunDirectory, read_events
 from tests.llm.helpers import KEY, ask
 from tests.llm.hostile import (
@@ -109,11 +109,11 @@ FAULTS: dict[str, tuple[list[Answer], type[Reply] | type[EndpointError], str]] =
 
 
 @contextmanager
-def kept(folder: Path) -> Iterator[tuple[RunDirectory, Tape, Remarks]]:
+def kept(folder: Path) -> Iterator[tuple[RunDirectory, CallLog, Remarks]]:
     run = RunDirectory.create(folder, "run", {})
     remarks = Remarks(run, lambda _line: None)
-    with Tape(run.tape, remarks.tell) as tape:
-        yield run, tape, remarks
+    with CallLog(run.call_log, remarks.tell) as call_log:
+        yield run, call_log, remarks
     run.close()
 
 
@@ -124,7 +124,7 @@ async def test_a_fault_is_typed_bounded_recorded_and_keyless(fault: str, tmp_pat
     outcome: Reply | EndpointError
     async with serving(*answers) as server:
         endpoint = Endpoint("m", server.base_url, KEY)
-        with kept(tmp_path) as (run, tape, remarks):
+        with kept(tmp_path) as (run, call_log, remarks):
             reached = open_client(
                 endpoint,
                 settings=EndpointSettings.model_validate(
@@ -136,7 +136,7 @@ async def test_a_fault_is_typed_bounded_recorded_and_keyless(fault: str, tmp_pat
                 warn=remarks.tell,
                 on_wait=remarks.tell,
             )
-            client = wrap(reached, tape=tape, budget=Budget())
+            client = wrap(reached, call_log=call_log, budget=Budget())
             try:
                 outcome = await client.complete(ask("hi", "designer/1", seed=1))
             except EndpointError as error:
@@ -145,7 +145,7 @@ async def test_a_fault_is_typed_bounded_recorded_and_keyless(fault: str, tmp_pat
             await client.aclose()
     assert isinstance(outcome, kind)
     remarked = [event.data["text"] for event in read_events(run.path) if event.kind == REMARK]
-    calls = run.tape.read_text()
+    calls = run.call_log.read_text()
     assert said in calls or any(said in line for line in remarked)
     assert len(calls.splitlines()) == isinstance(outcome, Reply)
     for path in tmp_path.rglob("*"):

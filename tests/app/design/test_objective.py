@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.app.design.config import load_config
-from agentflow.app.design.laboratory import PhysicsLaboratory
+from agentflow.app.design.evaluator import PhysicsEvaluator
 from agentflow.app.design.run import RunOptions, design
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.cli import main
@@ -52,22 +52,22 @@ class Scores:
 
 async def test_the_value_is_the_robust_score_of_ten_simulations() -> None:
     scores = Scores(default=20.0, strength=2.0)
-    laboratory = PhysicsLaboratory(TASK, scores, 0, "robust")
-    found = await laboratory.evaluate(CAR, "")
+    evaluator = PhysicsEvaluator(TASK, scores, 0, "robust")
+    found = await evaluator.evaluate(CAR, "")
     assert (found.score, found.value, found.reward) == (20.0, 2.0, 2.0)
     assert scores.asked == [one.name for one in PERTURBATIONS]
-    assert laboratory.worker_seconds == 10.0
+    assert evaluator.worker_seconds == 10.0
 
 
 async def test_by_default_one_simulation_gives_the_score() -> None:
     scores = Scores(default=20.0, strength=2.0)
-    found = await PhysicsLaboratory(TASK, scores, 0).evaluate(CAR, "")
+    found = await PhysicsEvaluator(TASK, scores, 0).evaluate(CAR, "")
     assert (found.score, found.value, found.reward) == (20.0, None, 20.0)
     assert scores.asked == ["default"]
 
 
 async def test_a_missing_condition_leaves_no_score_to_compare() -> None:
-    found = await PhysicsLaboratory(TASK, Scores(friction=None), 0, "robust").evaluate(CAR, "")
+    found = await PhysicsEvaluator(TASK, Scores(friction=None), 0, "robust").evaluate(CAR, "")
     assert (found.valid, found.score, found.reward) == (True, None, None)
     assert found.details.status == "timeout"
 
@@ -79,23 +79,23 @@ async def test_an_invalid_machine_is_not_perturbed() -> None:
             return replace(rollout, status="invalid", score=0.0)
 
     scores = Refusing()
-    found = await PhysicsLaboratory(TASK, scores, 0, "robust").evaluate(CAR, "")
+    found = await PhysicsEvaluator(TASK, scores, 0, "robust").evaluate(CAR, "")
     assert (found.valid, found.reward, scores.asked) == (False, 0.0, ["default"])
 
 
 async def test_pareto_compares_score_robustness_blocks_and_mass() -> None:
-    laboratory = PhysicsLaboratory(TASK, Scores(default=20.0, strength=2.0), 0, "pareto")
-    found = await laboratory.evaluate(CAR, "")
+    evaluator = PhysicsEvaluator(TASK, Scores(default=20.0, strength=2.0), 0, "pareto")
+    found = await evaluator.evaluate(CAR, "")
     weight = sum(library()[step.type].mass for step in CAR.steps)
     assert found.objectives == (20.0, 2.0, -len(CAR), pytest.approx(-weight))
     assert (found.reward, found.perfect) == (2.0, False)
 
 
 async def test_what_scores_nothing_is_dominated_by_whatever_scores() -> None:
-    laboratory = PhysicsLaboratory(TASK, Scores(default=0.0), 0, "pareto")
-    assert (await laboratory.evaluate(CAR, "")).objectives == ()
-    laboratory = PhysicsLaboratory(TASK, Scores(default=None), 0, "pareto")
-    assert (await laboratory.evaluate(CAR, "")).objectives is None  # the computer failed
+    evaluator = PhysicsEvaluator(TASK, Scores(default=0.0), 0, "pareto")
+    assert (await evaluator.evaluate(CAR, "")).objectives == ()
+    evaluator = PhysicsEvaluator(TASK, Scores(default=None), 0, "pareto")
+    assert (await evaluator.evaluate(CAR, "")).objectives is None  # the computer failed
 
 
 def test_the_front_is_sorted_by_robust_score() -> None:

@@ -13,7 +13,7 @@ from agentflow.llm.scripted import ScriptedClient
 from agentflow.models.clients import Models
 from agentflow.runs import Event
 from agentflow.runs.events import CallsEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from tests.llm.helpers import ask
 
 
@@ -38,7 +38,7 @@ async def test_listeners_hear_the_start_and_end_of_every_call() -> None:
     await asyncio.gather(designer.complete(ask(label="a")), refiner.complete(ask(label="b")))
     counts = [event.data["under_way"] for event in heard]
     assert counts == [1, 2, 1, 0]
-    assert heard[0] == CallsEvent(Place("a"), 1, 0.0)
+    assert heard[0] == CallsEvent(Location("a"), 1, 0.0)
     await models.aclose()
     assert client.closed == 1
 

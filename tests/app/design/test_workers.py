@@ -15,7 +15,7 @@ from agentflow.config.run import build_config
 from agentflow.errors import InterruptedRunError
 from agentflow.runs import read_document
 from agentflow.runs.events import read_typed_events
-from agentflow.runs.places import FEEDBACK, StageName
+from agentflow.runs.locations import FEEDBACK, StageName
 from agentflow.runs.record import RunRecord
 from agentflow.tools.bench import Bench
 from agentflow.workflows.tools.stages import work_in_stages

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.app.diagnose.reading import Pose, read_pairs, read_poses, read_verdicts
+from agentflow.app.diagnose.reading import StatedPose, read_pairs, read_poses, read_verdicts
 
 HOSTILE = (
     "[[" * 5_000,
@@ -51,15 +51,21 @@ def test_pairs_in_any_list(text: str, pairs: list[tuple[int, int]] | None) -> No
 @pytest.mark.parametrize(
     ("text", "poses"),
     [
-        ('[{"id": 3, "facing": "x-", "centre": [1, 2, 0.5]}]', {3: Pose("x-", (1.0, 2.0, 0.5))}),
-        ('{"3": {"faces": "+X", "center": {"x": 1, "y": 2, "z": 3}}}', {3: Pose("x+", (1, 2, 3))}),
-        ('{"blocks": [{"id": "block 3", "facing": "up"}]}', {3: Pose(None, None)}),
-        ('[{"id": 3, "facing": 1, "centre": [true, 1, 2]}]', {3: Pose(None, None)}),
-        ('[{"id": 3, "facing": "y+"}, {"id": 3, "facing": "y-"}]', {3: Pose("y+", None)}),
+        (
+            '[{"id": 3, "facing": "x-", "centre": [1, 2, 0.5]}]',
+            {3: StatedPose("x-", (1.0, 2.0, 0.5))},
+        ),
+        (
+            '{"3": {"faces": "+X", "center": {"x": 1, "y": 2, "z": 3}}}',
+            {3: StatedPose("x+", (1, 2, 3))},
+        ),
+        ('{"blocks": [{"id": "block 3", "facing": "up"}]}', {3: StatedPose(None, None)}),
+        ('[{"id": 3, "facing": 1, "centre": [true, 1, 2]}]', {3: StatedPose(None, None)}),
+        ('[{"id": 3, "facing": "y+"}, {"id": 3, "facing": "y-"}]', {3: StatedPose("y+", None)}),
         ('[{"facing": "y+"}, 7, "z+"]', {}),
     ],
 )
-def test_poses(text: str, poses: dict[int, Pose]) -> None:
+def test_poses(text: str, poses: dict[int, StatedPose]) -> None:
     assert read_poses(text) == poses
 
 

@@ -13,7 +13,7 @@ from agentflow.errors import RunError
 from agentflow.machine import Machine, read_machine
 from agentflow.metrics.failure_kinds import STILL
 from agentflow.runs import read_events
-from tests.workflows.world import steps
+from tests.workflows.fakes import steps
 
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
 SIDE, FRONT, TOP = 2, 0, 4

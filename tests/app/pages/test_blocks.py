@@ -46,7 +46,7 @@ def test_the_documented_table_is_that_of_the_library() -> None:
 def test_every_face_is_seen_from_one_of_the_two_sides(kind: int) -> None:
     machine = _example(library()[kind])
     placed, solids = place(machine).blocks[-1], MachineSolids(machine)
-    corners = np.concatenate([corners_of(thing) for thing in solids.things(solids.rest)])
+    corners = np.concatenate([corners_of(item) for item in solids.objects(solids.rest)])
     lift = np.subtract(solids.rest.centre[0], place(machine).blocks[0].center)
     seen: list[str] = []
     for direction in VIEWS.values():

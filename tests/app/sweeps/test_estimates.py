@@ -11,7 +11,7 @@ from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.sweeps.estimates import NOTHING, Estimate, estimate
 from agentflow.config.run import build_config, load_document
-from agentflow.metrics.usage import bill
+from agentflow.metrics.usage import summarize_usage
 from agentflow.runs import read_calls, read_events, read_result
 from agentflow.workflows.hierarchical import STRUCTURES
 
@@ -41,7 +41,7 @@ def test_token_estimates_match_the_recorded_run() -> None:
         sizes.setdefault(call["request"]["role"], []).append(characters)
     for role, found in sizes.items():
         assert ROLES[role].tokens[0] == pytest.approx(sum(found) / len(found) / 4, rel=0.25)
-    assert set(sizes) == set(bill(read_calls(RECORDED)).roles)
+    assert set(sizes) == set(summarize_usage(read_calls(RECORDED)).roles)
 
 
 @pytest.mark.parametrize(

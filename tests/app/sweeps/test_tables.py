@@ -24,7 +24,7 @@ from agentflow.metrics.published import SOURCES
 from agentflow.metrics.tables import Row, Table
 from agentflow.runs import Event, RunDirectory
 from agentflow.runs.events import VariedScore, VerificationEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from tests.metrics.events import candidate, evaluation, expansion, node
 from tests.runs.results import a_result
 
@@ -56,7 +56,7 @@ def sweep(folder: Path, runs: dict[str, Sequence[Event]], **document: Any) -> Pa
             run = RunDirectory.create(path / "runs", name, {})
             for event in events:
                 run.event(event)
-            run.tape.write_text(json.dumps(CALL) + "\n")
+            run.call_log.write_text(json.dumps(CALL) + "\n")
             scores = [e.data["score"] for e in events if e.data.get("score") is not None]
             found = {
                 "model": MODEL if "random" not in name else "none (random edits)",
@@ -74,7 +74,7 @@ def verification(*scores: float | None) -> Event:
     complete = len(found) == len(scores)
     listed = tuple(VariedScore(str(i), "ok", score) for i, score in enumerate(scores))
     low, middle, high = sorted(found) if complete else (None, None, None)
-    return VerificationEvent(Place("best"), "0" * 16, middle, low, high, listed)
+    return VerificationEvent(Location("best"), "0" * 16, middle, low, high, listed)
 
 
 def values(table: Table) -> dict[tuple[str, ...], tuple[Any, ...]]:
@@ -396,8 +396,8 @@ def test_only_one_view_has_published_rows(tmp_path: Path) -> None:
 def test_only_the_usage_view_reads_calls(tmp_path: Path) -> None:
     """A table over many runs must not read every prompt."""
     path = compared(tmp_path)
-    for tape in path.rglob("calls.jsonl"):
-        tape.unlink()
+    for call_log in path.rglob("calls.jsonl"):
+        call_log.unlink()
     assert layout_table(read_sweep_result(path)).rows
 
 

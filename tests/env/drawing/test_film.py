@@ -16,7 +16,7 @@ from agentflow.env.drawing.cameras import Camera
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.mp4 import save_mp4
 from agentflow.env.rollout import Broken, Rollout
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
@@ -103,16 +103,16 @@ def test_the_path_grows_with_every_sample() -> None:
     assert counts == sorted(set(counts))
 
 
-def test_tall_things_before_the_machine_are_left_out_low_ones_are_not() -> None:
+def test_tall_objects_before_the_machine_are_left_out_low_ones_are_not() -> None:
     camera = Camera(eye=(30.0, 10.0, -3.0), target=(0.0, 1.0, 0.0))
-    things = [
-        Thing("tall", "box", (1.0, 5.0, 90.0), (12.0, 2.5, 0.0)),
-        Thing("low", "box", (1.0, 1.5, 90.0), (12.0, 0.75, 0.0)),
-        Thing("behind", "box", (1.0, 5.0, 90.0), (-12.0, 2.5, 0.0)),
-        Thing("aside", "box", (1.0, 5.0, 5.0), (12.0, 2.5, 40.0)),
+    objects = [
+        SceneObject("tall", "box", (1.0, 5.0, 90.0), (12.0, 2.5, 0.0)),
+        SceneObject("low", "box", (1.0, 1.5, 90.0), (12.0, 0.75, 0.0)),
+        SceneObject("behind", "box", (1.0, 5.0, 90.0), (-12.0, 2.5, 0.0)),
+        SceneObject("aside", "box", (1.0, 5.0, 5.0), (12.0, 2.5, 40.0)),
     ]
-    kept = film._remove_occluders(things, camera)
-    assert [thing.name for thing in kept] == ["low", "behind", "aside"]
+    kept = film._remove_occluders(objects, camera)
+    assert [item.name for item in kept] == ["low", "behind", "aside"]
 
 
 def test_the_camera_follows_smoothly() -> None:

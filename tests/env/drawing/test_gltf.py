@@ -127,7 +127,7 @@ def test_a_rollout_is_animated_from_its_first_to_its_last_sample() -> None:
         turns = parsed.follows(node, "rotation")[1]
         assert (np.sum(turns[1:] * turns[:-1], axis=1) >= 0).all()
     names = [node["name"] for node in parsed.json["nodes"]]
-    assert {thing.name for thing in task.scene().things} <= set(names)
+    assert {item.name for item in task.scene().objects} <= set(names)
     (line,) = (mesh for mesh in parsed.json["meshes"] if mesh["primitives"][0].get("mode") == 3)
     points = parsed.array(line["primitives"][0]["attributes"]["POSITION"])
     assert points == pytest.approx(trace.centre[:, 13] * MIRROR, abs=1e-5)

@@ -13,7 +13,7 @@ from PIL import Image
 
 from agentflow.env.drawing.cameras import Camera, project
 from agentflow.env.drawing.raster import OUTLINE, corners_of, draw
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.machine.geometry.vectors import Quat, Vec3
 
 AHEAD = Camera(eye=(0.0, 5.0, -20.0), target=(0.0, 5.0, 0.0), width=200, height=200)
@@ -24,14 +24,14 @@ COORDINATE = st.floats(-3.0, 3.0)
 EXTENT = st.floats(0.2, 3.0)
 
 
-def picture(*things: Thing, camera: Camera = AHEAD) -> NDArray[np.int64]:
+def picture(*objects: SceneObject, camera: Camera = AHEAD) -> NDArray[np.int64]:
     ground = Image.new("RGBA", (camera.width, camera.height), WHITE)
-    return np.asarray(draw(camera, things, ground).convert("RGB")).astype(np.int64)
+    return np.asarray(draw(camera, objects, ground).convert("RGB")).astype(np.int64)
 
 
-def seen(*things: Thing, camera: Camera = AHEAD) -> NDArray[np.bool_]:
+def seen(*objects: SceneObject, camera: Camera = AHEAD) -> NDArray[np.bool_]:
     """Which pixels are not ground; the outline runs along the outside on two sides."""
-    pixels = picture(*things, camera=camera)
+    pixels = picture(*objects, camera=camera)
     lined = np.array(WHITE) * OUTLINE
     covered: NDArray[np.bool_] = (pixels != WHITE).any(axis=2) & (pixels != lined.astype(int)).any(
         axis=2
@@ -39,12 +39,12 @@ def seen(*things: Thing, camera: Camera = AHEAD) -> NDArray[np.bool_]:
     return covered
 
 
-def thing(shape: str, size: Vec3, at: Vec3 = (0.0, 5.0, 0.0), **more: object) -> Thing:
-    return Thing("it", shape, size, at, **{"color": BLUE, **more})  # type: ignore[arg-type]
+def solid(shape: str, size: Vec3, at: Vec3 = (0.0, 5.0, 0.0), **more: object) -> SceneObject:
+    return SceneObject("it", shape, size, at, **{"color": BLUE, **more})  # type: ignore[arg-type]
 
 
 def test_a_sphere_is_a_disc() -> None:
-    mask = seen(thing("sphere", (4.0, 9.0, 9.0)))
+    mask = seen(solid("sphere", (4.0, 9.0, 9.0)))
     radius = FOCAL * 2 / sqrt(20**2 - 2**2)
     assert mask.sum() == pytest.approx(pi * radius**2, rel=0.02)
     rows, columns = np.nonzero(mask)
@@ -52,14 +52,14 @@ def test_a_sphere_is_a_disc() -> None:
 
 
 def test_a_box_is_its_front_side() -> None:
-    mask = seen(thing("box", (4.0, 2.0, 2.0)))
+    mask = seen(solid("box", (4.0, 2.0, 2.0)))
     focal = FOCAL / 19
     assert mask.sum() == pytest.approx(4 * 2 * focal**2, rel=0.02)
 
 
 @pytest.mark.parametrize(("shape", "share"), [("cylinder", 1.0), ("cone", 0.5)])
 def test_a_cylinder_is_a_rectangle_and_a_cone_a_triangle(shape: str, share: float) -> None:
-    mask = seen(thing(shape, (1.0, 4.0, 1.0)))
+    mask = seen(solid(shape, (1.0, 4.0, 1.0)))
     focal = FOCAL / 20
     assert mask.sum() == pytest.approx(share * 4 * 1 * focal**2, rel=0.05)
     top, bottom = mask[50:100].sum(), mask[100:150].sum()
@@ -69,13 +69,13 @@ def test_a_cylinder_is_a_rectangle_and_a_cone_a_triangle(shape: str, share: floa
 @pytest.mark.parametrize("shape", ["cylinder", "cone"])
 def test_from_below_a_round_solid_is_its_base(shape: str) -> None:
     below = Camera((0.0, 5.0, 0.0), (0.0, 50.0, 1e-4), 200, 200)
-    mask = seen(thing(shape, (4.0, 4.0, 4.0), (0.0, 25.0, 0.0)), camera=below)
+    mask = seen(solid(shape, (4.0, 4.0, 4.0), (0.0, 25.0, 0.0)), camera=below)
     assert mask.sum() == pytest.approx(pi * (FOCAL * 2 / 18) ** 2, rel=0.02)
 
 
 def test_from_above_a_cone_hides_no_more_than_its_base() -> None:
     above = Camera((0.0, 45.0, 0.0), (0.0, 0.0, 1e-4), 200, 200)
-    mask = seen(thing("cone", (4.0, 4.0, 4.0), (0.0, 25.0, 0.0)), camera=above)
+    mask = seen(solid("cone", (4.0, 4.0, 4.0), (0.0, 25.0, 0.0)), camera=above)
     assert mask.sum() == pytest.approx(pi * (FOCAL * 2 / 22) ** 2, rel=0.02)
 
 
@@ -91,8 +91,8 @@ def test_nothing_is_drawn_outside_of_the_box_around_a_solid(
     length = sqrt(sum(part * part for part in turn))
     rotation = tuple(part / length for part in turn)
     place = (at[0], at[1] + 5.0, at[2])
-    mask = seen(thing(shape, size, place, rotation=rotation))
-    places = project(corners_of(thing(shape, size, place, rotation=rotation)), AHEAD)
+    mask = seen(solid(shape, size, place, rotation=rotation))
+    places = project(corners_of(solid(shape, size, place, rotation=rotation)), AHEAD)
     rows, columns = np.nonzero(mask)
     low, high = places.min(axis=0) - 1, places.max(axis=0) + 1
     assert mask.any()
@@ -101,8 +101,8 @@ def test_nothing_is_drawn_outside_of_the_box_around_a_solid(
 
 
 def test_the_nearest_solid_hides_the_others_in_any_order() -> None:
-    near = thing("box", (2.0, 2.0, 2.0), (0.0, 5.0, -5.0))
-    far = thing("box", (8.0, 8.0, 2.0), (0.0, 5.0, 5.0), color=RED)
+    near = solid("box", (2.0, 2.0, 2.0), (0.0, 5.0, -5.0))
+    far = solid("box", (8.0, 8.0, 2.0), (0.0, 5.0, 5.0), color=RED)
     first, second = picture(near, far), picture(far, near)
     assert (first == second).all()
     assert first[100, 100].argmax() == 2
@@ -110,27 +110,27 @@ def test_the_nearest_solid_hides_the_others_in_any_order() -> None:
 
 
 def test_what_is_below_the_ground_is_hidden() -> None:
-    sunk = thing("sphere", (4.0, 4.0, 4.0), (0.0, 0.0, 0.0))
-    floating = thing("sphere", (4.0, 4.0, 4.0), (0.0, 2.1, 0.0))
+    sunk = solid("sphere", (4.0, 4.0, 4.0), (0.0, 0.0, 0.0))
+    floating = solid("sphere", (4.0, 4.0, 4.0), (0.0, 2.1, 0.0))
     assert 0.4 < seen(sunk).sum() / seen(floating).sum() < 0.8
 
 
 def test_sides_that_face_the_light_are_brighter() -> None:
     eye = (14.0, 14.0, -14.0)
-    cube = thing("box", (6.0, 6.0, 6.0), (0.0, 4.0, 0.0))
+    cube = solid("box", (6.0, 6.0, 6.0), (0.0, 4.0, 0.0))
     pixels = picture(cube, camera=Camera(eye, (0.0, 4.0, 0.0), 200, 200))
     top, back, right = pixels[70, 100, 2], pixels[120, 70, 2], pixels[120, 130, 2]
     assert top > back > right > 100
 
 
 def test_blocks_are_outlined_their_own_pieces_are_not() -> None:
-    left = Thing("a", "box", (2.0, 2.0, 2.0), (-1.0, 5.0, 0.0), color=BLUE)
-    right = Thing("a", "box", (2.0, 2.0, 2.0), (1.0, 5.0, 0.0), color=BLUE)
-    other = Thing("b", "box", (2.0, 2.0, 2.0), (1.0, 5.0, 0.0), color=BLUE)
+    left = SceneObject("a", "box", (2.0, 2.0, 2.0), (-1.0, 5.0, 0.0), color=BLUE)
+    right = SceneObject("a", "box", (2.0, 2.0, 2.0), (1.0, 5.0, 0.0), color=BLUE)
+    other = SceneObject("b", "box", (2.0, 2.0, 2.0), (1.0, 5.0, 0.0), color=BLUE)
     assert len(np.unique(picture(left, right)[100, 95:106], axis=0)) == 1
     assert len(np.unique(picture(left, other)[100, 95:106], axis=0)) == 2
 
 
 def test_an_eye_that_is_inside_a_solid_looks_through_it() -> None:
-    around = thing("box", (50.0, 50.0, 50.0))
+    around = solid("box", (50.0, 50.0, 50.0))
     assert not seen(around).any()

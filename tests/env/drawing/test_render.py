@@ -98,11 +98,11 @@ def test_an_unknown_view_is_named_with_those_that_exist(tmp_path: Path) -> None:
 def test_broken_blocks_are_red_and_broken_springs_are_gone() -> None:
     figures = MachineSolids(CAR)
     rest = figures.rest
-    whole = {thing.name for thing in figures.things(rest)}
-    hurt = figures.things(Pose(rest.centre, rest.rotation, range(7)), {1})
+    whole = {item.name for item in figures.objects(rest)}
+    hurt = figures.objects(Pose(rest.centre, rest.rotation, range(7)), {1})
     assert whole == {f"block {i}" for i in range(8)}
-    assert {thing.name for thing in hurt if thing.color == BROKEN} == {"block 1"}
-    assert "block 7" not in {thing.name for thing in hurt}
+    assert {item.name for item in hurt if item.color == BROKEN} == {"block 1"}
+    assert "block 7" not in {item.name for item in hurt}
 
 
 def test_a_spring_spans_the_faces_that_it_hangs_on() -> None:

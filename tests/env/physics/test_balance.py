@@ -1,4 +1,4 @@
-"""Things whose centre of mass lies beside their centre: where they are, and how they fall."""
+"""Objects whose centre of mass lies beside their centre: where they are, and how they fall."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import Quat, Vec3, rotate_vector
 from tests.env.conftest import MakeEngine
@@ -21,13 +21,13 @@ TURNED: Quat = (0.0, sqrt(0.5), 0.0, sqrt(0.5))
 """Its x+ side towards z-."""
 
 
-def box(position: Vec3, rotation: Quat = (0.0, 0.0, 0.0, 1.0), heavy: float = 0.4) -> Thing:
-    return Thing("box", "box", (2, 1, 2), position, rotation, mass=10, balance=(heavy, 0, 0))
+def box(position: Vec3, rotation: Quat = (0.0, 0.0, 0.0, 1.0), heavy: float = 0.4) -> SceneObject:
+    return SceneObject("box", "box", (2, 1, 2), position, rotation, mass=10, balance=(heavy, 0, 0))
 
 
-def run(thing: Thing, seconds: float, engine: Engine, wind: Vec3 = (0, 0, 0)) -> World:
+def run(item: SceneObject, seconds: float, engine: Engine, wind: Vec3 = (0, 0, 0)) -> World:
     assembly = assemble(ALONE, place(ALONE), constants())
-    world = engine.build(assembly, Scene((thing, *LEDGE), wind), RATE)
+    world = engine.build(assembly, Scene((item, *LEDGE), wind), RATE)
     for _ in range(round(seconds * RATE)):
         world.step()
     return world
@@ -38,7 +38,7 @@ def side(world: World, local: Vec3) -> Vec3:
     return rotate_vector(world.rotation("box"), local)
 
 
-LEDGE = (Thing("ledge", "box", (4, 4, 4), (10.0, 2.0, 0.0)),)
+LEDGE = (SceneObject("ledge", "box", (4, 4, 4), (10.0, 2.0, 0.0)),)
 """Its near edge at x = 8, its top 4 m high."""
 
 
@@ -47,7 +47,7 @@ def test_its_place_is_told_by_its_centre(
     shape: str, height: float, make_engine: MakeEngine
 ) -> None:
     engine = make_engine()
-    thing = Thing(
+    item = SceneObject(
         "box",
         shape,
         (2, height, 2),
@@ -56,11 +56,11 @@ def test_its_place_is_told_by_its_centre(
         mass=10,
         balance=(0.4, 0, 0),  # type: ignore[arg-type]
     )
-    world = run(thing, 0.0, engine)
+    world = run(item, 0.0, engine)
     assert world.centre("box") == pytest.approx((5, 9, -7))
-    world = run(thing, 0.1, engine)
+    world = run(item, 0.1, engine)
     state = world.state()
-    assert world.centre("box") == pytest.approx(state.thing_position[0])
+    assert world.centre("box") == pytest.approx(state.object_position[0])
     assert world.centre("box")[::2] == pytest.approx((5, -7))
     assert world.rotation("box") == pytest.approx(TURNED)
 
@@ -88,7 +88,7 @@ def test_while_it_spins_its_centre_moves_round_its_centre_of_mass(make_engine: M
     """In the wind as above: the velocity that is told is that of the centre."""
     engine = make_engine(weightless())
     world = run(box((-20.0, 50.0, 0.0)), 0.6, engine, wind=(0.0, 0.0, -5.0))
-    before, told = world.centre("box"), world.state().thing_velocity[0]
+    before, told = world.centre("box"), world.state().object_velocity[0]
     world.step()
     moved = [(b - a) * RATE for a, b in zip(before, world.centre("box"), strict=True)]
     assert moved == pytest.approx(told, abs=0.1)

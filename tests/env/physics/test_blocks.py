@@ -10,7 +10,7 @@ from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
 from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly, Part, Shape
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import IDENTITY
@@ -129,11 +129,11 @@ def test_drag_slows_as_the_law_says(engine: Engine) -> None:
 
 
 def test_wind_pushes_with_area_and_square_of_speed(engine: Engine) -> None:
-    ball = Thing("ball", "sphere", (2, 2, 2), (20.0, 50.0, 0.0), mass=4.0)
+    ball = SceneObject("ball", "sphere", (2, 2, 2), (20.0, 50.0, 0.0), mass=4.0)
     world, _ = start(engine, machine((0, -1, -1)), Scene((ball,), wind=(0.0, 0.0, -6.0)))
     world.step()
     push = 0.6 * 4.0 * 36.0 / 4.0
-    assert world.state().thing_velocity[0].tolist() == pytest.approx(
+    assert world.state().object_velocity[0].tolist() == pytest.approx(
         [0.0, -GRAVITY / 120, -push / 120]
     )
 

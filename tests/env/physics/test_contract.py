@@ -22,7 +22,7 @@ from agentflow.env.physics.model import (
     Strength,
 )
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Scene, Start, Thing
+from agentflow.env.scene import Scene, SceneObject, Start
 from agentflow.machine.geometry.vectors import IDENTITY, Vec3
 from tests.env.conftest import MakeEngine
 
@@ -87,8 +87,8 @@ def everything(world: World) -> bytes:
     return b"".join(np.ascontiguousarray(value).tobytes() for value in seen)
 
 
-BALL = Thing("ball", "sphere", (1.0, 1.0, 1.0), (0.3, 4.5, 0.2), mass=1.0)
-PILLAR = Thing("pillar", "box", (1.0, 2.0, 1.0), (6.0, 1.0, 0.0))
+BALL = SceneObject("ball", "sphere", (1.0, 1.0, 1.0), (0.3, 4.5, 0.2), mass=1.0)
+PILLAR = SceneObject("pillar", "box", (1.0, 2.0, 1.0), (6.0, 1.0, 0.0))
 
 
 def played(engine: Engine) -> bytes:
@@ -241,7 +241,7 @@ def test_a_hanging_part_pulls_at_its_ball_joint(engine: Engine) -> None:
     assert found[0] == pytest.approx([0, 5 * G, 0, 0, 0, 3 * G * 2.0], rel=0.01, abs=0.05 * G)
 
 
-# --- contacts, things, grips ---------------------------------------------------------------
+# --- contacts, objects, grips ---------------------------------------------------------------
 
 
 def test_what_touches_what(engine: Engine) -> None:
@@ -256,17 +256,17 @@ def test_what_touches_what(engine: Engine) -> None:
     assert world.touching("far") == frozenset()
 
 
-def test_things_are_where_they_are_put_and_move_if_they_can(engine: Engine) -> None:
+def test_objects_are_where_they_are_put_and_move_if_they_can(engine: Engine) -> None:
     world = engine.build(stack(), Scene((PILLAR, BALL)), RATE)
-    assert len(world.state().thing_position) == 1
+    assert len(world.state().object_position) == 1
     assert world.centre("ball") == pytest.approx(BALL.position)
     assert world.centre("pillar") == pytest.approx(PILLAR.position)
     run(world, 12)
     assert world.centre("pillar") == pytest.approx(PILLAR.position)
     assert world.rotation("pillar") == pytest.approx(IDENTITY)
     state = world.state()
-    assert state.thing_velocity[0].tolist() == pytest.approx([0.0, -G / 10, 0.0], abs=1e-6)
-    assert state.thing_position[0].tolist() == pytest.approx(world.centre("ball"))
+    assert state.object_velocity[0].tolist() == pytest.approx([0.0, -G / 10, 0.0], abs=1e-6)
+    assert state.object_position[0].tolist() == pytest.approx(world.centre("ball"))
 
 
 def test_a_gripper_holds_what_touches_its_front_until_it_lets_go(engine: Engine) -> None:
@@ -303,9 +303,9 @@ def test_states_have_their_shapes_and_agree_with_single_looks(engine: Engine) ->
         "velocity": (3, 3),
         "angular_velocity": (3, 3),
         "length": (0,),
-        "thing_position": (1, 3),
-        "thing_rotation": (1, 4),
-        "thing_velocity": (1, 3),
+        "object_position": (1, 3),
+        "object_rotation": (1, 4),
+        "object_velocity": (1, 3),
     }
     assert {value.dtype for value in vars(state).values()} == {np.dtype(np.float64)}
     assert (world.centres() == state.centre).all()
@@ -413,9 +413,9 @@ def test_energies_are_those_of_blocks_and_things(engine: Engine) -> None:
     assert found.shape == (4, 2)
     assert found[:3, 0].sum() == pytest.approx(float(world.momentum()["energy"][0]))
     state = world.state()
-    speed = np.linalg.norm(state.thing_velocity[0])
+    speed = np.linalg.norm(state.object_velocity[0])
     assert found[3, 0] == pytest.approx(0.5 * speed**2, rel=0.02)
-    assert found[3, 1] == pytest.approx(G * state.thing_position[0, 1])
+    assert found[3, 1] == pytest.approx(G * state.object_position[0, 1])
 
 
 def test_the_power_of_a_motor_is_its_torque_times_its_speed(engine: Engine) -> None:

@@ -11,7 +11,7 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
 from agentflow.env.physics.model import Assembly
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Schedule
 from agentflow.env.tasks.families.movement import Movement
@@ -111,10 +111,10 @@ def test_a_grip_outlives_a_split(engine: Engine) -> None:
     assert world.centre(boulder)[1] > 4.0
 
 
-CARGO = Thing("cargo", "sphere", (2.0, 2.0, 2.0), (0.0, 1.0, 12.0), mass=2.0, friction=0.1)
+CARGO = SceneObject("cargo", "sphere", (2.0, 2.0, 2.0), (0.0, 1.0, 12.0), mass=2.0, friction=0.1)
 
 
-def test_a_grabber_takes_a_thing_along_and_leaves_it(engine: Engine) -> None:
+def test_a_grabber_takes_an_object_along_and_leaves_it(engine: Engine) -> None:
     """A car drives into a ball, backs off with it, lets go and drives on without."""
     rows = [(s.type, s.parent, s.face_id) for s in CAR]
     world, _ = start(engine, machine(*rows, (GRABBER, 1, 0)), Scene((CARGO,)))
@@ -122,20 +122,20 @@ def test_a_grabber_takes_a_thing_along_and_leaves_it(engine: Engine) -> None:
     assert world.touching(7) == frozenset()
     world.switch("motors", 1)
     run(world, 2.5)
-    apart = world.state().thing_position[0] - world.state().position[0]
+    apart = world.state().object_position[0] - world.state().position[0]
     world.switch("motors", -1)
     run(world, 1.5)
     assert world.state().velocity[0][2] < -2.0
-    now = world.state().thing_position[0] - world.state().position[0]
+    now = world.state().object_position[0] - world.state().position[0]
     assert np.linalg.norm(now) == pytest.approx(np.linalg.norm(apart), abs=0.05)
     world.switch("grabbers", 0)
     run(world, 1.5)
-    now = world.state().thing_position[0] - world.state().position[0]
+    now = world.state().object_position[0] - world.state().position[0]
     assert np.linalg.norm(now) > np.linalg.norm(apart) + 1.0
     world.switch("motors", 1)
     world.switch("grabbers", 1)
     run(world, 4.0)
-    again = world.state().thing_position[0] - world.state().position[0]
+    again = world.state().object_position[0] - world.state().position[0]
     assert np.linalg.norm(again) == pytest.approx(np.linalg.norm(apart), abs=0.2)
 
 
@@ -160,7 +160,7 @@ def test_a_grabber_grips_with_its_front_only(engine: Engine) -> None:
     """A boulder that lies on the grabber's side is not held."""
     tree = machine(*FOOT, (63, 0, 4), (GRABBER, 5, 9))
     x, y, z = np.add(place(tree).blocks[6].center, (0.0, 2.6, 0.0))
-    ball = Thing("ball", "sphere", (1.0, 1.0, 1.0), (x, y, z), mass=1.0)
+    ball = SceneObject("ball", "sphere", (1.0, 1.0, 1.0), (x, y, z), mass=1.0)
     world, _ = start(engine, tree, Scene((ball,), wind=(6.0, 0.0, 0.0)))
     run(world, 2.0)
     assert world.centre("ball")[1] < 1.0

@@ -22,7 +22,7 @@ from agentflow.env.physics.model import (
     Shape,
     Strength,
 )
-from agentflow.env.physics.structure.drives import Command, Motor, merge_drives
+from agentflow.env.physics.structure.drives import Motor, MotorCommand, merge_drives
 from agentflow.env.physics.structure.load_sharing import load_loops
 from agentflow.env.physics.structure.spanning_tree import Link, Parallel, skeleton
 from agentflow.env.rollout import Array
@@ -248,10 +248,10 @@ def test_motors_of_different_targets_are_one_motor_and_a_push() -> None:
         Motor(0.0, 0.6, "motors"),
     )
     levels = {"motors": 1.0}
-    assert merged.command({"motors": 0.0}) == Command(0.0, 3100.6)
-    assert merged.command(levels, -4.0) == Command(8.0, pytest.approx(3100.6))
-    assert merged.command(levels, -1.0) == Command(8.0, pytest.approx(2800.6), -300.0)
-    assert merged.command(levels, 1.0) == Command(8.0, 2800.0, pytest.approx(-300.6))
+    assert merged.command({"motors": 0.0}) == MotorCommand(0.0, 3100.6)
+    assert merged.command(levels, -4.0) == MotorCommand(8.0, pytest.approx(3100.6))
+    assert merged.command(levels, -1.0) == MotorCommand(8.0, pytest.approx(2800.6), -300.0)
+    assert merged.command(levels, 1.0) == MotorCommand(8.0, 2800.0, pytest.approx(-300.6))
 
 
 # --- loads, breaking -----------------------------------------------------------------------

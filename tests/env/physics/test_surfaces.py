@@ -10,7 +10,7 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, EngineSpec, World
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
@@ -76,12 +76,14 @@ def test_a_lively_ball_bounces_as_the_pad_lets_it(
     """
     tree = machine(ROOT, *((BALLAST, 0, face) for face in range(4)), (pad, 0, 4))
     top = place(tree).box_max[1] - place(tree).box_min[1]
-    ball = Thing("ball", "sphere", (0.6,) * 3, (0.0, top + 2.3, 0.0), mass=0.1, restitution=0.9)
+    ball = SceneObject(
+        "ball", "sphere", (0.6,) * 3, (0.0, top + 2.3, 0.0), mass=0.1, restitution=0.9
+    )
     world = start(engine, tree, Scene((ball,)))
     fall = rise = 0.0
     for _ in range(round(0.8 * RATE)):
         world.step()
-        speed = float(world.state().thing_velocity[0][1])
+        speed = float(world.state().object_velocity[0][1])
         fall, rise = min(fall, speed), max(rise, speed)
     tolerance = 0.05 if engine_spec.name == "pybullet" else 0.2
     assert rise / -fall == pytest.approx(bounce, rel=tolerance)
@@ -93,13 +95,13 @@ def test_the_ground_is_as_lively_as_the_constants_say(
 ) -> None:
     physics = constants().changed({"restitution": restitution})
     engine = make_engine(physics)
-    ball = Thing("ball", "sphere", (0.6,) * 3, (5.0, 2.3, 0.0), mass=0.1)
+    ball = SceneObject("ball", "sphere", (0.6,) * 3, (5.0, 2.3, 0.0), mass=0.1)
     tree = machine(ROOT)
     world = engine.build(assemble(tree, place(tree), physics), Scene((ball,)), RATE)
     speeds = []
     for _ in range(round(0.6 * RATE)):
         world.step()
-        speeds.append(float(world.state().thing_velocity[0][1]))
+        speeds.append(float(world.state().object_velocity[0][1]))
     assert max(speeds) / -min(speeds) == pytest.approx(restitution, abs=0.08)
 
 
@@ -140,18 +142,21 @@ def test_a_brace_makes_a_hinge_stiff(calm: Engine) -> None:
 @pytest.mark.parametrize("higher", np.arange(0.0, 0.2, 0.01))
 def test_a_touch_is_seen_however_short(engine: Engine, higher: float) -> None:
     """At 25 m/s a ball may be above the ground before a step and on its way up after it."""
-    ball = Thing("ball", "sphere", (1.0, 1.0, 1.0), (20.0, 10.0 + higher, 0.0), mass=1.0)
+    ball = SceneObject("ball", "sphere", (1.0, 1.0, 1.0), (20.0, 10.0 + higher, 0.0), mass=1.0)
     world = start(engine, machine(ROOT), Scene((ball,)))
-    while world.state().thing_velocity[0, 1] <= 0.0:
+    while world.state().object_velocity[0, 1] <= 0.0:
         world.step()
     assert world.touching("ball") == {"ground"}
 
 
-def test_things_that_never_move_are_not_tested_against_each_other(engine: Engine) -> None:
+def test_objects_that_never_move_are_not_tested_against_each_other(engine: Engine) -> None:
     """Rough ground is hundreds of them, side by side."""
     size = (1.0, 1.0, 1.0)
-    stones = (Thing("a", "box", size, (5.0, 0.2, 0.0)), Thing("b", "box", size, (5.5, 0.2, 0.0)))
-    ball = Thing("ball", "sphere", size, (5.0, 1.1, 0.0), mass=1.0)
+    stones = (
+        SceneObject("a", "box", size, (5.0, 0.2, 0.0)),
+        SceneObject("b", "box", size, (5.5, 0.2, 0.0)),
+    )
+    ball = SceneObject("ball", "sphere", size, (5.0, 1.1, 0.0), mass=1.0)
     world = start(engine, machine(ROOT), Scene((*stones, ball)))
     run(world, 0.25)
     assert "a" not in world.touching("b")

@@ -13,10 +13,10 @@ from benchmarks.shelf import load
 
 
 def test_four_ramps_rise_outward_from_the_walls() -> None:
-    things = {thing.name: thing for thing in get_task("throwing/2").scene().things}
+    objects = {item.name: item for item in get_task("throwing/2").scene().objects}
     high, far = 20 * sin(radians(20)), 11.4 + 20 * cos(radians(20))
     for name, axis, sign in (("front", 2, 1), ("back", 2, -1), ("right", 0, 1), ("left", 0, -1)):
-        corners = corners_of(things[f"{name} ramp"])
+        corners = corners_of(objects[f"{name} ramp"])
         upper = corners[corners[:, 1] > corners[:, 1].max() - 1e-6]
         assert upper[:, 1] == pytest.approx(high)
         assert sign * upper[:, axis] == pytest.approx(far)
@@ -47,7 +47,7 @@ def test_a_throw_that_meets_a_ramp_has_landed_there() -> None:
 
 def test_a_hurdle_stands_across_the_way() -> None:
     task = get_task("throwing", {"obstacle.height": 6, "obstacle.at": 14})
-    hurdle = task.scene().things[-1]
+    hurdle = task.scene().objects[-1]
     assert (hurdle.name, hurdle.position, hurdle.size) == ("hurdle", (0, 3, 14), (30, 6, 0.8))
     assert task.brief.scene[-1] == (
         "A wall 6 m high, 30 m wide and 0.8 m thick stands across z+ with its middle at z = 14 m."

@@ -1,4 +1,4 @@
-"""Bridges: where they are set down, when a load counts as carried, and what loads do to things."""
+"""Bridges: where they are set down, when a load counts as carried, and what loads do to objects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import EngineSpec
 from agentflow.env.physics.engines import installed_engines
 from agentflow.env.rollout import Verdict
-from agentflow.env.scene import Body, Scene, Thing
+from agentflow.env.scene import Body, Scene, SceneObject
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.families.bridge import BANKS, CARGO
 from agentflow.env.tasks.registry import get_task
@@ -45,8 +45,8 @@ def test_the_cargo_is_put_on_the_middle_and_grows_to_the_end_load() -> None:
     (cargo,) = scene.moving
     assert (cargo.name, cargo.mass, cargo.load) == (CARGO, 1.0, 6000.0)
     assert cargo.position == pytest.approx((0.0, 5.0 + 1.0 + 0.75, 0.0))
-    assert [thing.mass for thing in scene.loaded(0.5).moving] == [3001.0]
-    assert tuple(thing.name for thing in scene.things if not thing.mass) == BANKS
+    assert [item.mass for item in scene.loaded(0.5).moving] == [3001.0]
+    assert tuple(item.name for item in scene.objects if not item.mass) == BANKS
 
 
 def test_the_load_grows_evenly_until_it_is_whole() -> None:
@@ -138,11 +138,11 @@ def test_a_cargo_that_is_held_from_the_side_earns_nothing() -> None:
 
 @pytest.mark.parametrize("spec", installed_engines(), ids=lambda spec: spec.name)
 @pytest.mark.slow
-def test_soft_things_give_way_in_proportion_to_what_is_on_them(spec: EngineSpec) -> None:
+def test_soft_objects_give_way_in_proportion_to_what_is_on_them(spec: EngineSpec) -> None:
     """A box presses with four corners; its mass grows tenfold."""
     engine = spec.start()
-    bank = Thing("bank", "box", (20.0, 2.0, 20.0), (0.0, 1.0, 0.0), stiffness=10_000.0)
-    box = Thing(CARGO, "box", (2.5, 1.5, 2.5), (5.0, 2.75, 0.0), mass=20.0, load=180.0)
+    bank = SceneObject("bank", "box", (20.0, 2.0, 20.0), (0.0, 1.0, 0.0), stiffness=10_000.0)
+    box = SceneObject(CARGO, "box", (2.5, 1.5, 2.5), (5.0, 2.75, 0.0), mass=20.0, load=180.0)
     world = engine.build(
         assemble(LONE_ROOT, place(LONE_ROOT), constants()), Scene((bank, box)), 120.0
     )

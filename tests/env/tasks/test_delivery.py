@@ -32,7 +32,7 @@ def judge(*moments: Moment, task: str = "delivery") -> Verdict:
 
 def trace_of(*places: float) -> Trace:
     path = np.array([[(0.0, 1.5, z)] for z in places])
-    return make_trace(1, len(places), thing_position=path, things=("cargo",))
+    return make_trace(1, len(places), object_position=path, objects=("cargo",))
 
 
 def test_what_is_pushed_scores_its_greatest_distance() -> None:
@@ -115,8 +115,8 @@ def test_the_nearest_block_is_what_the_cargo_is_away_from() -> None:
         2,
         2,
         paths={0: [(0.0, 0.0, 0.0), (0.0, 0.0, 12.0)], 1: [(0.0, 0.0, 1.0), (0.0, 0.0, 10.0)]},
-        thing_position=path,
-        things=("cargo",),
+        object_position=path,
+        objects=("cargo",),
     )
     feedback = get_task("delivery").feedback(pair, trace, (), judge())
     assert feedback.data["gap"] == [14.0, 3.0]
@@ -163,7 +163,7 @@ def test_the_prompt_tells_what_lies_on_the_road() -> None:
 
 def test_a_cone_stands_beyond_the_place_of_the_turn_also_where_nothing_turns() -> None:
     task = get_task("delivery", {"cone.height": 1.5, "cone.further": 12, "curve.at": 30})
-    (cone,) = (thing for thing in task.scene().things if thing.name == "cone")
+    (cone,) = (item for item in task.scene().objects if item.name == "cone")
     assert cone.position == (0.0, 0.75, 42.0)
     assert any("at x = 0 m, z = 42 m" in line for line in task.brief.scene)
 
@@ -176,12 +176,12 @@ def test_no_machine_may_begin_within_the_beam() -> None:
 
 def test_only_the_cargo_moves_in_the_scene() -> None:
     for level in ("delivery", "delivery/2", "delivery/3", "delivery/4", "delivery/5"):
-        (cargo,) = (thing for thing in get_task(level).scene().things if thing.mass)
+        (cargo,) = (item for item in get_task(level).scene().objects if item.mass)
         assert (cargo.name, cargo.shape, cargo.size) == ("cargo", "sphere", (3, 3, 3))
 
 
 def test_the_cargo_lies_on_the_road_wherever_that_leads() -> None:
     task = get_task("delivery/5", {"cargo.at": 15 + 19 * np.pi / 2})
-    (cargo,) = (thing for thing in task.scene().things if thing.mass)
+    (cargo,) = (item for item in task.scene().objects if item.mass)
     assert cargo.position == pytest.approx((19.0, 1.5, 34.0))
     assert "x = 19, y = 1.5, z = 34 m" in " ".join(task.brief.scene)

@@ -77,7 +77,7 @@ def chaos(task: Task, seed: int) -> Trace:
     """Far positions of either sign, loads that wander, a root that tumbles, motors that stall."""
     chance = np.random.default_rng(seed)
     samples = round(task.window / 0.2) + 1
-    names = tuple(thing.name for thing in task.scene().things if thing.mass)
+    names = tuple(item.name for item in task.scene().objects if item.mass)
 
     def path(count: int) -> np.ndarray:  # type: ignore[type-arg]
         return chance.uniform(-999, 999, (samples, count, 3))
@@ -94,17 +94,17 @@ def chaos(task: Task, seed: int) -> Trace:
         alive=alive,
         utilisation=chance.uniform(0, 1, (samples, BLOCKS - 1)),
         connections=tuple((i, i - 1) for i in range(1, BLOCKS)),
-        thing_position=path(len(names)),
-        thing_rotation=np.tile((0.0, 0.0, 0.0, 1.0), (samples, len(names), 1)),
-        thing_velocity=path(len(names)),
-        things=names,
+        object_position=path(len(names)),
+        object_rotation=np.tile((0.0, 0.0, 0.0, 1.0), (samples, len(names), 1)),
+        object_velocity=path(len(names)),
+        objects=names,
     )
 
 
 def told(task: Task, machine: Machine, seed: int) -> Rollout:
     """One rollout of a machine of which every joint breaks."""
     chance, trace = random.Random(seed), chaos(task, seed)
-    world = Turmoil(chance, ["ground", *(thing.name for thing in task.scene().things)])
+    world = Turmoil(chance, ["ground", *(item.name for item in task.scene().objects)])
     referee = task.referee(machine)
     referee.start(world)
     for step in range(1, round(task.window * 10) + 1):

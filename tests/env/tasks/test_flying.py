@@ -135,7 +135,7 @@ def test_hoops_stand_where_the_brief_says_and_are_the_seeds() -> None:
     assert all(f"({x:g}, {y:g}, {z:g})" in told for x, y, z in centres)
     assert hoops_of(task.parameters.hoops) == task.marks
     assert level("flying/4", **{"hoops.seed": 9}).marks != task.marks
-    rims = [thing for thing in task.scene().things if thing.name.startswith("hoop 1,")]
+    rims = [item for item in task.scene().objects if item.name.startswith("hoop 1,")]
     inner = [((t.position[0]) ** 2 + (t.position[1] - centres[0][1]) ** 2) ** 0.5 for t in rims]
     assert min(inner) - rims[0].size[0] / 2 >= 4.0 - 1e-9
 

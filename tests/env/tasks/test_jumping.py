@@ -82,7 +82,7 @@ def judge_on(referee: JumpReferee, world: FakeWorld) -> Verdict:
     return referee.verdict(make_trace(2))
 
 
-def test_scene_things_among_themselves_are_no_touch() -> None:
+def test_scene_objects_among_themselves_are_no_touch() -> None:
     world = FakeWorld(contacts={"wall 1": frozenset({"ground"})})
     referee = level("jumping").referee(PAIR)
     referee.start(world)
@@ -124,13 +124,13 @@ def test_a_trench_forbids_its_floor_and_its_far_wall_only() -> None:
 
 def test_the_trench_lies_between_banks_and_the_slope_before_it() -> None:
     scene = level("jumping/3").scene()
-    things = {thing.name: thing for thing in scene.things}
-    assert set(things) == {"near bank", "far bank", "far wall", "slope"}
-    near, far = things["near bank"], things["far bank"]
+    objects = {item.name: item for item in scene.objects}
+    assert set(objects) == {"near bank", "far bank", "far wall", "slope"}
+    near, far = objects["near bank"], objects["far bank"]
     assert near.position[2] + near.size[2] / 2 == pytest.approx(12.0)
     assert far.position[2] - far.size[2] / 2 == pytest.approx(18.0)
     assert near.size[1] == far.size[1] == scene.start.height == 3.0
-    wall = things["far wall"]
+    wall = objects["far wall"]
     assert wall.position[2] - wall.size[2] / 2 < 18.0
     assert wall.size[1] < 3.0
 
@@ -138,8 +138,8 @@ def test_the_trench_lies_between_banks_and_the_slope_before_it() -> None:
 def test_walls_reach_far_to_both_sides() -> None:
     for name, tops in (("jumping", [0.5]), ("jumping/4", [0.8, 0.8]), ("jumping/5", [1.5])):
         scene = level(name).scene()
-        assert [thing.size[1] for thing in scene.things] == tops
-        assert {thing.size[0] for thing in scene.things} == {WIDTH}
+        assert [item.size[1] for item in scene.objects] == tops
+        assert {item.size[0] for item in scene.objects} == {WIDTH}
         assert scene.start.height == 0.0
 
 

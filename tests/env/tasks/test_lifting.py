@@ -138,8 +138,8 @@ def test_the_highest_point_is_looked_for_under_the_object(
 
 def test_the_object_stands_on_the_machine_and_on_the_ground_without_one() -> None:
     task = level("lifting/4", **{"object.offset": 0.5})
-    (there,) = task.scene(TOWER).things
-    (alone,) = task.scene().things
+    (there,) = task.scene(TOWER).objects
+    (alone,) = task.scene().objects
     assert there.position == pytest.approx((0.5, 4.5, 0.0))
     assert alone.position == pytest.approx((0.5, 0.5, 0.0))
     assert (there.mass, there.friction, there.size) == (10.0, 0.2, (2.0, 1.0, 2.0))
@@ -182,19 +182,19 @@ def test_a_box_tips_off_the_root_when_its_centre_of_mass_lies_beside_it() -> Non
     ],
 )
 def test_every_shape_has_its_size(name: str, shape: str, size: Vec3) -> None:
-    (thing,) = level(name).scene().things
-    assert (thing.shape, thing.size) == (shape, size)
+    (item,) = level(name).scene().objects
+    assert (item.shape, item.size) == (shape, size)
 
 
 def test_trials_vary_mass_place_and_friction() -> None:
     for trial in level("lifting/2").trials(0):
         knobs = trial.parameters
         assert isinstance(knobs, LiftingKnobs)
-        thing = knobs.object
-        assert 13.5 <= thing.mass <= 16.5
-        assert abs(thing.offset) <= 0.1
-        assert abs(thing.forward) <= 0.1
-        assert 0.72 <= thing.friction <= 0.88
+        item = knobs.object
+        assert 13.5 <= item.mass <= 16.5
+        assert abs(item.offset) <= 0.1
+        assert abs(item.forward) <= 0.1
+        assert 0.72 <= item.friction <= 0.88
 
 
 @pytest.mark.slow

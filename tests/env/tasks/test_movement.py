@@ -43,12 +43,12 @@ def test_the_greatest_distance_is_told_with_the_time_at_which_it_was_reached_fir
 
 
 def test_the_road_has_walls_on_three_sides() -> None:
-    things = {thing.name: thing for thing in get_task("movement").scene().things}
-    assert set(things) == {"wall left", "wall right", "wall back"}
-    assert things["wall left"].position == (-12, 2.5, 117)
-    assert things["wall right"].size == (1, 5, 266)
-    assert things["wall back"].position == (0.0, 2.5, -16)
-    assert {thing.friction for thing in things.values()} == {0}
+    objects = {item.name: item for item in get_task("movement").scene().objects}
+    assert set(objects) == {"wall left", "wall right", "wall back"}
+    assert objects["wall left"].position == (-12, 2.5, 117)
+    assert objects["wall right"].size == (1, 5, 266)
+    assert objects["wall back"].position == (0.0, 2.5, -16)
+    assert {item.friction for item in objects.values()} == {0}
 
 
 def test_the_feedback_tells_distance_speeds_and_path() -> None:

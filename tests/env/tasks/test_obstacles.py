@@ -9,24 +9,24 @@ import numpy as np
 import pytest
 
 from agentflow.env.rotations import rotate
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.features.obstacles import PLATE, bump, quarter_pipe
 from agentflow.env.tasks.registry import get_task
 
 
 def test_a_bump_rises_to_its_height_over_its_length() -> None:
-    thing = bump("bump", 15.0, 1.0, 4.0, 23.0)
-    radius, middle = thing.size[0] / 2, thing.position[1]
-    assert (radius, thing.size[1]) == (2.5, 23.0)
+    item = bump("bump", 15.0, 1.0, 4.0, 23.0)
+    radius, middle = item.size[0] / 2, item.position[1]
+    assert (radius, item.size[1]) == (2.5, 23.0)
     assert middle + radius == 1.0
     assert radius**2 - middle**2 == pytest.approx(4.0)
-    assert rotate(np.array(thing.rotation), (0.0, 1.0, 0.0)) == pytest.approx((-1.0, 0.0, 0.0))
+    assert rotate(np.array(item.rotation), (0.0, 1.0, 0.0)) == pytest.approx((-1.0, 0.0, 0.0))
 
 
-def top_edge(thing: Thing, end: float) -> tuple[float, float]:
+def top_edge(item: SceneObject, end: float) -> tuple[float, float]:
     """z and y of the upper edge at the near (-1) or far (1) end of a plate."""
-    corner = rotate(np.array(thing.rotation), (0.0, PLATE / 2, end * thing.size[2] / 2))
-    return thing.position[2] + corner[2], thing.position[1] + corner[1]
+    corner = rotate(np.array(item.rotation), (0.0, PLATE / 2, end * item.size[2] / 2))
+    return item.position[2] + corner[2], item.position[1] + corner[1]
 
 
 def test_a_quarter_pipe_runs_from_the_ground_to_its_edge_without_a_gap() -> None:
@@ -38,8 +38,8 @@ def test_a_quarter_pipe_runs_from_the_ground_to_its_edge_without_a_gap() -> None
 
 
 def test_the_levels_place_them_by_the_table() -> None:
-    bumps = [t for t in get_task("movement/2").scene().things if t.name.startswith("bump")]
-    assert [thing.position[2] for thing in bumps] == [15.0, 30.0]
+    bumps = [t for t in get_task("movement/2").scene().objects if t.name.startswith("bump")]
+    assert [item.position[2] for item in bumps] == [15.0, 30.0]
     assert (
         "A quarter-pipe lies across the whole road: it starts flat at z = 15.7 m and steepens to "
         "its edge at z = 22.3 m, 3.5 m high. Its profile is an arc of radius 8.0 m in 8 flat "

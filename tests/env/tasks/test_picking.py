@@ -18,8 +18,8 @@ from tests.env.fakes import LONE_ROOT, FakeWorld, make_trace
 def test_the_ground_is_as_high_as_the_pit_is_deep() -> None:
     scene = get_task("picking/2").scene()
     assert scene.start.height == 5.0
-    grounds = [thing for thing in scene.things if thing.name.endswith("ground")]
-    assert [thing.position[1] + thing.size[1] / 2 for thing in grounds] == [5.0] * 4
+    grounds = [item for item in scene.objects if item.name.endswith("ground")]
+    assert [item.position[1] + item.size[1] / 2 for item in grounds] == [5.0] * 4
     near, far, left, right = grounds
     assert near.position[2] + near.size[2] / 2 == 8.0
     assert far.position[2] - far.size[2] / 2 == 15.0
@@ -28,12 +28,12 @@ def test_the_ground_is_as_high_as_the_pit_is_deep() -> None:
 
 
 def test_the_ball_lies_in_the_middle_of_what_a_bar_leaves_free() -> None:
-    things = {thing.name: thing for thing in get_task("picking/4").scene().things}
-    assert things["ball"].position == (1.75, 1.0, 11.5)
-    bar = things["bar"]
+    objects = {item.name: item for item in get_task("picking/4").scene().objects}
+    assert objects["ball"].position == (1.75, 1.0, 11.5)
+    bar = objects["bar"]
     assert (bar.position[0] - bar.size[0] / 2, bar.position[0] + bar.size[0] / 2) == (-3.5, 0.0)
     assert bar.position[1] + bar.size[1] / 2 == 2.0
-    assert "bar" not in {thing.name for thing in get_task("picking").scene().things}
+    assert "bar" not in {item.name for item in get_task("picking").scene().objects}
 
 
 def test_the_schedule_drives_lowers_grabs_raises_and_drives_back() -> None:
@@ -109,7 +109,7 @@ def test_it_is_a_success_when_the_ball_ends_outside_the_pit(place: Vec3, ends: s
     assert str(verdict.terms["result"]).endswith(f" m and ended {ends}")
 
 
-def test_the_feedback_tells_the_height_of_every_second_and_where_things_were() -> None:
+def test_the_feedback_tells_the_height_of_every_second_and_where_objects_were() -> None:
     """The window has been cut at 10 s: nothing is told of what would have begun later."""
     task = get_task("picking")
     crane = Machine((ROOT, Step(1, GRABBER, 0, 0)))
@@ -122,8 +122,8 @@ def test_the_feedback_tells_the_height_of_every_second_and_where_things_were() -
             0: [(0.0, 3.5, time) for time in times],
             1: [(0.0, 3.5, time + 1) for time in times],
         },
-        thing_position=ball,
-        things=("ball",),
+        object_position=ball,
+        objects=("ball",),
     )
     feedback = task.feedback(crane, trace, (), judge((0.0, 3.0, 11.5)))
     lines = feedback.text.splitlines()

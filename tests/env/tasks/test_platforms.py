@@ -18,7 +18,7 @@ def test_its_upper_side_is_the_plane_that_the_machine_stands_on(
     height: float, angle: float
 ) -> None:
     platform = Platform(height=height, angle=angle)
-    (plate,) = platform.things()
+    (plate,) = platform.objects()
     start = platform.start
     normal = rotate(np.array(start.rotation), (0.0, 1.0, 0.0))
     above = (corners_of(plate) - (0.0, start.height, 0.0)) @ normal
@@ -31,7 +31,7 @@ def test_its_upper_side_is_the_plane_that_the_machine_stands_on(
 
 def test_without_one_the_machine_stands_on_the_ground() -> None:
     platform = Platform()
-    assert (platform.things(), platform.sentences(), platform.start) == ((), (), Start())
+    assert (platform.objects(), platform.sentences(), platform.start) == ((), (), Start())
 
 
 def test_it_is_told() -> None:

@@ -32,10 +32,10 @@ def test_every_level_tells_everything(name: str) -> None:
 @for_each(NAMES)
 def test_every_scene_is_finite_named_and_repeatable(name: str) -> None:
     scene = get_task(name).scene()
-    numbers = [n for t in scene.things for n in (*t.size, *t.position, *t.rotation, t.mass)]
+    numbers = [n for t in scene.objects for n in (*t.size, *t.position, *t.rotation, t.mass)]
     assert all(math.isfinite(n) for n in (*numbers, *scene.wind))
-    assert all(extent > 0 for thing in scene.things for extent in thing.size)
-    names = [thing.name for thing in scene.things]
+    assert all(extent > 0 for item in scene.objects for extent in item.size)
+    names = [item.name for item in scene.objects]
     assert len(set(names)) == len(names)
     assert "ground" not in names
     assert get_task(name).scene() == scene
@@ -127,7 +127,7 @@ def test_a_knob_of_the_wrong_shape_is_refused(knob: str) -> None:
 def test_knobs_may_be_nested_dotted_or_both() -> None:
     given = {"wall": {"height": 2}, "wall.thickness": 1, "wind.speed": 3}
     task = get_task("throwing", given)
-    assert task.scene().things[0].size == (1.0, 2.0, 23.0)
+    assert task.scene().objects[0].size == (1.0, 2.0, 23.0)
     assert given["wall"] == {"height": 2}
 
 
@@ -137,7 +137,7 @@ def test_an_own_level_is_a_file(tmp_path: Path) -> None:
     task = get_task(str(path), {"wall.height": 2})
     assert task.name == str(path)
     assert task.scene().wind == (0.0, 0.0, -12.0)
-    assert task.scene().things[0].size[1] == 2.0
+    assert task.scene().objects[0].size[1] == 2.0
 
 
 @pytest.mark.parametrize(

@@ -21,13 +21,13 @@ def fly(*places: Vec3) -> RingProgress:
 
 
 def test_the_body_leaves_the_opening_free() -> None:
-    things = list(NEAR.things("ring 1"))
-    assert len(things) == SIDES
-    for thing in things:
-        away = [hypot(x, y - 7.0) for x, y, _ in corners_of(thing)]
+    objects = list(NEAR.objects("ring 1"))
+    assert len(objects) == SIDES
+    for item in objects:
+        away = [hypot(x, y - 7.0) for x, y, _ in corners_of(item)]
         assert min(away) >= 4.0 - 1e-9
         assert max(away) < 4.5
-        assert thing.position[2] == 14.0
+        assert item.position[2] == 14.0
 
 
 def test_both_rings_passed_in_order_score_twenty() -> None:

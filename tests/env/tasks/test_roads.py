@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.features.roads import (
     LEAP,
     Curve,
@@ -92,7 +92,7 @@ def test_a_left_turn_is_the_mirror_image_of_a_right_turn() -> None:
 
 @pytest.mark.parametrize("curve", [CORNER, HALF_TURN])
 def test_walls_keep_their_distance_from_the_line_all_the_way(curve: Curve) -> None:
-    walls = [thing for thing in road_walls(ROAD, curve) if thing.name != "wall back"]
+    walls = [item for item in road_walls(ROAD, curve) if item.name != "wall back"]
     line = centre_line(ROAD, curve)
     for segment in line.segments:
         for step in range(1, 20):
@@ -103,7 +103,7 @@ def test_walls_keep_their_distance_from_the_line_all_the_way(curve: Curve) -> No
                 assert any(_within(x, z, wall) for wall in walls)
 
 
-def _within(x: float, z: float, wall: Thing) -> bool:
+def _within(x: float, z: float, wall: SceneObject) -> bool:
     """Whether a place is in a wall, seen from above."""
     _, s, _, c = wall.rotation
     sine, cosine = 2 * s * c, c * c - s * s
@@ -133,6 +133,6 @@ def test_only_a_road_that_turns_allows_what_helps_to_steer() -> None:
 
 def test_no_wall_stands_where_machines_start() -> None:
     for name in ("movement/5", "delivery/5"):
-        for thing in get_task(name).scene().things:
-            if thing.name.startswith("wall") and abs(thing.position[2]) < 8.5:
-                assert hypot(thing.position[0]) >= 9.5
+        for item in get_task(name).scene().objects:
+            if item.name.startswith("wall") and abs(item.position[2]) < 8.5:
+                assert hypot(item.position[0]) >= 9.5

@@ -13,35 +13,35 @@ WIDTH = 23.0
 
 def test_slabs_cover_the_road_and_rise_no_further_than_told() -> None:
     rough = Roughness(height=0.15, first=10, last=40)
-    things = list(rough.things(WIDTH, 0))
-    assert len(things) == 8 * 10
-    tops = [corners_of(thing)[:, 1].max() for thing in things]
+    objects = list(rough.objects(WIDTH, 0))
+    assert len(objects) == 8 * 10
+    tops = [corners_of(item)[:, 1].max() for item in objects]
     assert 0.05 < max(tops) <= 0.15 + 1e-9
-    assert min(corners_of(thing)[:, 1].max() for thing in things) > 0.0
+    assert min(corners_of(item)[:, 1].max() for item in objects) > 0.0
     assert len({round(top, 6) for top in tops}) > 70
-    area = sum(thing.size[0] * thing.size[2] for thing in things)
+    area = sum(item.size[0] * item.size[2] for item in objects)
     assert area == pytest.approx(WIDTH * 30)
 
 
 def test_stones_are_as_many_as_the_density_says_and_half_in_the_ground() -> None:
     stone = Stones(density=0.06, first=10, last=200)
-    things = list(stone.things(WIDTH))
-    assert len(things) == round(0.06 * WIDTH * 190)
-    assert all(0.5 <= thing.size[0] <= 2 for thing in things)
-    assert all(thing.position[1] == 0 for thing in things)
-    assert all(10 <= thing.position[2] <= 200 for thing in things)
-    assert all(abs(thing.position[0]) <= WIDTH / 2 for thing in things)
+    objects = list(stone.objects(WIDTH))
+    assert len(objects) == round(0.06 * WIDTH * 190)
+    assert all(0.5 <= item.size[0] <= 2 for item in objects)
+    assert all(item.position[1] == 0 for item in objects)
+    assert all(10 <= item.position[2] <= 200 for item in objects)
+    assert all(abs(item.position[0]) <= WIDTH / 2 for item in objects)
 
 
 def test_the_seed_says_where_they_lie() -> None:
-    one, same, other = (list(Stones(density=0.06, seed=s).things(WIDTH)) for s in (1, 1, 2))
+    one, same, other = (list(Stones(density=0.06, seed=s).objects(WIDTH)) for s in (1, 1, 2))
     assert one == same
     assert one != other
 
 
 def test_flat_ground_has_none() -> None:
-    assert list(Roughness().things(WIDTH, 0)) == []
-    assert list(Stones().things(WIDTH)) == []
+    assert list(Roughness().objects(WIDTH, 0)) == []
+    assert list(Stones().objects(WIDTH)) == []
 
 
 def test_the_level_tells_its_numbers() -> None:

@@ -249,13 +249,13 @@ def test_the_reinforcement_learning_score_multiplies_by_the_height() -> None:
 
 def test_the_yard_has_four_walls_around_the_machine() -> None:
     scene = get_task("throwing").scene()
-    assert [(t.name, t.position, t.size) for t in scene.things] == [
+    assert [(t.name, t.position, t.size) for t in scene.objects] == [
         ("left wall", (-11, 0.75, 0.0), (0.8, 1.5, 22.8)),
         ("right wall", (11, 0.75, 0.0), (0.8, 1.5, 22.8)),
         ("back wall", (0.0, 0.75, -11), (21.2, 1.5, 0.8)),
         ("front wall", (0.0, 0.75, 11), (21.2, 1.5, 0.8)),
     ]
-    assert get_task("throwing", {"wall.height": 0}).scene().things == ()
+    assert get_task("throwing", {"wall.height": 0}).scene().objects == ()
 
 
 def test_the_feedback_is_short_and_regular() -> None:

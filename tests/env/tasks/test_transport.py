@@ -129,7 +129,7 @@ def test_the_cargo_falls_from_its_height_or_from_the_machine() -> None:
 
 
 def test_a_mark_that_nothing_can_touch_shows_the_target() -> None:
-    (mark,) = get_task("transport", {"target.right": -6}).scene(LONE_ROOT).things
+    (mark,) = get_task("transport", {"target.right": -6}).scene(LONE_ROOT).objects
     assert mark.position[::2] == (-6.0, 10.0)
     assert mark.position[1] + mark.size[1] / 2 < 0.0
 

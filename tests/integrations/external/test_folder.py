@@ -9,7 +9,7 @@ import pytest
 
 from agentflow.integrations.external.folder import Assignment, task_text, write_folder
 from agentflow.machine.tree import ROOT, Machine
-from agentflow.runs.places import BLIND, INITIAL
+from agentflow.runs.locations import BLIND, INITIAL
 from agentflow.tools import ToolSpec
 
 CHECK = ToolSpec("check", "Check a machine.", {})

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.errors import RunError
-from agentflow.integrations.external.process import HEAD, TAIL, Command, Ending, run_program
+from agentflow.integrations.external.process import HEAD, TAIL, Ending, ProgramCommand, run_program
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sessions and signals")
 
@@ -47,9 +47,9 @@ open("ready", "w").close()
 WAIT = "\nimport time; time.sleep(600)"
 
 
-def command(code: str, limit: float = 60.0, grace: float = 0.3) -> Command:
+def command(code: str, limit: float = 60.0, grace: float = 0.3) -> ProgramCommand:
     variables = {"PATH": os.environ["PATH"], MARK: f"{os.getpid()}-{time.monotonic_ns()}"}
-    return Command([sys.executable, "-c", code], variables, MARK, limit, grace)
+    return ProgramCommand([sys.executable, "-c", code], variables, MARK, limit, grace)
 
 
 def run(code: str, folder: Path, limit: float = 60.0, grace: float = 0.3) -> tuple[Ending, bytes]:
@@ -210,6 +210,6 @@ def test_a_log_that_cannot_be_written_stops_the_program(tmp_path: Path) -> None:
 def test_a_program_that_cannot_be_started(tmp_path: Path) -> None:
     given = tmp_path / "given"
     given.touch()
-    missing = Command(["/nowhere/agent"], {MARK: "1"}, MARK, 1.0)
+    missing = ProgramCommand(["/nowhere/agent"], {MARK: "1"}, MARK, 1.0)
     with pytest.raises(FileNotFoundError):
         asyncio.run(run_program(missing, tmp_path, given, lambda _bytes: None))

@@ -28,7 +28,7 @@ from agentflow.runs.events import (
     ToolEvent,
     read_stage,
 )
-from agentflow.runs.places import FEEDBACK, INITIAL, STAGES, Place
+from agentflow.runs.locations import FEEDBACK, INITIAL, STAGES, Location
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sessions and signals")
 ROOT = Path(__file__).parents[3]
@@ -159,14 +159,14 @@ def test_a_folder_of_machines_that_is_gone_or_a_link(tmp_path: Path) -> None:
 
 def test_which_files_do_not_count_is_told() -> None:
     good, bad = FileVerdict("a.json", "1234abcd", ""), FileVerdict("b.json", None, "no JSON")
-    place = Place(INITIAL)
-    assert str(FilesEvent(place, (good,), 0, "")) == ""
-    assert str(FilesEvent(place, (good, bad), 0, "")) == (
+    location = Location(INITIAL)
+    assert str(FilesEvent(location, (good,), 0, "")) == ""
+    assert str(FilesEvent(location, (good, bad), 0, "")) == (
         "1 file does not count, such as machines/b.json: no JSON"
     )
-    assert str(FilesEvent(place, (bad,), 2, "")).startswith("3 files do not count, such as ")
-    assert str(FilesEvent(place, (good,), 2, "")) == "2 files do not count: others came first"
-    assert str(FilesEvent(place, (), 0, "gone")) == "the folder machines cannot be read: gone"
+    assert str(FilesEvent(location, (bad,), 2, "")).startswith("3 files do not count, such as ")
+    assert str(FilesEvent(location, (good,), 2, "")) == "2 files do not count: others came first"
+    assert str(FilesEvent(location, (), 0, "gone")) == "the folder machines cannot be read: gone"
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agentflow.agents.base import AskContext, RoleAttempt, ask
-from agentflow.agents.designer import Design, Designer, DesignerInput
+from agentflow.agents.designer import DesignedMachine, Designer, DesignerInput
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.agents.registry import scripts
@@ -44,7 +44,7 @@ async def designs(brief: Brief, blueprint: Blueprint, seed: int, label: str) -> 
     return machine
 
 
-async def whole_design(brief: Brief, seed: int, label: str = "whole") -> Design | None:
+async def whole_design(brief: Brief, seed: int, label: str = "whole") -> DesignedMachine | None:
     return (await ask(Designer(), DesignerInput(brief), context(seed, 5), label)).output
 
 

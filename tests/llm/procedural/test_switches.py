@@ -19,7 +19,7 @@ from agentflow.machine.validity import check
 from agentflow.workflows.registry import WORKFLOWS, check_fit
 from agentflow.workflows.settings import WorkflowSettings
 from tests.llm.procedural.asking import PROMPTS, brief_of
-from tests.workflows.world import Notes, Shelf
+from tests.workflows.fakes import Notes, Shelf
 
 FAMILIES = [name for name in task_names() if "/" not in name]
 DESIGNED = [name for name in FAMILIES if brief_of(name).given == LONE_ROOT]

@@ -11,7 +11,7 @@ from agentflow.env.tasks.registry import FAMILIES
 from agentflow.llm.messages import Message, Request, Tool, ToolCall
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.runs.events import ToolEvent
-from agentflow.runs.places import BLIND, INITIAL
+from agentflow.runs.locations import BLIND, INITIAL
 from agentflow.tools.bench import TOOLS, Bench
 from tests.tools.benches import CAR, open_bench
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from agentflow.metrics.behaviour.agents import agent_edits
 from agentflow.runs.events import EvaluationEvent, RunEvent, ToolEvent
-from agentflow.runs.places import BLIND, FEEDBACK, INITIAL, Place
+from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL, Location
 from tests.metrics.events import attempt, evaluation
 
 A, B, C, D = ("aaaaaaaa00", "bbbbbbbb00", "cccccccc00", "dddddddd00")
@@ -20,20 +20,20 @@ class Bench:
         self.calls = self.turns = 0
         self.stage: Any = FEEDBACK
 
-    def turn(self) -> Place:
+    def turn(self) -> Location:
         self.turns += 1
         self.events.append(attempt(f"agent/{self.stage}/attempt-{self.turns}"))
-        return self.events[-1].place
+        return self.events[-1].location
 
     def call(self, tool: str, machine: str, result: str, *, refused: bool = False) -> None:
         self.calls += 1
-        place, sent = Place(self.stage, call=self.calls), {"machine": machine[:8]}
+        location, sent = Location(self.stage, call=self.calls), {"machine": machine[:8]}
         made = None if refused else result
-        self.events.append(ToolEvent(place, tool, sent, refused, "", machine=made))
+        self.events.append(ToolEvent(location, tool, sent, refused, "", machine=made))
 
     def simulate(self, machine: str, score: float | None) -> None:
-        place = Place(self.stage, trajectory=1, call=self.calls + 1)
-        self.events.append(evaluation(str(place), score, machine))
+        location = Location(self.stage, trajectory=1, call=self.calls + 1)
+        self.events.append(evaluation(str(location), score, machine))
         self.call("simulate", machine, machine)
 
     def end(self, machine: str, score: float) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from agentflow.metrics.behaviour.measures import Behaviour, behaviour, edits
 from agentflow.metrics.intervals import Rate
-from agentflow.runs.places import BLIND, FEEDBACK, INITIAL
+from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL
 from agentflow.runs.record import RunRecord
 from tests.metrics.events import attempt, candidate, edit, evaluation, node
 
@@ -45,7 +45,7 @@ def record(*scores: float | None) -> RunRecord:
 
 def observed(made: RunRecord, *, told: str = "") -> Behaviour:
     return behaviour(
-        list(edits(made)), lambda _place: told, Letters(), {"refiner": 30}, metres=False
+        list(edits(made)), lambda _location: told, Letters(), {"refiner": 30}, metres=False
     )
 
 
@@ -101,7 +101,7 @@ def test_predictions_are_found_by_the_place_of_the_call() -> None:
     told = {FIRST: "score 4", SECOND: "score 6"}
     found = behaviour(
         list(edits(record(1.0, 2.0, 3.0, 4.0))),
-        lambda place: told.get(str(place), ""),
+        lambda location: told.get(str(location), ""),
         Letters(),
         {},
         metres=False,

@@ -1,1 +1,1 @@
-"""A distribution outside agentflow that adds one thing of each kind; see tests/test_plugins.py."""
+"""A distribution outside agentflow that adds one object of each kind; see tests/test_plugins.py."""

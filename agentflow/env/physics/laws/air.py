@@ -103,7 +103,7 @@ def _local_drag(row: Row, law: Sequence[float]) -> tuple[Vec3, Vec3]:
 
 
 class WindForce:
-    """Wind on every part and thing: 0.6 * area facing it * wind * (wind - velocity).
+    """Wind on every part and object: 0.6 * area facing it * wind * (wind - velocity).
 
     At rest this is 0.6 * area * wind squared. In motion it is linear in the speed through the air,
     so a light breeze does little, and still air, which drag covers, nothing. If it grew with the
@@ -114,7 +114,7 @@ class WindForce:
         """Compute the areas of the boxes' sides.
 
         Args:
-            locations: Of all parts and things.
+            locations: Of all parts and objects.
             extents: (P, 3) boxes that the wind sees, engine frame, m.
             wind: (3,) mean velocity of the air, engine frame, m/s.
             drag: Force over area times squared speed, kg/m3.
@@ -123,7 +123,7 @@ class WindForce:
         self._areas = extents[:, [1, 0, 0]] * extents[:, [2, 2, 1]]
 
     def __call__(self, rows: Array, strength: float = 1.0) -> list[PartForce]:
-        """Forces on all parts, then on all things, at `strength` times the mean wind."""
+        """Forces on all parts, then on all objects, at `strength` times the mean wind."""
         row, rotation = self._locations.row, matrices(rows[:, ROTATION])
         arms, motion = turn(rotation.take(row, 0), self._locations.offset), rows.take(row, 0)
         velocity = motion[:, VELOCITY] + cross(motion[:, SPIN], arms)

@@ -52,7 +52,7 @@ torque or None.
 PartForce = tuple[int, Vec3, Vec3 | None]
 """Force at the centre of one part; the joints between it and its cluster carry it.
 
-Part index (moving things are numbered on from the last part), force (N), and position of the
+Part index (moving objects are numbered on from the last part), force (N), and position of the
 centre, with the force in the engine's axes; None if the force is in the part's own axes.
 """
 

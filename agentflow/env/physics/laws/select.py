@@ -52,24 +52,24 @@ def wind_laws(
     drag: float,
     strength: Callable[[], float],
 ) -> list[Law]:
-    """The scene's wind on every part and moving thing; no law in still air.
+    """The scene's wind on every part and moving object; no law in still air.
 
     Args:
         assembly: The machine.
         layout: The rows.
-        scene: Gives the mean wind and the moving things.
+        scene: Gives the mean wind and the moving objects.
         drag: Force over area times squared speed, kg/m3.
         strength: Wind in this step as a share of the mean wind; called once per step.
     """
     if not any(scene.wind):
         return []
     locations = layout.locations
-    boxes = [part.extents for part in assembly.parts] + [thing.size for thing in scene.moving]
-    rows = np.arange(layout.thing_rows.start, layout.thing_rows.stop, dtype=np.intp)
+    boxes = [part.extents for part in assembly.parts] + [item.size for item in scene.moving]
+    rows = np.arange(layout.object_rows.start, layout.object_rows.stop, dtype=np.intp)
     wind = WindForce(
         PartLocations(
             np.concatenate([locations.row, rows]),
-            np.concatenate([locations.offset, layout.thing_arms]),
+            np.concatenate([locations.offset, layout.object_arms]),
         ),
         swap_all(np.array(boxes)),
         np.array(swap(scene.wind)),

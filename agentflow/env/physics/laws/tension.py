@@ -14,7 +14,7 @@ from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, p
 from agentflow.env.physics.rows import Row
 from agentflow.machine.geometry.vectors import Vec3, scale
 
-Place = tuple[int, Vec3]
+RowPoint = tuple[int, Vec3]
 """Row of a cluster and offset from its leading part's centre, as `PartLocations.locate` gives."""
 
 
@@ -104,7 +104,7 @@ class WinchForce:
         """Time between calls, s."""
         self._left: list[float | None] = [None] * len(winches)
         """Length of each rope, m; None until it is strung."""
-        self._ends: list[tuple[Place, Place]] = []
+        self._ends: list[tuple[RowPoint, RowPoint]] = []
 
     def __bool__(self) -> bool:
         return bool(self._winches)
@@ -131,7 +131,9 @@ class WinchForce:
         return pulls
 
 
-def _line(rows: Sequence[Row], one: Place, other: Place) -> tuple[Vec3, Vec3, Vec3, float, float]:
+def _line(
+    rows: Sequence[Row], one: RowPoint, other: RowPoint
+) -> tuple[Vec3, Vec3, Vec3, float, float]:
     """Two points, the unit vector from one to the other, their distance and its rate of change."""
     at_a, (ux, uy, uz) = part_motion(rows[one[0]], one[1])
     at_b, (vx, vy, vz) = part_motion(rows[other[0]], other[1])

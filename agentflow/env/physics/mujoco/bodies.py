@@ -1,4 +1,4 @@
-"""A MuJoCo model of one world: ground, things and pieces of a machine.
+"""A MuJoCo model of one world: ground, objects and pieces of a machine.
 
 Each part is a body of its own, whose frame is at its joint and aligned with the machine frame at
 rest. A rigid joint is a body without joint in its parent; the root of a piece has a free joint.
@@ -17,13 +17,13 @@ from agentflow.env.constants import Constants
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Assembly, Joint, Shape
 from agentflow.env.physics.mujoco.couplings import FIRM, add_grip, hard, mesh_cogs, weld
-from agentflow.env.physics.mujoco.shapes import Shapes, wxyz
+from agentflow.env.physics.mujoco.shapes import ShapeWriter, wxyz
 from agentflow.env.physics.mujoco.surfaces import FIXED, Surface, Surfaces
 from agentflow.env.physics.solids import joint_axis, solid_shapes
 from agentflow.env.physics.structure.drives import merge_drives
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Link, Piece, Skeleton
-from agentflow.env.scene import Body, Scene, Thing
+from agentflow.env.scene import Body, Scene, SceneObject
 from agentflow.machine.geometry.vectors import (
     IDENTITY,
     Vec3,
@@ -59,7 +59,7 @@ _KINDS = {
 
 
 @dataclass(frozen=True)
-class Place:
+class JointAddress:
     """Where MuJoCo stores the motion of a joint."""
 
     position: int
@@ -69,7 +69,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Built:
+class CompiledModel:
     """A compiled model, its state, and where everything is in them."""
 
     spec: Any
@@ -78,18 +78,18 @@ class Built:
     data: Any
     parts: tuple[int, ...]
     """Body number of each part."""
-    things: Mapping[str, int]
-    """Body number of each moving thing."""
-    roots: Mapping[int, Place]
+    objects: Mapping[str, int]
+    """Body number of each moving object."""
+    roots: Mapping[int, JointAddress]
     """Free joint of the root part of each piece."""
-    loose: Mapping[str, Place]
-    """Free joint of each moving thing."""
+    loose: Mapping[str, JointAddress]
+    """Free joint of each moving object."""
     links: tuple[Link, ...]
     """Those of the trees, then the loops; in the order of their sensors."""
-    joints: Mapping[int, Place]
-    """Place of each joint that moves."""
+    joints: Mapping[int, JointAddress]
+    """Address of each joint that moves."""
     owners: tuple[Body, ...]
-    """Block or thing that each shape belongs to."""
+    """Block or object that each shape belongs to."""
     lively: tuple[bool, ...]
     """Whether each shape rebounds more than usual."""
     grips: Mapping[int, int]
@@ -103,7 +103,7 @@ def build(
     layout: RowLayout,
     scene: Scene,
     step: float,
-) -> Built:
+) -> CompiledModel:
     """Compile the model of a world, with the machine at rest where it was assembled."""
     return _Builder(physics, assembly, plan, scene, step).finish(layout)
 
@@ -119,16 +119,16 @@ def set_step_length(model: Any, step: float) -> None:
     model.dof_solref[:] = _braking(step)
 
 
-def weigh_things(built: Built, scene: Scene) -> None:
-    """Give the moving things the masses that they have in this scene."""
+def weigh_objects(built: CompiledModel, scene: Scene) -> None:
+    """Give the moving objects the masses that they have in this scene."""
     model = built.model
-    for thing in scene.moving:
-        body, place = built.things[thing.name], built.loose[thing.name]
-        share = thing.mass / model.body_mass[body]
-        model.body_mass[body] = model.body_subtreemass[body] = thing.mass
-        model.body_inertia[body] = inertia_of(thing)
+    for item in scene.moving:
+        body, address = built.objects[item.name], built.loose[item.name]
+        share = item.mass / model.body_mass[body]
+        model.body_mass[body] = model.body_subtreemass[body] = item.mass
+        model.body_inertia[body] = inertia_of(item)
         model.body_invweight0[body] /= share
-        model.dof_invweight0[place.velocity : place.velocity + 6] /= share
+        model.dof_invweight0[address.velocity : address.velocity + 6] /= share
 
 
 def _fast(step: float) -> tuple[float, float]:
@@ -157,22 +157,22 @@ class _Builder:
         option.impratio = TANGENTIAL
         option.disableflags = int(OFF)
         self._surfaces = Surfaces(physics)
-        self._shapes = Shapes(spec, self._surfaces)
+        self._shapes = ShapeWriter(spec, self._surfaces)
         self._apart: set[tuple[str, str]] = set()
-        self._things: dict[str, tuple[Any, Any]] = {}
+        self._objects: dict[str, tuple[Any, Any]] = {}
         self._parts: dict[int, Any] = {}
         self._roots: dict[int, Any] = {}
         self._joints: dict[int, Any] = {}
         self._grabbers = {grip.part for grip in assembly.devices.grippers}
         self._shares = Counter(loop.part for loop in plan.loops)
         """How many loops end at each part; each has a share of the part's mass."""
-        self._shapes.add_ground(self._surfaces.thing(scene.friction, None), FIXED)
-        for number, thing in enumerate(scene.things):
-            self._thing(thing, FIXED - 1 - number)
+        self._shapes.add_ground(self._surfaces.item(scene.friction, None), FIXED)
+        for number, item in enumerate(scene.objects):
+            self._item(item, FIXED - 1 - number)
         for piece in plan.pieces:
             self._piece(piece)
 
-    def finish(self, layout: RowLayout) -> Built:
+    def finish(self, layout: RowLayout) -> CompiledModel:
         """Add what refers to several bodies, and compile."""
         spec, joints = self._spec, self._assembly.joints
         for parallel in self._plan.parallel:
@@ -189,7 +189,7 @@ class _Builder:
             for kind in (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE):
                 name = str(link.joint)
                 spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=name)
-        moving = [*map(_name, layout.leading), *map(_name, layout.things)]
+        moving = [*map(_name, layout.leading), *map(_name, layout.objects)]
         for name in moving:
             for kind in _ROW:
                 spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_BODY, objname=name)
@@ -197,19 +197,19 @@ class _Builder:
 
         order = [int(model.geom(i).name) for i in range(model.ngeom)]
 
-        def place(joint: Any) -> Place:
-            return Place(int(model.jnt_qposadr[joint.id]), int(model.jnt_dofadr[joint.id]))
+        def address(joint: Any) -> JointAddress:
+            return JointAddress(int(model.jnt_qposadr[joint.id]), int(model.jnt_dofadr[joint.id]))
 
-        return Built(
+        return CompiledModel(
             spec,
             model,
             mujoco.MjData(model),
             parts=tuple(self._parts[part].id for part in range(len(self._assembly.parts))),
-            things={name: body.id for name, (body, _) in self._things.items()},
-            roots={part: place(joint) for part, joint in self._roots.items()},
-            loose={name: place(joint) for name, (_, joint) in self._things.items()},
+            objects={name: body.id for name, (body, _) in self._objects.items()},
+            roots={part: address(joint) for part, joint in self._roots.items()},
+            loose={name: address(joint) for name, (_, joint) in self._objects.items()},
             links=links,
-            joints={joint: place(made) for joint, made in self._joints.items()},
+            joints={joint: address(made) for joint, made in self._joints.items()},
             owners=tuple(self._shapes.owners[i] for i in order),
             lively=tuple(self._surfaces.lively[i] for i in order),
             grips={
@@ -218,20 +218,20 @@ class _Builder:
             },
         )
 
-    def _thing(self, thing: Thing, cluster: int) -> None:
-        body, at, rotation = self._spec.worldbody, thing.position, thing.rotation
-        if thing.mass > 0:
-            middle = swap(add(at, rotate_vector(rotation, thing.balance)))
+    def _item(self, item: SceneObject, cluster: int) -> None:
+        body, at, rotation = self._spec.worldbody, item.position, item.rotation
+        if item.mass > 0:
+            middle = swap(add(at, rotate_vector(rotation, item.balance)))
             turn = wxyz(swap_quaternion(rotation))
-            body = body.add_body(name=_name(thing.name), pos=middle, quat=turn)
-            _weigh(body, thing.mass, inertia_of(thing))
-            self._things[thing.name] = body, body.add_freejoint()
-            at, rotation = scale(thing.balance, -1.0), IDENTITY
+            body = body.add_body(name=_name(item.name), pos=middle, quat=turn)
+            _weigh(body, item.mass, inertia_of(item))
+            self._objects[item.name] = body, body.add_freejoint()
+            at, rotation = scale(item.balance, -1.0), IDENTITY
         else:
             cluster = FIXED
-        surface = self._surfaces.thing(thing.friction, thing.restitution)
-        kind, size = thing.shape, thing.size
-        self._shapes.add(body, thing.name, kind, size, at, rotation, surface, cluster)
+        surface = self._surfaces.item(item.friction, item.restitution)
+        kind, size = item.shape, item.size
+        self._shapes.add(body, item.name, kind, size, at, rotation, surface, cluster)
 
     def _piece(self, piece: Piece) -> None:
         parts, joints = self._assembly.parts, self._assembly.joints
@@ -306,20 +306,20 @@ class _Builder:
         return made
 
 
-def inertia_of(thing: Thing) -> Vec3:
-    """Principal moments of a thing about its centre of mass, engine frame, kg m2."""
-    x, y, z = swap(thing.size)
-    if thing.balance == (0.0, 0.0, 0.0) and thing.shape == "sphere":
-        return (0.1 * thing.mass * x * x,) * 3
-    if thing.balance == (0.0, 0.0, 0.0) and thing.shape == "cylinder":
-        across = thing.mass * (0.75 * x * x + z * z) / 12.0
-        return across, across, thing.mass * x * x / 8.0
-    twelfth = thing.mass / 12.0
+def inertia_of(item: SceneObject) -> Vec3:
+    """Principal moments of an object about its centre of mass, engine frame, kg m2."""
+    x, y, z = swap(item.size)
+    if item.balance == (0.0, 0.0, 0.0) and item.shape == "sphere":
+        return (0.1 * item.mass * x * x,) * 3
+    if item.balance == (0.0, 0.0, 0.0) and item.shape == "cylinder":
+        across = item.mass * (0.75 * x * x + z * z) / 12.0
+        return across, across, item.mass * x * x / 8.0
+    twelfth = item.mass / 12.0
     return twelfth * (y * y + z * z), twelfth * (x * x + z * z), twelfth * (x * x + y * y)
 
 
 def _name(body: int | str) -> str:
-    """Name of the body of a part or a moving thing."""
+    """Name of the body of a part or a moving object."""
     return f"part {body}" if isinstance(body, int) else f"thing {body}"
 
 

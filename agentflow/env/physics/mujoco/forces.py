@@ -7,7 +7,7 @@ from struct import Struct
 
 from agentflow.env.physics.laws.select import Forces, Law
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.mujoco.bodies import Built
+from agentflow.env.physics.mujoco.bodies import CompiledModel
 from agentflow.env.physics.mujoco.sensing import Rows
 from agentflow.env.physics.rows import POSITION
 from agentflow.env.physics.structure.layout import RowLayout
@@ -25,7 +25,7 @@ class AppliedForces(Forces):
 
     def __init__(
         self,
-        built: Built,
+        built: CompiledModel,
         assembly: Assembly,
         plan: Skeleton,
         layout: RowLayout,
@@ -33,9 +33,9 @@ class AppliedForces(Forces):
         laws: Sequence[Law],
     ) -> None:
         super().__init__(assembly, plan, layout, rows, laws)
-        things = [built.things[name] for name in layout.things]
-        self._leading = [built.parts[part] for part in layout.leading] + things
-        self._at = [*built.parts, *things]
+        objects = [built.objects[name] for name in layout.objects]
+        self._leading = [built.parts[part] for part in layout.leading] + objects
+        self._at = [*built.parts, *objects]
         self._row = [
             *layout.locations.row.tolist(),
             *range(len(layout.leading), len(self._leading)),
@@ -78,7 +78,7 @@ class AppliedForces(Forces):
             _PACK(self._target, body * _SIZE, *wrench)
 
     def _turn(self, own: list[float], part: int, force: Vec3, place: Vec3) -> None:
-        """Add the torque of a force on a thing at a place other than its centre of mass."""
+        """Add the torque of a force on an object at a place other than its centre of mass."""
         row = self._rows.all[self._row[part]]
         for i, moment in enumerate(cross(subtract(place, row[POSITION]), force), 3):
             own[i] += moment

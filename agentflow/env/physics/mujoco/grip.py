@@ -12,7 +12,7 @@ from agentflow.env.physics.frames import swap
 from agentflow.env.physics.grips import EDGE, Grips, Held
 from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Gripper
-from agentflow.env.physics.mujoco.bodies import Built
+from agentflow.env.physics.mujoco.bodies import CompiledModel
 from agentflow.env.rollout import Array
 
 PATIENCE = 0.1
@@ -33,7 +33,7 @@ class _Hold:
 class Grippers(Grips[_Hold]):
     """All grabbers of one machine."""
 
-    def __init__(self, grips: Sequence[Gripper], built: Built) -> None:
+    def __init__(self, grips: Sequence[Gripper], built: CompiledModel) -> None:
         """Start with nothing gripped."""
         super().__init__(grips)
         self._overcome: dict[int, Held] = {}
@@ -42,12 +42,12 @@ class Grippers(Grips[_Hold]):
         """When each grabber last bore no more than its force, s."""
         self.bind(built)
 
-    def bind(self, built: Built) -> None:
+    def bind(self, built: CompiledModel) -> None:
         """Switch to a new model, and keep holding what was held."""
         self._model, self._data, self._constraints = built.model, built.data, built.grips
         self._bore = dict.fromkeys(built.grips, 0.0)  # the time of a new model
         self._bodies: dict[Held, int] = dict(enumerate(built.parts))
-        self._bodies.update(built.things.items())
+        self._bodies.update(built.objects.items())
         self._names = {body: held for held, body in self._bodies.items()}
         self._tie_again()
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from agentflow.env.physics.laws.forces import Entry, Indices
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.mujoco.bodies import Built, Place
+from agentflow.env.physics.mujoco.bodies import CompiledModel, JointAddress
 from agentflow.env.physics.mujoco.couplings import TIGHT
 from agentflow.env.physics.structure.drives import HOLD, STILL, JointDrive, idle, merge_drives
 from agentflow.env.rollout import Array
@@ -24,7 +24,11 @@ class Motors:
     """The drives of all joints that turn about or slide along one axis."""
 
     def __init__(
-        self, levels: Mapping[Entry, float], built: Built, joints: Sequence[Joint], step: float
+        self,
+        levels: Mapping[Entry, float],
+        built: CompiledModel,
+        joints: Sequence[Joint],
+        step: float,
     ) -> None:
         """Find the rows of all motors; call `set` before the first step.
 
@@ -40,18 +44,18 @@ class Motors:
         """Length of a step, s."""
         rubbing = np.flatnonzero(built.model.dof_frictionloss > 0.0)
         rows = {int(freedom): row for row, freedom in enumerate(rubbing)}
-        self._joints: list[tuple[int, Place, JointDrive]] = []
-        """Row among those of dry friction, place and drive of each joint with a motor."""
+        self._joints: list[tuple[int, JointAddress, JointDrive]] = []
+        """Row among those of dry friction, address and drive of each joint with a motor."""
         for link in built.links:
-            place = built.joints.get(link.joint)
-            if place is None or joints[link.joint].kind == "spherical":
+            address = built.joints.get(link.joint)
+            if address is None or joints[link.joint].kind == "spherical":
                 continue
             drive = merge_drives(joints, link)
             if drive.turns:
-                self._joints.append((rows[place.velocity], place, drive))
+                self._joints.append((rows[address.velocity], address, drive))
         self._row = _indices([row for row, _, _ in self._joints])
-        self._position = _indices([place.position for _, place, _ in self._joints])
-        self._velocity = _indices([place.velocity for _, place, _ in self._joints])
+        self._position = _indices([address.position for _, address, _ in self._joints])
+        self._velocity = _indices([address.velocity for _, address, _ in self._joints])
         self._mixed = [i for i, (_, _, drive) in enumerate(self._joints) if drive.mixed]
         self._aims: Array = np.zeros(len(self._joints))
         """Speed that each motor aims at, rad/s."""
@@ -89,11 +93,11 @@ class Motors:
     def mix(self) -> None:
         """Set joints whose motors aim at different speeds; before the first half of a step."""
         for i in self._mixed:
-            _, place, drive = self._joints[i]
-            command = drive.command(self._levels, float(self._qvel[place.velocity]))
+            _, address, drive = self._joints[i]
+            command = drive.command(self._levels, float(self._qvel[address.velocity]))
             self._aims[i] = command.target
-            self._model.dof_frictionloss[place.velocity] = command.limit
-            self._data.qfrc_applied[place.velocity] = command.push
+            self._model.dof_frictionloss[address.velocity] = command.limit
+            self._data.qfrc_applied[address.velocity] = command.push
 
     def drive(self) -> None:
         """Drive the joints for one step, between the two halves of it."""

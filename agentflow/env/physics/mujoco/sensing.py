@@ -1,4 +1,4 @@
-"""Reading MuJoCo: rows of clusters and things, reactions and motions of joints, contacts."""
+"""Reading MuJoCo: rows of clusters and objects, reactions and motions of joints, contacts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from agentflow.env.physics.engine import Touch
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.mujoco.bodies import Built
+from agentflow.env.physics.mujoco.bodies import CompiledModel
 from agentflow.env.physics.rows import WIDTH, Row
 from agentflow.env.physics.structure.drives import joint_motions
 from agentflow.env.physics.structure.spanning_tree import Link
@@ -24,7 +24,7 @@ ROW_ORDER = np.array([0, 1, 2, 4, 5, 6, 3, 7, 8, 9, 10, 11, 12])
 class Rows:
     """The rows of one layout after the last step."""
 
-    def __init__(self, built: Built) -> None:
+    def __init__(self, built: CompiledModel) -> None:
         numbers = 6 * len(built.links)
         self._source = built.data.sensordata[numbers:].reshape(-1, WIDTH)
         self._list: list[Row] = []
@@ -56,7 +56,7 @@ class Reactions:
     the joint stands for others parallel to it.
     """
 
-    def __init__(self, built: Built, joints: tuple[Joint, ...]) -> None:
+    def __init__(self, built: CompiledModel, joints: tuple[Joint, ...]) -> None:
         self._sensed = built.data.sensordata
         self._source = np.zeros((len(joints), 6), dtype=np.intp)
         """Where among the sensors each number of the reactions is."""
@@ -94,7 +94,7 @@ class Reactions:
             reactions[joint] -= np.add.reduce(reactions[joint] * axis) * axis
 
 
-def motions(built: Built) -> dict[int, tuple[float, float]]:
+def motions(built: CompiledModel) -> dict[int, tuple[float, float]]:
     """Position and velocity of every joint in the trees that has one degree of freedom, and of
     those parallel to it."""
     position, velocity = built.data.qpos, built.data.qvel
@@ -107,7 +107,7 @@ def motions(built: Built) -> dict[int, tuple[float, float]]:
 class Contacts:
     """What touched what in the last step; nothing before the first."""
 
-    def __init__(self, built: Built) -> None:
+    def __init__(self, built: CompiledModel) -> None:
         self._data, self._owners = built.data, built.owners
         self._geoms = np.zeros((0, 2), dtype=np.intp)
         self._places: Array = np.zeros((0, 3))
@@ -125,7 +125,7 @@ class Contacts:
         self._forces = data.efc_force.copy()
 
     def touching(self, body: Body) -> frozenset[Body]:
-        """What a block or thing was in contact with."""
+        """What a block or object was in contact with."""
         found = set()
         for one, other in self._pairs():
             if one == body:

@@ -19,13 +19,13 @@ TILT: Quat = (5e-7, 0.0, 0.0, 1.0)
 axis is 1e-15 to 1e-12 rad off the normal of a plane."""
 
 
-class Shapes:
+class ShapeWriter:
     """Adds shapes to a specification; the name of each is its number."""
 
     def __init__(self, spec: Any, surfaces: Surfaces) -> None:
         self._spec, self._surfaces = spec, surfaces
         self.owners: list[Body] = []
-        """Block or thing that each shape belongs to."""
+        """Block or object that each shape belongs to."""
 
     def add_ground(self, surface: Surface, cluster: int) -> None:
         """The plane y = 0."""
@@ -47,8 +47,8 @@ class Shapes:
 
         Args:
             body: MuJoCo's.
-            owner: Block or thing.
-            kind: As in `scene.Thing`.
+            owner: Block or object.
+            kind: As in `scene.SceneObject`.
             size: As there.
             at: Its centre in the body's frame, game frame.
             rotation: In that frame.

@@ -77,8 +77,8 @@ class Surfaces:
         self._fixed: list[Covered] = []
         self._unusual: list[Covered] = []
 
-    def thing(self, friction: float | None, restitution: float | None) -> Surface:
-        """The surface of a thing or the ground; None stands for the constants' values."""
+    def item(self, friction: float | None, restitution: float | None) -> Surface:
+        """The surface of an object or the ground; None stands for the constants' values."""
         usual = self._usual
         return Surface(
             usual.friction if friction is None else friction,
@@ -157,7 +157,7 @@ class Calming:
 
 
 class Yielding:
-    """Makes contacts with soft things springs with dampers, implicit in time as Bullet's are."""
+    """Makes contacts with soft objects springs with dampers, implicit in time as Bullet's are."""
 
     def __init__(self, model: Any, data: Any, stiffness: Sequence[float]) -> None:
         """Choose the contacts.

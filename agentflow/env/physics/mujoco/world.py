@@ -13,12 +13,12 @@ from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco.bodies import (
-    Built,
-    Place,
+    CompiledModel,
+    JointAddress,
     build,
     inertia_of,
     set_step_length,
-    weigh_things,
+    weigh_objects,
 )
 from agentflow.env.physics.mujoco.couplings import align_cogs
 from agentflow.env.physics.mujoco.forces import AppliedForces
@@ -30,18 +30,18 @@ from agentflow.env.physics.mujoco.surfaces import Calming, Yielding
 from agentflow.env.physics.readings import Readings, joint_motion, relative_motion
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, top_speeds
 from agentflow.env.physics.structure.layout import lay_out
-from agentflow.env.physics.world import BaseWorld, Structure
+from agentflow.env.physics.world import BaseWorld, UnsplitMachine
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import matrices, turn_back
-from agentflow.env.scene import Body, Scene, Start, Thing
+from agentflow.env.scene import Body, Scene, SceneObject, Start
 from agentflow.machine.geometry.vectors import Vec3, add, rotate_vector
 
 
 @dataclass(frozen=True)
-class Model(Structure):
+class Model(UnsplitMachine):
     """The model until the next split, and the objects that read and drive it."""
 
-    built: Built
+    built: CompiledModel
     contacts: Contacts
     reactions: Reactions
     motors: Motors
@@ -94,11 +94,11 @@ class MuJoCoWorld(BaseWorld[Model]):
         old = self.now
         rows = old.rows.table
         parts, known = old.readings.parts(rows), motions(old.built)
-        things = dict(zip(old.layout.things, rows[old.layout.thing_rows], strict=True))
+        objects = dict(zip(old.layout.objects, rows[old.layout.object_rows], strict=True))
         self.reactions[:] = 0.0
         self.now = self._build_structure(broken)
         built = self.now.built
-        _restore(built, self._assembly, parts, things, known)
+        _restore(built, self._assembly, parts, objects, known)
         align_cogs(built.model, built.data)
         self._grips.bind(built)
         self._refresh()
@@ -117,7 +117,7 @@ class MuJoCoWorld(BaseWorld[Model]):
         rows = Rows(built)
         calming = Calming(built.data, built.lively, self._physics["restitution"])
         soft: dict[Body, float] = {
-            thing.name: thing.stiffness for thing in scene.things if thing.stiffness is not None
+            item.name: item.stiffness for item in scene.objects if item.stiffness is not None
         }
         stiffness = [soft.get(owner, 0.0) for owner in built.owners]
         return Model(
@@ -140,11 +140,11 @@ class MuJoCoWorld(BaseWorld[Model]):
         mujoco.mj_step1(built.model, built.data)
         self.now.rows.read()
 
-    def _weigh_things(self) -> None:
-        weigh_things(self.now.built, self._scene)
+    def _weigh_objects(self) -> None:
+        weigh_objects(self.now.built, self._scene)
 
-    def _inertia(self, thing: Thing) -> Vec3:
-        return inertia_of(thing)
+    def _inertia(self, item: SceneObject) -> Vec3:
+        return inertia_of(item)
 
     def _change_interval(self) -> None:
         set_step_length(self.now.built.model, self._interval)
@@ -154,23 +154,23 @@ class MuJoCoWorld(BaseWorld[Model]):
         return self.now.motors.power()
 
 
-def _place_at_start(built: Built, assembly: Assembly, start: Start) -> None:
+def _place_at_start(built: CompiledModel, assembly: Assembly, start: Start) -> None:
     """Move the machine from the ground to the start of the scene."""
-    for part, place in built.roots.items():
+    for part, address in built.roots.items():
         centre = add(
             rotate_vector(start.rotation, assembly.parts[part].centre), (0, start.height, 0)
         )
-        built.data.qpos[place.position : place.position + 7] = (
+        built.data.qpos[address.position : address.position + 7] = (
             *swap(centre),
             *wxyz(swap_quaternion(start.rotation)),
         )
 
 
 def _restore(
-    built: Built,
+    built: CompiledModel,
     assembly: Assembly,
     parts: Array,
-    things: Mapping[str, Array],
+    objects: Mapping[str, Array],
     motions: Mapping[int, tuple[float, float]],
 ) -> None:
     """Give a new model the positions and velocities of the one before.
@@ -179,20 +179,20 @@ def _restore(
         built: The new model.
         assembly: The machine.
         parts: (P, 13) rows of the parts.
-        things: (13,) row of each moving thing.
+        objects: (13,) row of each moving object.
         motions: Position and velocity of joints that were in trees or parallel to those.
     """
     position, velocity = built.data.qpos, built.data.qvel
-    for part, place in built.roots.items():
-        _set_free(built, place, parts[part])
-    for name, place in built.loose.items():
-        _set_free(built, place, things[name])
+    for part, address in built.roots.items():
+        _set_free(built, address, parts[part])
+    for name, address in built.loose.items():
+        _set_free(built, address, objects[name])
     for link in built.links:
         if link.joint not in built.joints:
             continue
-        place = built.joints[link.joint]
+        address = built.joints[link.joint]
         joint = assembly.joints[link.joint]
-        at, speed = place.position, place.velocity
+        at, speed = address.position, address.velocity
         if joint.kind == "spherical":
             rotation, spin = relative_motion(parts[link.parent], parts[link.part])
             position[at : at + 4], velocity[speed : speed + 3] = wxyz(rotation), spin
@@ -201,9 +201,9 @@ def _restore(
             position[at], velocity[speed] = known or joint_motion(joint, assembly.parts, parts)
 
 
-def _set_free(built: Built, place: Place, row: Array) -> None:
+def _set_free(built: CompiledModel, address: JointAddress, row: Array) -> None:
     """Set a free joint; MuJoCo has its angular velocity in the body's own axes."""
     spin = turn_back(matrices(row[None, ROTATION]), row[None, SPIN])[0]
-    at, speed = place.position, place.velocity
+    at, speed = address.position, address.velocity
     built.data.qpos[at : at + 7] = [*row[POSITION], *wxyz(row[ROTATION].tolist())]
     built.data.qvel[speed : speed + 6] = np.concatenate([row[VELOCITY], spin])

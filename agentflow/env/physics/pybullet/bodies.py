@@ -1,4 +1,4 @@
-"""PyBullet bodies from the ground, things and pieces of a machine.
+"""PyBullet bodies from the ground, objects and pieces of a machine.
 
 Every link frame is at its joint and aligned with the machine frame at rest.
 """
@@ -19,7 +19,7 @@ from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.solids import YIELD, cone_corners, joint_axis, solid_shapes
 from agentflow.env.physics.structure.drives import merge_drives
 from agentflow.env.physics.structure.spanning_tree import Link, Piece
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.machine.geometry.vectors import (
     IDENTITY,
     Quat,
@@ -47,7 +47,7 @@ _KINDS = {
 
 
 @dataclass(frozen=True)
-class Built:
+class PieceBody:
     """A piece of the machine as a body."""
 
     uid: int
@@ -77,27 +77,27 @@ class BodyBuilder:
         self._surface(uid, -1, friction, None)
         return uid
 
-    def thing(self, thing: Thing) -> int:
+    def item(self, item: SceneObject) -> int:
         """An object of the scene, fixed or moving."""
-        if thing.shape == "cone":
-            solid = self._cone(thing)
+        if item.shape == "cone":
+            solid = self._cone(item)
         else:
-            solid = self._shapes((Shape(thing.shape, thing.size),), subtract(MIDDLE, thing.balance))
-        place = add(thing.position, rotate_vector(thing.rotation, thing.balance))
-        uid = self._single(thing.mass, solid, swap(place), swap_quaternion(thing.rotation))
-        self._surface(uid, -1, thing.friction, thing.restitution)
-        if thing.stiffness is not None:
-            damping = YIELD * thing.stiffness
+            solid = self._shapes((Shape(item.shape, item.size),), subtract(MIDDLE, item.balance))
+        place = add(item.position, rotate_vector(item.rotation, item.balance))
+        uid = self._single(item.mass, solid, swap(place), swap_quaternion(item.rotation))
+        self._surface(uid, -1, item.friction, item.restitution)
+        if item.stiffness is not None:
+            damping = YIELD * item.stiffness
             pybullet.changeDynamics(
                 uid,
                 -1,
-                contactStiffness=thing.stiffness,
+                contactStiffness=item.stiffness,
                 contactDamping=damping,
                 physicsClientId=self.client,
             )
         return uid
 
-    def machine(self, piece: Piece, parts: Sequence[Part], joints: Sequence[Joint]) -> Built:
+    def machine(self, piece: Piece, parts: Sequence[Part], joints: Sequence[Joint]) -> PieceBody:
         """One piece of the machine, at rest in its place.
 
         Raises:
@@ -157,7 +157,7 @@ class BodyBuilder:
             self._dynamics(uid, i, parts[loop.part], 1 + twins[loop.part])
         for link, i in numbered:
             self._joint(uid, i, link, joints)
-        return Built(uid, piece, index, numbered)
+        return PieceBody(uid, piece, index, numbered)
 
     def _numbers(self, uid: int, count: int) -> list[int]:
         """PyBullet renumbers links depth first but keeps their names: joint1, joint2, ..."""
@@ -240,12 +240,12 @@ class BodyBuilder:
             )
         return self._made[key]
 
-    def _cone(self, thing: Thing) -> int:
-        corners = cone_corners(thing.size)
+    def _cone(self, item: SceneObject) -> int:
+        corners = cone_corners(item.size)
         return int(
             pybullet.createCollisionShape(
                 pybullet.GEOM_MESH,
-                vertices=[swap(subtract(corner, thing.balance)) for corner in corners],
+                vertices=[swap(subtract(corner, item.balance)) for corner in corners],
                 physicsClientId=self.client,
             )
         )

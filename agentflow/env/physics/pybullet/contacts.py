@@ -1,4 +1,4 @@
-"""Contacts in PyBullet: which blocks and things touch, and which may collide."""
+"""Contacts in PyBullet: which blocks and objects touch, and which may collide."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class Contacts:
         assembly: Assembly,
         handles: Mapping[int, Handle],
         ground: int,
-        things: Mapping[str, int],
+        objects: Mapping[str, int],
     ) -> None:
         self._client = client
         self._who: dict[Handle, Body] = {(ground, -1): "ground"}
-        self._who |= {(uid, -1): name for name, uid in things.items()}
+        self._who |= {(uid, -1): name for name, uid in objects.items()}
         for part, handle in handles.items():
             self._who[handle] = assembly.parts[part].block
         self._where: dict[Body, list[Handle]] = {}
@@ -45,7 +45,7 @@ class Contacts:
         """Bodies in contact by body and link numbers; None if they are one."""
 
     def touching(self, body: Body) -> frozenset[Body]:
-        """What a block or thing was in contact with in the last step.
+        """What a block or object was in contact with in the last step.
 
         Something fast may bounce off before PyBullet sees it closer than `TOUCH`; then only the
         contact force shows the contact.
@@ -86,7 +86,7 @@ def set_collisions_of_clusters(client: int, plan: Skeleton, handles: Mapping[int
 
 
 def set_collisions_of_scene(client: int, fixed: Sequence[int], moving: Sequence[int]) -> None:
-    """Let fixed bodies collide with everything that moves, and moving things with everything.
+    """Let fixed bodies collide with everything that moves, and moving objects with everything.
 
     Fixed bodies that touched each other would cost a contact test in every step.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.bodies import Built, Handle
+from agentflow.env.physics.pybullet.bodies import Handle, PieceBody
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.structure.drives import meshing_cogs
 from agentflow.env.physics.structure.spanning_tree import Skeleton
@@ -29,7 +29,7 @@ class Couplings:
         self,
         assembly: Assembly,
         plan: Skeleton,
-        built: Sequence[Built],
+        built: Sequence[PieceBody],
         handles: Mapping[int, Handle],
     ) -> None:
         """Replace all constraints by those that the skeleton needs."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from agentflow.env.physics.laws.select import Forces, Law
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.bodies import Built, Handle
+from agentflow.env.physics.pybullet.bodies import Handle, PieceBody
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.sensing import Rows
 from agentflow.env.physics.rows import POSITION
@@ -24,17 +24,17 @@ class AppliedForces(Forces):
         client: int,
         assembly: Assembly,
         plan: Skeleton,
-        built: Sequence[Built],
+        built: Sequence[PieceBody],
         handles: Mapping[int, Handle],
         layout: RowLayout,
         rows: Rows,
-        things: Mapping[str, int],
+        objects: Mapping[str, int],
         laws: Sequence[Law],
     ) -> None:
         super().__init__(assembly, plan, layout, rows, laws)
         self._client, self._heads = client, rows
-        moving = enumerate(layout.things, len(assembly.parts))
-        self._at = {**handles, **{i: (things[name], -1) for i, name in moving}}
+        moving = enumerate(layout.objects, len(assembly.parts))
+        self._at = {**handles, **{i: (objects[name], -1) for i, name in moving}}
         self._leading = [handles[part] for part in layout.leading]
         self._stale = [
             body.uid

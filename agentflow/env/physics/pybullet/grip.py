@@ -1,4 +1,4 @@
-"""Grabbers in PyBullet, which hold things with constraints of limited force."""
+"""Grabbers in PyBullet, which hold objects with constraints of limited force."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class _Hold:
 class Grippers(Grips[_Hold]):
     """All grabbers of one machine."""
 
-    def __init__(self, client: int, grips: Sequence[Gripper], things: Mapping[str, int]) -> None:
-        """Start with nothing gripped; `things` are those that can move, and their body numbers."""
+    def __init__(self, client: int, grips: Sequence[Gripper], objects: Mapping[str, int]) -> None:
+        """Start with nothing gripped; `objects` are those that can move, and their body numbers."""
         super().__init__(grips)
         self._client = client
-        self._loose: dict[Handle, Held] = {(uid, -1): name for name, uid in things.items()}
+        self._loose: dict[Handle, Held] = {(uid, -1): name for name, uid in objects.items()}
         self._names: dict[Handle, Held] = {}
         self._handles: dict[Held, Handle] = {}
 

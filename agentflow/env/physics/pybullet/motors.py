@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Assembly, Joint
-from agentflow.env.physics.pybullet.bodies import Built
+from agentflow.env.physics.pybullet.bodies import PieceBody
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.structure.drives import (
     HOLD,
@@ -44,7 +44,7 @@ class Motors:
         self,
         client: int,
         levels: Mapping[Entry, float],
-        built: Sequence[Built],
+        built: Sequence[PieceBody],
         joints: Sequence[Joint],
         step: float,
         series: bool,

@@ -1,4 +1,4 @@
-"""Reading PyBullet: rows of clusters and things, reactions and motions of joints."""
+"""Reading PyBullet: rows of clusters and objects, reactions and motions of joints."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.pybullet.bodies import Built
+from agentflow.env.physics.pybullet.bodies import PieceBody
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.rows import WIDTH, Row, top_speeds
 from agentflow.env.physics.structure.drives import has_motor, joint_motions
@@ -23,9 +23,9 @@ class Rows:
     """The rows of one layout: the heads, which lead a body, in every step, the others on demand."""
 
     def __init__(
-        self, client: int, layout: RowLayout, built: Sequence[Built], things: Mapping[str, int]
+        self, client: int, layout: RowLayout, built: Sequence[PieceBody], objects: Mapping[str, int]
     ) -> None:
-        """Read the heads; `things` are the body numbers of the scene's things."""
+        """Read the heads; `objects` are the body numbers of the scene's objects."""
         self._client = client
         self._heads: list[tuple[int, int]] = []
         self._tails: list[tuple[slice, int, tuple[int, ...]]] = []
@@ -39,13 +39,13 @@ class Rows:
             if links:
                 self._tails.append((slice(row + 1, row + 1 + len(links)), body.uid, links))
             row += 1 + len(links)
-        self._heads += [(i, things[name]) for i, name in enumerate(layout.things, row)]
-        self._blank: list[Row] = [()] * layout.thing_rows.stop
+        self._heads += [(i, objects[name]) for i, name in enumerate(layout.objects, row)]
+        self._blank: list[Row] = [()] * layout.object_rows.stop
         self._partial = False
         self.known = self._blank
         """Rows read so far; empty tuples for the others."""
         self.heads = [row for row, _ in self._heads]
-        """Rows of the bodies' roots and of moving things."""
+        """Rows of the bodies' roots and of moving objects."""
         self.read()
 
     def read(self) -> None:
@@ -92,7 +92,7 @@ class Rows:
 class Sensors:
     """Sensors of the joints in the current trees."""
 
-    def __init__(self, client: int, built: Sequence[Built], joints: Sequence[Joint]) -> None:
+    def __init__(self, client: int, built: Sequence[PieceBody], joints: Sequence[Joint]) -> None:
         """Plan the reading of all joints, in trees or not."""
         self._client = client
         self._bodies: list[tuple[int, list[int]]] = []

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from agentflow.env.constants import Constants
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.bodies import BodyBuilder, Built
+from agentflow.env.physics.pybullet.bodies import BodyBuilder, PieceBody
 from agentflow.env.physics.pybullet.contacts import (
     Contacts,
     set_collisions_of_clusters,
@@ -24,17 +24,17 @@ from agentflow.env.physics.readings import Readings, joint_motion, relative_moti
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, top_speeds
 from agentflow.env.physics.structure.layout import lay_out
 from agentflow.env.physics.structure.spanning_tree import Piece, Skeleton
-from agentflow.env.physics.world import BaseWorld, Structure
+from agentflow.env.physics.world import BaseWorld, UnsplitMachine
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Scene, Start, Thing
+from agentflow.env.scene import Scene, SceneObject, Start
 from agentflow.machine.geometry.vectors import Vec3, add, rotate_vector
 
 
 @dataclass(frozen=True)
-class Bodies(Structure):
+class Bodies(UnsplitMachine):
     """The machine's bodies until the next split, and the objects that read and drive them."""
 
-    built: tuple[Built, ...]
+    built: tuple[PieceBody, ...]
     sensors: Sensors
     rows: Rows
     motors: Motors
@@ -60,10 +60,10 @@ class PyBulletWorld(BaseWorld[Bodies]):
         self.client = client
         self._builder = BodyBuilder(client, physics)
         self._ground = self._builder.ground(scene.friction)
-        self.things = {thing.name: self._builder.thing(thing) for thing in scene.things}
-        """Body number of each thing."""
-        moving = {thing.name: self.things[thing.name] for thing in scene.moving}
-        fixed = [uid for name, uid in self.things.items() if name not in moving]
+        self.objects = {item.name: self._builder.item(item) for item in scene.objects}
+        """Body number of each object."""
+        moving = {item.name: self.objects[item.name] for item in scene.moving}
+        fixed = [uid for name, uid in self.objects.items() if name not in moving]
         set_collisions_of_scene(client, (self._ground, *fixed), tuple(moving.values()))
         self.settle_rate = physics["settle_rate"]
         self._couplings = Couplings(client)
@@ -98,7 +98,7 @@ class PyBulletWorld(BaseWorld[Bodies]):
         self._read()
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:
-        """Greatest linear and angular speed; unless thorough, as far as pieces' roots, things and
+        """Greatest linear and angular speed; unless thorough, as far as pieces' roots, objects and
         joints show: of the two parts that a joint turns, one spins at half its speed or more."""
         now = self.now
         if thorough:
@@ -108,7 +108,7 @@ class PyBulletWorld(BaseWorld[Bodies]):
 
     # --- internals --------------------------------------------------------------------------
 
-    def _build_structure(self, plan: Skeleton, present: Mapping[Piece, Built]) -> Bodies:
+    def _build_structure(self, plan: Skeleton, present: Mapping[Piece, PieceBody]) -> Bodies:
         """Build the missing bodies of `plan`, then everything that refers to bodies."""
         client, assembly = self.client, self._assembly
         built = tuple(
@@ -117,7 +117,7 @@ class PyBulletWorld(BaseWorld[Bodies]):
         )
         handles = {part: (body.uid, index) for body in built for part, index in body.index.items()}
         layout = lay_out(assembly, plan, self._scene.moving)
-        rows = Rows(client, layout, built, self.things)
+        rows = Rows(client, layout, built, self.objects)
         laws = self._laws(layout)
         set_collisions_of_clusters(client, plan, handles)
         self._couplings.renew(assembly, plan, built, handles)
@@ -130,10 +130,10 @@ class PyBulletWorld(BaseWorld[Bodies]):
             layout,
             built=built,
             readings=Readings(assembly, layout),
-            contacts=Contacts(client, assembly, handles, self._ground, self.things),
+            contacts=Contacts(client, assembly, handles, self._ground, self.objects),
             sensors=Sensors(client, built, assembly.joints),
             forces=AppliedForces(
-                client, assembly, plan, built, handles, layout, rows, self.things, laws
+                client, assembly, plan, built, handles, layout, rows, self.objects, laws
             ),
             # The longest series is 1 if no motor passes torque on to another one. Where one does,
             # the solver converges slowly, and an arm would creep unless motors hold their angle.
@@ -146,15 +146,15 @@ class PyBulletWorld(BaseWorld[Bodies]):
         self.now.rows.read()
         self.now.sensors.read(self.reactions)
 
-    def _weigh_things(self) -> None:
+    def _weigh_objects(self) -> None:
         """PyBullet adapts their inertia."""
-        for thing in self._scene.moving:
-            if thing.load:
-                uid = self.things[thing.name]
-                pybullet.changeDynamics(uid, -1, mass=thing.mass, physicsClientId=self.client)
+        for item in self._scene.moving:
+            if item.load:
+                uid = self.objects[item.name]
+                pybullet.changeDynamics(uid, -1, mass=item.mass, physicsClientId=self.client)
 
-    def _inertia(self, thing: Thing) -> Vec3:
-        x, y, z = pybullet.getDynamicsInfo(self.things[thing.name], -1, self.client)[2]
+    def _inertia(self, item: SceneObject) -> Vec3:
+        x, y, z = pybullet.getDynamicsInfo(self.objects[item.name], -1, self.client)[2]
         return x, y, z
 
     def _change_interval(self) -> None:
@@ -169,7 +169,7 @@ class PyBulletWorld(BaseWorld[Bodies]):
         return self.now.sensors.power()
 
 
-def _place_at_start(client: int, built: Sequence[Built], start: Start) -> None:
+def _place_at_start(client: int, built: Sequence[PieceBody], start: Start) -> None:
     """Move newly built bodies from the ground to the start of the scene."""
     if start == Start():
         return
@@ -184,7 +184,7 @@ def _place_at_start(client: int, built: Sequence[Built], start: Start) -> None:
 
 def _restore(
     client: int,
-    built: Built,
+    built: PieceBody,
     assembly: Assembly,
     rows: Array,
     motions: Mapping[int, tuple[float, float]],

@@ -29,7 +29,7 @@ class Motor(NamedTuple):
     """The entry that gives its level."""
 
 
-class Command(NamedTuple):
+class MotorCommand(NamedTuple):
     """What an engine's velocity motor does in one step."""
 
     target: float
@@ -66,7 +66,7 @@ class JointDrive:
         """Whether its motors may aim at different speeds at once."""
         return len({motor[::2] for motor in self.motors}) > 1
 
-    def command(self, levels: Mapping[Entry, float], speed: float = 0.0) -> Command:
+    def command(self, levels: Mapping[Entry, float], speed: float = 0.0) -> MotorCommand:
         """The motors as one, at a speed of the joint.
 
         Together they exert a torque that falls by twice the torque of a motor where the joint
@@ -79,7 +79,7 @@ class JointDrive:
             target = motor.speed * levels.get(motor.starts, 0.0)
             limits[target] = limits.get(target, 0.0) + motor.torque
         if len(limits) == 1:
-            return Command(*limits.popitem())
+            return MotorCommand(*limits.popitem())
 
         def push(target: float, others: Mapping[float, float]) -> float:
             return sum(torque if aim > target else -torque for aim, torque in others.items())
@@ -91,7 +91,7 @@ class JointDrive:
         passed = {aim for aim in rest[target] if low < aim < high}
         beside = {aim: torque for aim, torque in rest[target].items() if aim not in passed}
         limit = limits[target] + sum(limits[aim] for aim in passed)
-        return Command(target, limit, push(target, beside))
+        return MotorCommand(target, limit, push(target, beside))
 
 
 def merge_drives(joints: Sequence[Joint], link: Link) -> JointDrive:

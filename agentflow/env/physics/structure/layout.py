@@ -1,4 +1,4 @@
-"""Assignment of rows to rigid clusters and moving things; `physics.rows` defines a row."""
+"""Assignment of rows to rigid clusters and moving objects; `physics.rows` defines a row."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from agentflow.env.physics.laws.forces import PartLocations
 from agentflow.env.physics.model import Assembly, Joint, Part
 from agentflow.env.physics.structure.spanning_tree import Skeleton
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.machine.geometry.vectors import cross, length, subtract
 
 NO_ARM = 1e-9
@@ -21,24 +21,24 @@ NO_ARM = 1e-9
 
 @dataclass(frozen=True)
 class RowLayout:
-    """The rows of one skeleton: its clusters, piece by piece, then the moving things."""
+    """The rows of one skeleton: its clusters, piece by piece, then the moving objects."""
 
     locations: PartLocations
     leading: tuple[int, ...]
     """Leading part of each cluster's row; those of a piece begin with its root."""
-    things: tuple[str, ...]
-    """Names of the moving things; their rows come last."""
-    thing_arms: Array
+    objects: tuple[str, ...]
+    """Names of the moving objects; their rows come last."""
+    object_arms: Array
     """(M, 3) from the centre of mass of each, where its row is, to its centre; engine frame, m."""
 
     @property
-    def thing_rows(self) -> slice:
-        """Rows of the moving things."""
-        return slice(len(self.leading), len(self.leading) + len(self.things))
+    def object_rows(self) -> slice:
+        """Rows of the moving objects."""
+        return slice(len(self.leading), len(self.leading) + len(self.objects))
 
 
-def lay_out(assembly: Assembly, plan: Skeleton, moving: Sequence[Thing]) -> RowLayout:
-    """Assign a row to every cluster and every moving thing."""
+def lay_out(assembly: Assembly, plan: Skeleton, moving: Sequence[SceneObject]) -> RowLayout:
+    """Assign a row to every cluster and every moving object."""
     row_of: dict[int, int] = {}
     leading: list[int] = []
     for piece in plan.pieces:
@@ -55,8 +55,8 @@ def lay_out(assembly: Assembly, plan: Skeleton, moving: Sequence[Thing]) -> RowL
     return RowLayout(
         PartLocations(np.array(rows, dtype=np.intp), np.array(offsets).reshape(-1, 3)),
         tuple(leading),
-        tuple(thing.name for thing in moving),
-        0.0 - np.array([swap(thing.balance) for thing in moving]).reshape(-1, 3),
+        tuple(item.name for item in moving),
+        0.0 - np.array([swap(item.balance) for item in moving]).reshape(-1, 3),
     )
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.text import block_name, number, rounded, series, thing_name
+from agentflow.env.feedback.text import block_name, number, object_label, rounded, series
 from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
-from agentflow.env.scene import Body, Scene, Start, Thing, blocks_among, things_among
+from agentflow.env.scene import Body, Scene, SceneObject, Start, blocks_among, objects_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, Schedule, WorldView
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
 from agentflow.env.tasks.family import ANY_START, CommonKnobs, Family, joint_sentences, wall
@@ -159,7 +159,9 @@ class Bridge(Family):
         base = lowest_place(machine, banks) if machine else max(_heights(knobs))
         top = highest_point_under(machine, 0.0, 0.0, SIZE[0] / 2) if machine else 0.0
         place = (0.0, base + top + SIZE[1] / 2, 0.0)
-        cargo = Thing(CARGO, "box", SIZE, place, mass=EMPTY, load=knobs.load.most, color=COLOR)
+        cargo = SceneObject(
+            CARGO, "box", SIZE, place, mass=EMPTY, load=knobs.load.most, color=COLOR
+        )
         return Scene((*banks, cargo), knobs.wind.velocity, start=Start(base))
 
     def referee(self, machine: Machine) -> BridgeReferee:
@@ -171,7 +173,7 @@ class Bridge(Family):
         """How much was carried, why it ended, and the path of the cargo."""
         terms = verdict.terms
         lines = (f"Result: {terms['result']}", f"Cost: {len(machine)} blocks")
-        path = series("Cargo position", trace.even.times, trace.even.thing_position[:, 0])
+        path = series("Cargo position", trace.even.times, trace.even.object_position[:, 0])
         data: dict[str, Any] = {}
         return compose(machine, trace, broken, verdict, "kg", lines, data, (path,))
 
@@ -222,7 +224,7 @@ class BridgeReferee:
             return f"the cargo's centre sank below y = {self._lowest:g} m"
         if abs(z) > ASIDE:
             return f"the cargo moved more than {ASIDE:g} m from the middle of the gap"
-        touched = things_among(world.touching(CARGO))
+        touched = objects_among(world.touching(CARGO))
         if touched:
             return f"the cargo touched {_place_name(touched[0])}"
         fallen = blocks_among(world.touching("ground"))
@@ -259,7 +261,7 @@ class BridgeReferee:
 
 def _place_name(body: Body) -> str:
     """What is under a bridge, in words."""
-    return "the floor of the gap" if body == "ground" else thing_name(str(body))
+    return "the floor of the gap" if body == "ground" else object_label(str(body))
 
 
 def _heights(knobs: BridgeKnobs) -> tuple[float, float]:
@@ -267,7 +269,7 @@ def _heights(knobs: BridgeKnobs) -> tuple[float, float]:
     return knobs.gap.depth, knobs.gap.depth + knobs.banks.rise
 
 
-def _banks(gap: Gap, banks: Banks) -> Iterator[Thing]:
+def _banks(gap: Gap, banks: Banks) -> Iterator[SceneObject]:
     soft = 1000.0 * banks.stiffness or None
     middle = (gap.length + LONG) / 2
     for name, z, high in zip(

@@ -12,7 +12,7 @@ import numpy as np
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import landing_text, number, sample_indices, series, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
-from agentflow.env.scene import Scene, Thing, blocks_among, things_among
+from agentflow.env.scene import Scene, SceneObject, blocks_among, objects_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
 from agentflow.env.tasks.features.obstacles import Beam, Cone, Ramp
@@ -125,27 +125,27 @@ class Delivery(Family):
         """Walls, obstacles, cargo and wind."""
         knobs, width = self.parameters, self.parameters.road.inner_width
         mass, wide, (x, z) = knobs.cargo.mass, knobs.cargo.diameter, self._cargo_place
-        things = (
+        objects = (
             *road_walls(knobs.road, knobs.curve),
-            *knobs.terrain.things(width, 0),
-            *knobs.beam.things(width),
-            *knobs.ramp.things(width),
+            *knobs.terrain.objects(width, 0),
+            *knobs.beam.objects(width),
+            *knobs.ramp.objects(width),
             *self._cone(),
-            Thing(CARGO, "sphere", (wide,) * 3, (x, wide / 2, z), mass=mass, color=COLOR),
+            SceneObject(CARGO, "sphere", (wide,) * 3, (x, wide / 2, z), mass=mass, color=COLOR),
         )
-        return Scene(things, knobs.wind.velocity)
+        return Scene(objects, knobs.wind.velocity)
 
     @property
     def _cargo_place(self) -> tuple[float, float]:
         knobs = self.parameters
         return centre_line(knobs.road, knobs.curve).position_at(knobs.cargo.at)
 
-    def _cone(self) -> Iterator[Thing]:
+    def _cone(self) -> Iterator[SceneObject]:
         cone = self.parameters.cone
         if cone.height:
             x, z = self._cone_place
             size = (cone.diameter, cone.height, cone.diameter)
-            yield Thing("cone", "cone", size, (x, cone.height / 2, z))
+            yield SceneObject("cone", "cone", size, (x, cone.height / 2, z))
 
     @property
     def _cone_place(self) -> tuple[float, float]:
@@ -173,7 +173,7 @@ class Delivery(Family):
     ) -> Feedback:
         """Distance and height of the cargo, and its distance from the machine."""
         terms = verdict.terms
-        cargo = trace.even.thing_position[:, trace.things.index(CARGO)]
+        cargo = trace.even.object_position[:, trace.objects.index(CARGO)]
         gaps = np.linalg.norm(trace.even.centre - cargo[:, None], axis=2).min(axis=1)
         even, touched = trace.even, terms["touched"]
         distance, time, reach, height = (
@@ -219,7 +219,7 @@ class DeliveryReferee:
         self._here = self._line.distance_along(x, z, self._here)
         self._height = max(self._height, y)
         touching = world.touching(CARGO)
-        self._note_landing(world.time, bool(things_among(touching)))
+        self._note_landing(world.time, bool(objects_among(touching)))
         if self._touched is None:
             if not blocks_among(touching):
                 return
@@ -255,7 +255,7 @@ class DeliveryReferee:
         """When the cargo was fastest: it is pushed until then, and rolls on by itself."""
         if self._touched is None:
             return None
-        speed = np.linalg.norm(trace.thing_velocity[:, trace.things.index(CARGO)], axis=1)
+        speed = np.linalg.norm(trace.object_velocity[:, trace.objects.index(CARGO)], axis=1)
         return Moment(float(trace.times[int(speed.argmax())]), "the cargo's top speed", CARGO)
 
     def _events(self) -> tuple[RolloutEvent, ...]:

@@ -19,7 +19,7 @@ from agentflow.env.scene import Gust, Scene
 from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
 from agentflow.env.tasks.features.platforms import Platform
-from agentflow.env.tasks.features.rings import CLOSE, EACH, THICK, Ring, RingProgress, ring_things
+from agentflow.env.tasks.features.rings import CLOSE, EACH, THICK, Ring, RingProgress, ring_objects
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -118,8 +118,8 @@ class Flying(Family):
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Platform, hoops and wind."""
         knobs = self.parameters
-        things = (*knobs.platform.things(), *ring_things(self.marks, "hoop"))
-        return Scene(things, knobs.wind.velocity, gusts_of(knobs.gusts), knobs.platform.start)
+        objects = (*knobs.platform.objects(), *ring_objects(self.marks, "hoop"))
+        return Scene(objects, knobs.wind.velocity, gusts_of(knobs.gusts), knobs.platform.start)
 
     def referee(self, machine: Machine) -> FlightReferee:  # noqa: ARG002 - the root is block 0
         return FlightReferee(self.marks)

@@ -11,7 +11,7 @@ import numpy as np
 
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.release import describe_release
-from agentflow.env.feedback.text import block_name, number, series, thing_name
+from agentflow.env.feedback.text import block_name, number, object_label, series
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Start, blocks_among
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
@@ -144,12 +144,12 @@ class Jumping(TrialFamily):
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, or a trench between raised banks; slope and wind."""
         knobs, friction = self.parameters, self.parameters.friction
-        things = (
-            *knobs.obstacle.things(friction),
-            *knobs.slope.things(knobs.obstacle.near_side, knobs.base, friction),
+        objects = (
+            *knobs.obstacle.objects(friction),
+            *knobs.slope.objects(knobs.obstacle.near_side, knobs.base, friction),
         )
         start = Start(knobs.base, yaw=knobs.yaw)
-        return Scene(things, knobs.wind.velocity, start=start, friction=friction)
+        return Scene(objects, knobs.wind.velocity, start=start, friction=friction)
 
     def referee(self, machine: Machine) -> JumpReferee:
         return JumpReferee(machine, self.parameters)
@@ -236,11 +236,9 @@ class JumpReferee:
             return False, f"failed, {early} was across before t = 0", None
         if self._touch is not None:
             time, block, name, miss = self._touch
-            touched = (
-                f"{block_name(self._machine, block)} touched {thing_name(name)} at {number(time)} s"
-            )
+            touched = f"{block_name(self._machine, block)} touched {object_label(name)}"
             what = "too low" if isinstance(self._obstacle, Walls) else "short"
-            return False, f"failed, {touched}, {number(miss)} m {what}", miss
+            return False, f"failed, {touched} at {number(time)} s, {number(miss)} m {what}", miss
         beyond = root - self._far
         if beyond <= 0.0:
             short = self._far - root
@@ -253,7 +251,7 @@ class JumpReferee:
         if self._touch is None:
             return ()
         time, block, name, _ = self._touch
-        text = f"{block_name(self._machine, block)} touches {thing_name(name)}"
+        text = f"{block_name(self._machine, block)} touches {object_label(name)}"
         return (RolloutEvent(time, "obstacle_touched", (block,), text),)
 
 

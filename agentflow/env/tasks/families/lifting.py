@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
-from agentflow.env.scene import Scene, Thing, blocks_among
+from agentflow.env.scene import Scene, SceneObject, blocks_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
 from agentflow.env.tasks.family import (
     GROUND,
@@ -103,14 +103,14 @@ class Lifting(TrialFamily):
     def vary_knobs(self, rng: random.Random) -> LiftingKnobs:
         """Vary mass, friction and initial position of the object."""
         knobs, by = self.parameters, self.parameters.variation
-        thing = knobs.object
+        item = knobs.object
         changed = {
-            "mass": vary(rng, thing.mass, by.mass),
-            "friction": vary(rng, thing.friction, by.friction),
-            "offset": thing.offset + round(rng.uniform(-by.offset, by.offset), 3),
-            "forward": thing.forward + round(rng.uniform(-by.offset, by.offset), 3),
+            "mass": vary(rng, item.mass, by.mass),
+            "friction": vary(rng, item.friction, by.friction),
+            "offset": item.offset + round(rng.uniform(-by.offset, by.offset), 3),
+            "forward": item.forward + round(rng.uniform(-by.offset, by.offset), 3),
         }
-        return knobs.model_copy(update={"object": thing.model_copy(update=changed)})
+        return knobs.model_copy(update={"object": item.model_copy(update=changed)})
 
     @property
     def brief(self) -> Brief:
@@ -141,7 +141,7 @@ class Lifting(TrialFamily):
         knobs = self.parameters.object
         x, z = knobs.offset, knobs.forward
         base = highest_point_under(machine, x, z, knobs.width / 2) if machine else 0.0
-        thing = Thing(
+        item = SceneObject(
             OBJECT,
             SHAPES[knobs.shape],  # type: ignore[arg-type]
             knobs.extents,
@@ -151,7 +151,7 @@ class Lifting(TrialFamily):
             balance=(knobs.balance, 0.0, 0.0),
             color=COLOR,
         )
-        return Scene((thing,), self.parameters.wind.velocity)
+        return Scene((item,), self.parameters.wind.velocity)
 
     def referee(self, machine: Machine) -> LiftReferee:  # noqa: ARG002 - only the object counts
         return LiftReferee(self.window)
@@ -161,7 +161,7 @@ class Lifting(TrialFamily):
     ) -> Feedback:
         """Outcome of the trial and path of the object."""
         lines = (f"Result: {verdict.terms['outcome']}",)
-        path = series("Object position", trace.even.times, trace.even.thing_position[:, 0])
+        path = series("Object position", trace.even.times, trace.even.object_position[:, 0])
         return compose(machine, trace, broken, verdict, "", lines, {}, (path,))
 
 

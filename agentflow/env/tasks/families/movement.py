@@ -11,7 +11,7 @@ import numpy as np
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import series
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.descriptors import ON_WHEELS, Descriptor
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
@@ -96,14 +96,14 @@ class Movement(Family):
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, obstacles and wind."""
         knobs, width = self.parameters, self.parameters.road.inner_width
-        things = (
+        objects = (
             *road_walls(knobs.road, knobs.curve),
             *_bumps(knobs.bump, width),
-            *knobs.ramp.things(width),
-            *knobs.roughness.things(width, knobs.obstacles.seed),
-            *knobs.obstacles.things(width),
+            *knobs.ramp.objects(width),
+            *knobs.roughness.objects(width, knobs.obstacles.seed),
+            *knobs.obstacles.objects(width),
         )
-        return Scene(things, knobs.wind.velocity)
+        return Scene(objects, knobs.wind.velocity)
 
     def referee(self, machine: Machine) -> MovementReferee:  # noqa: ARG002 - the root is block 0
         return MovementReferee(centre_line(self.parameters.road, self.parameters.curve))
@@ -162,7 +162,7 @@ class MovementReferee:
         return Verdict(self._best, terms)
 
 
-def _bumps(bumps: Bumps, width: float) -> Iterator[Thing]:
+def _bumps(bumps: Bumps, width: float) -> Iterator[SceneObject]:
     for index, z in enumerate(_bump_places(bumps), start=1):
         yield bump(f"bump {index}", z, bumps.height, bumps.length, width)
 

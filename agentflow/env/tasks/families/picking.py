@@ -11,7 +11,7 @@ import numpy as np
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import number, point_text
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, Trace, Verdict
-from agentflow.env.scene import Scene, Start, Thing
+from agentflow.env.scene import Scene, SceneObject, Start
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
 from agentflow.env.tasks.family import WOOD, CommonKnobs, Family, StartTimes, wall
 from agentflow.env.tasks.knobs import knob
@@ -126,11 +126,11 @@ class Picking(Family):
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002 - always the same
         """Ground around the pit (whose bottom is y = 0), bar, ball and wind."""
         knobs = self.parameters
-        ball = Thing(
+        ball = SceneObject(
             BALL, "sphere", (DIAMETER,) * 3, knobs.ball, mass=MASS, color=(0.8, 0.3, 0.2, 1)
         )
-        things = (*_banks(knobs.pit), *_bar(knobs), ball)
-        return Scene(things, knobs.wind.velocity, start=Start(height=knobs.pit.depth))
+        objects = (*_banks(knobs.pit), *_bar(knobs), ball)
+        return Scene(objects, knobs.wind.velocity, start=Start(height=knobs.pit.depth))
 
     def referee(self, machine: Machine) -> PickingReferee:  # noqa: ARG002 - only the ball counts
         return PickingReferee(self.parameters)
@@ -139,7 +139,7 @@ class Picking(Family):
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
         """Height of the ball every second, and where the grabbers were when they closed."""
-        path = trace.thing_position[:, trace.things.index(BALL)]
+        path = trace.object_position[:, trace.objects.index(BALL)]
         seconds = np.arange(1, int(trace.times[-1] + 1e-6) + 1)
         gained = [float(_at(trace.times, path, s)[1] - path[0, 1]) for s in map(float, seconds)]
         grab = min(self.parameters.schedule.grab, float(trace.times[-1]))
@@ -221,7 +221,7 @@ def _at(times: Array, values: Array, time: float) -> Array:
     return row
 
 
-def _banks(pit: Pit) -> Iterator[Thing]:
+def _banks(pit: Pit) -> Iterator[SceneObject]:
     """The ground on all four sides of the pit."""
     half, deep = pit.opening / 2, pit.depth
     near, far, side = pit.edge + 2 * FAR, FAR, FAR - half
@@ -232,12 +232,12 @@ def _banks(pit: Pit) -> Iterator[Thing]:
         yield wall(name, x, pit.edge + half, (side, deep, pit.opening))
 
 
-def _bar(knobs: PickingKnobs) -> Iterator[Thing]:
+def _bar(knobs: PickingKnobs) -> Iterator[SceneObject]:
     pit, bar = knobs.pit, knobs.bar
     if bar.share:
         long, top = bar.share * pit.opening, pit.depth - bar.below
         place = ((long - pit.opening) / 2, top - BAR / 2, knobs.middle)
-        yield Thing("bar", "box", (long, BAR, BAR), place, color=WOOD)
+        yield SceneObject("bar", "box", (long, BAR, BAR), place, color=WOOD)
 
 
 def _pit_sentences(pit: Pit) -> tuple[str, ...]:

@@ -17,10 +17,10 @@ from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.descriptors import Descriptor, release_height, share_of
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
-from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_sentences, arena_things
+from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_objects, arena_sentences
 from agentflow.env.tasks.features.flights import RL_HEIGHT, RULES, Flight
 from agentflow.env.tasks.features.platforms import Platform
-from agentflow.env.tasks.features.rings import EACH, THICK, Ring, ring_things
+from agentflow.env.tasks.features.rings import EACH, THICK, Ring, ring_objects
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.brief import Brief
@@ -126,12 +126,12 @@ class Throwing(Family):
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Arena, platform, rings and wind."""
         knobs = self.parameters
-        things = (
-            *arena_things(knobs.wall, knobs.ramp, knobs.obstacle),
-            *knobs.platform.things(),
-            *ring_things(knobs.rings, "ring"),
+        objects = (
+            *arena_objects(knobs.wall, knobs.ramp, knobs.obstacle),
+            *knobs.platform.objects(),
+            *ring_objects(knobs.rings, "ring"),
         )
-        return Scene(things, knobs.wind.velocity, start=knobs.platform.start)
+        return Scene(objects, knobs.wind.velocity, start=knobs.platform.start)
 
     def referee(self, machine: Machine) -> ThrowReferee:
         return ThrowReferee(machine, self.parameters)

@@ -10,9 +10,9 @@ import numpy as np
 
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.steering import steering_angles
-from agentflow.env.feedback.text import number, series, term_number, thing_name
+from agentflow.env.feedback.text import number, object_label, series, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
-from agentflow.env.scene import Body, Scene, Thing, things_among
+from agentflow.env.scene import Body, Scene, SceneObject, objects_among
 from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.descriptors import ON_WHEELS, Descriptor
 from agentflow.env.tasks.family import (
@@ -132,13 +132,13 @@ class Transport(Family):
     def scene(self, machine: Machine | None = None) -> Scene:
         """Cargo, above the machine if there is one, wall, uneven ground, target and wind."""
         knobs = self.parameters
-        things = (
-            *_cargo_things(knobs.cargo, machine),
-            *_wall_things(knobs.wall),
-            *knobs.ground.things(WIDE, 0),
+        objects = (
+            *_cargo_objects(knobs.cargo, machine),
+            *_wall_objects(knobs.wall),
+            *knobs.ground.objects(WIDE, 0),
             target_mark(knobs.target),
         )
-        return Scene(things, knobs.wind.velocity)
+        return Scene(objects, knobs.wind.velocity)
 
     def referee(self, machine: Machine) -> TransportReferee:  # noqa: ARG002 - blocks are traced
         return TransportReferee(self.parameters)
@@ -148,7 +148,7 @@ class Transport(Family):
     ) -> Feedback:
         """How far it came, how straight, how it steered, and its path."""
         even, cargo = trace.even, bool(self.parameters.cargo.mass)
-        centres = even.thing_position[:, 0] if cargo else even.centre[:, ROOT_BLOCK]
+        centres = even.object_position[:, 0] if cargo else even.centre[:, ROOT_BLOCK]
         lines = (
             f"Result: {verdict.terms['result']}",
             f"Way: greatest deviation {number(term_number(verdict.terms, 'deviation'))} m from the "
@@ -184,7 +184,7 @@ class TransportReferee:
     def _carried(self, world: WorldView) -> bool:
         """Whether the cargo is on the machine; notes what else it touches."""
         touching = world.touching(CARGO)
-        others = things_among(touching)
+        others = objects_among(touching)
         if others:
             self._lost = world.time, others[0]
         return bool(touching) and not others
@@ -220,7 +220,7 @@ class TransportReferee:
             return f"arrived: {near}, {away} at the end, {state}"
         if self._lost is not None:
             time, what = self._lost
-            where = "the ground" if what == "ground" else thing_name(what)
+            where = "the ground" if what == "ground" else object_label(what)
             text = f"the cargo touched {where} at {number(time)} s, {away}"
         else:
             text = f"ended {away}"
@@ -246,16 +246,16 @@ def _top_speed(times: Array, centres: Array) -> float:
     return float((steps / np.diff(times)).max())
 
 
-def _cargo_things(cargo: Cargo, machine: Machine | None) -> Iterator[Thing]:
+def _cargo_objects(cargo: Cargo, machine: Machine | None) -> Iterator[SceneObject]:
     if cargo.mass:
         reach = max(cargo.width, cargo.length) / 2
         base = highest_point_under(machine, 0.0, 0.0, reach) if machine else 0.0
         y = max(base, cargo.drop) + cargo.height / 2
         size = (cargo.width, cargo.height, cargo.length)
-        yield Thing(CARGO, "box", size, (0.0, y, 0.0), mass=cargo.mass, color=COLOR)
+        yield SceneObject(CARGO, "box", size, (0.0, y, 0.0), mass=cargo.mass, color=COLOR)
 
 
-def _wall_things(knobs: Wall) -> Iterator[Thing]:
+def _wall_objects(knobs: Wall) -> Iterator[SceneObject]:
     if knobs.height:
         size = (knobs.length, knobs.height, THICK)
         yield wall("wall", knobs.left + knobs.length / 2, knobs.ahead, size)

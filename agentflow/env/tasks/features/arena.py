@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import cos, radians, sin
 
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import WOOD, wall
 from agentflow.env.tasks.knobs import knob
@@ -38,7 +38,7 @@ class Hurdle(Parameters):
     width: float = knob(30, 1, 100, "m", "width along x")
 
 
-def arena_things(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> tuple[Thing, ...]:
+def arena_objects(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> tuple[SceneObject, ...]:
     """Walls, ramps and hurdle."""
     size = (hurdle.width, hurdle.height, arena.thickness)
     hurdles = (wall("hurdle", 0.0, hurdle.at, size),) if hurdle.height else ()
@@ -68,7 +68,7 @@ def arena_sentences(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> Iterator[str]
         )
 
 
-def _walls(arena: Arena) -> Iterator[Thing]:
+def _walls(arena: Arena) -> Iterator[SceneObject]:
     if arena.height:
         far, high, thick = arena.distance, arena.height, arena.thickness
         side: Vec3 = (thick, high, 2 * far + thick)
@@ -84,7 +84,7 @@ def _foot(arena: Arena) -> float:
     return arena.distance + arena.thickness / 2
 
 
-def _ramps(arena: Arena, ramps: Ramps) -> Iterator[Thing]:
+def _ramps(arena: Arena, ramps: Ramps) -> Iterator[SceneObject]:
     if not ramps.angle:
         return
     tilt, long = radians(ramps.angle), ramps.length
@@ -98,4 +98,4 @@ def _ramps(arena: Arena, ramps: Ramps) -> Iterator[Thing]:
         ("right", across, (out, up, 0.0), (0.0, 0.0, 1.0)),
         ("left", across, (-out, up, 0.0), (0.0, 0.0, -1.0)),
     ):
-        yield Thing(f"{name} ramp", "box", size, place, about_axis(axis, tilt), color=WOOD)
+        yield SceneObject(f"{name} ramp", "box", size, place, about_axis(axis, tilt), color=WOOD)

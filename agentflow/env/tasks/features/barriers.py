@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import cos, radians, tan
 from typing import ClassVar
 
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import tilted_plate, wall
 from agentflow.env.tasks.knobs import knob
@@ -53,7 +53,7 @@ class Walls(Parameters):
         """Names of the objects that no block may touch."""
         return tuple(f"wall {index}" for index in range(1, self.count + 1))
 
-    def things(self, friction: float) -> Iterator[Thing]:
+    def objects(self, friction: float) -> Iterator[SceneObject]:
         """The walls."""
         size: Vec3 = (WIDTH, self.height, self.thickness)
         for name, z in zip(self.watched, self.places, strict=True):
@@ -88,7 +88,7 @@ class Trench(Parameters):
         """z of the far bank's edge, m."""
         return self.at + self.length / 2
 
-    def things(self, friction: float) -> Iterator[Thing]:
+    def objects(self, friction: float) -> Iterator[SceneObject]:
         """Both banks, and the far wall."""
         near, far = self.near_side, self.far_side
         long = near + BANK_BACK
@@ -118,7 +118,7 @@ class Slope(Parameters):
         """Height of its upper edge above its foot, m."""
         return self.length * tan(radians(self.angle))
 
-    def things(self, obstacle: float, base: float, friction: float) -> Iterator[Thing]:
+    def objects(self, obstacle: float, base: float, friction: float) -> Iterator[SceneObject]:
         """The slope, on ground at height `base`, before an obstacle at z = `obstacle`; m."""
         if self.angle:
             pitch, edge = radians(self.angle), obstacle - self.before

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
-from agentflow.env.feedback.text import block_name, number, thing_name
+from agentflow.env.feedback.text import block_name, number, object_label
 from agentflow.env.rollout import Moment, RolloutEvent
-from agentflow.env.scene import Body, blocks_among, things_among
+from agentflow.env.scene import Body, blocks_among, objects_among
 from agentflow.env.tasks.base import ROUNDING, WorldView
 from agentflow.env.tasks.features.rings import Ring, RingProgress
 from agentflow.machine.geometry.vectors import Vec3
@@ -131,7 +131,7 @@ class Flight:
 
     def _handle_contact(self, world: WorldView, touching: frozenset[Body]) -> None:
         blocks = blocks_among(touching)
-        scene = things_among(touching)
+        scene = objects_among(touching)
         if blocks:
             self._holder, self._left, self._clean = blocks[0], world.time, not scene
             self._from = (world.centre(self.boulder)[2], world.centre(0)[2])
@@ -200,7 +200,7 @@ class Flight:
         left = RolloutEvent(self.left, "left_holder", blocks, f"the boulder leaves {holder}")
         if self.landing.surface is None:
             return (left,)
-        ground = f"the boulder lands on {thing_name(self.landing.surface)}"
+        ground = f"the boulder lands on {object_label(self.landing.surface)}"
         return left, RolloutEvent(self.landing.time, "landing", (self.boulder,), ground)
 
     def _result(self) -> str:
@@ -208,7 +208,7 @@ class Flight:
         if landing is None or self._left is None or self._holder is None:
             return _FAILURES[self._rolled, self._left is not None]
         end = (
-            f"landed on {thing_name(landing.surface)} at {number(landing.time)} s"
+            f"landed on {object_label(landing.surface)} at {number(landing.time)} s"
             if landing.surface
             else f"was still in the air at the end of the window ({number(landing.time)} s)"
         )

@@ -7,14 +7,14 @@ from math import hypot
 import numpy as np
 
 from agentflow.env.rollout import Trace
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.knobs import knob
 
 LEAST = 4.0
 """How far every block must get from where it was, m: a crane that stays there carries nothing."""
 MARK = (0.2, 0.6, 0.3, 1.0)
-Place = tuple[float, float]
+Point = tuple[float, float]
 """x and z, m."""
 
 
@@ -43,18 +43,18 @@ class Journey:
         """When it reached the target of a way there and back, s."""
         self.arrived: float | None = None
         """Since when it is at the end of its way, s."""
-        self._origin: Place = (0.0, 0.0)
-        self._here: Place = (0.0, 0.0)
+        self._origin: Point = (0.0, 0.0)
+        self._here: Point = (0.0, 0.0)
         self._time = 0.0
 
-    def start(self, place: Place) -> None:
+    def start(self, point: Point) -> None:
         """Note where it is at t = 0."""
-        self._origin = self._here = place
+        self._origin = self._here = point
 
-    def move(self, place: Place, time: float) -> None:
+    def move(self, point: Point, time: float) -> None:
         """Note where it is at this time (s)."""
-        self._here, self._time = place, time
-        self.deviation = max(self.deviation, self._aside(*place))
+        self._here, self._time = point, time
+        self.deviation = max(self.deviation, self._aside(*point))
         if self.left > self.target.reach:
             self.arrived = None
         elif self.target.back and self.turned is None:
@@ -100,10 +100,10 @@ def _least_moved(trace: Trace, begin: float, end: float) -> float:
     return float(np.hypot(way[:, 0], way[:, 2]).min())
 
 
-def target_mark(target: Target) -> Thing:
+def target_mark(target: Target) -> SceneObject:
     """A disc that shows the target in plans; it lies under the ground, where nothing is."""
     size, place = (2 * target.reach, 0.1, 2 * target.reach), (target.right, -0.1, target.ahead)
-    return Thing("target", "cylinder", size, place, color=MARK)
+    return SceneObject("target", "cylinder", size, place, color=MARK)
 
 
 def target_sentence(target: Target, moved: str) -> str:

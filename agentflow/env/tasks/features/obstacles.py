@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import asin, atan2, cos, degrees, hypot, pi, sin
 
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import WOOD, tilted_plate, wall
 from agentflow.env.tasks.knobs import knob
@@ -23,7 +23,7 @@ class Ramp(Parameters):
     length: float = knob(6.6, 2, 20, "m", "length along z")
     at: float = knob(19, 10, 200, "m", "z of its middle")
 
-    def things(self, width: float) -> Iterator[Thing]:
+    def objects(self, width: float) -> Iterator[SceneObject]:
         """The quarter-pipe across a road of this width, m."""
         if self.height:
             yield from quarter_pipe("ramp", self.at, self.height, self.length, width)
@@ -49,7 +49,7 @@ class Beam(Parameters):
     at: float = knob(8, 5, 200, "m", "z of its middle")
     thickness: float = knob(1, 0.2, 4, "m", "height of the beam, and its length along z")
 
-    def things(self, width: float) -> Iterator[Thing]:
+    def objects(self, width: float) -> Iterator[SceneObject]:
         """The beam across a road of this width, m."""
         if self.clearance:
             size = (width, self.thickness, self.thickness)
@@ -73,12 +73,12 @@ class Cone(Parameters):
     further: float = knob(15, 0, 200, "m", "distance of its middle from the end of the turn")
 
 
-def bump(name: str, z: float, height: float, length: float, width: float) -> Thing:
+def bump(name: str, z: float, height: float, length: float, width: float) -> SceneObject:
     """The top of a cylinder across the road: `height` above the ground, `length` along z, m."""
     radius = (length**2 / 4 + height**2) / (2 * height)
     across = (0.0, 0.0, sin(pi / 4), cos(pi / 4))
     size = (2 * radius, width, 2 * radius)
-    return Thing(name, "cylinder", size, (0.0, height - radius, z), across, color=WOOD)
+    return SceneObject(name, "cylinder", size, (0.0, height - radius, z), across, color=WOOD)
 
 
 def _arc(height: float, length: float) -> tuple[float, float]:
@@ -89,7 +89,7 @@ def _arc(height: float, length: float) -> tuple[float, float]:
 
 def quarter_pipe(
     name: str, z: float, height: float, length: float, width: float
-) -> Iterator[Thing]:
+) -> Iterator[SceneObject]:
     """A curved ramp that starts flat and steepens along z+, made of flat plates.
 
     Args:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import cos, radians, sin
 
-from agentflow.env.scene import Start, Thing
+from agentflow.env.scene import SceneObject, Start
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import WOOD
 from agentflow.env.tasks.knobs import knob
@@ -41,14 +41,16 @@ class Platform(Parameters):
         """Whether the level has a platform."""
         return bool(self.height or self.angle)
 
-    def things(self) -> tuple[Thing, ...]:
+    def objects(self) -> tuple[SceneObject, ...]:
         """The platform; () without one."""
         if not self.present:
             return ()
         tilt = radians(self.angle)
         place = (0.0, self.middle - THICK / 2 * cos(tilt), THICK / 2 * sin(tilt))
         return (
-            Thing("platform", "box", (SIDE, THICK, SIDE), place, self.start.rotation, color=WOOD),
+            SceneObject(
+                "platform", "box", (SIDE, THICK, SIDE), place, self.start.rotation, color=WOOD
+            ),
         )
 
     def sentences(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
@@ -36,7 +36,7 @@ def highest_point_under(machine: Machine, x: float, z: float, reach: float) -> f
     return max(tops, default=0.0)
 
 
-def lowest_place(machine: Machine, banks: Sequence[Thing]) -> float:
+def lowest_place(machine: Machine, banks: Sequence[SceneObject]) -> float:
     """How low a machine can be set down, as the height of its lowest point, m.
 
     Args:
@@ -47,7 +47,7 @@ def lowest_place(machine: Machine, banks: Sequence[Thing]) -> float:
     low, high = geometry.box_min, geometry.box_max
     middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
 
-    def over(block_low: Sequence[float], block_high: Sequence[float], bank: Thing) -> bool:
+    def over(block_low: Sequence[float], block_high: Sequence[float], bank: SceneObject) -> bool:
         return all(
             block_low[axis] - middle[axis] < bank.position[axis] + bank.size[axis] / 2 - BESIDE
             and block_high[axis] - middle[axis] > bank.position[axis] - bank.size[axis] / 2 + BESIDE

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, dist, hypot, inf, pi, sin, tan
 
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.machine.geometry.vectors import Vec3, about_axis
 
 EACH, CLOSE = 10.0, 10.0
@@ -28,14 +28,14 @@ class Ring:
     radius: float
     """Inner radius, m."""
 
-    def things(self, name: str) -> Iterator[Thing]:
+    def objects(self, name: str) -> Iterator[SceneObject]:
         """Straight pieces that form the ring's body."""
         x, y, z = self.centre
         middle = self.radius + THICK / 2
         length = 2 * (self.radius + THICK) * tan(pi / SIDES)
         for index in range(SIDES):
             angle = 2 * pi * index / SIDES
-            yield Thing(
+            yield SceneObject(
                 f"{name}, piece {index + 1}",
                 "box",
                 (THICK, length, THICK),
@@ -55,10 +55,10 @@ class Ring:
         return hypot(x - self.centre[0], y - self.centre[1]) < self.radius
 
 
-def ring_things(rings: Iterable[Ring], kind: str) -> Iterator[Thing]:
+def ring_objects(rings: Iterable[Ring], kind: str) -> Iterator[SceneObject]:
     """The pieces of all rings, named "ring 1, piece 1" or the like."""
     for index, ring in enumerate(rings, start=1):
-        yield from ring.things(f"{kind} {index}")
+        yield from ring.objects(f"{kind} {index}")
 
 
 class RingProgress:

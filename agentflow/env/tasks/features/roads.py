@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import atan2, cos, degrees, hypot, inf, pi, radians, sin, tan
 
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import WOOD, wall
 from agentflow.env.tasks.knobs import knob
@@ -152,7 +152,7 @@ def centre_line(road: Road, curve: Curve) -> CentreLine:
     return CentreLine((*line, Segment(*line[-1].end, rest)))
 
 
-def road_walls(road: Road, curve: Curve) -> tuple[Thing, ...]:
+def road_walls(road: Road, curve: Curve) -> tuple[SceneObject, ...]:
     """Walls on both sides and behind the machine."""
     end: Vec3 = (road.inner_width, road.wall_height, road.wall_thickness)
     rear = wall("wall back", 0.0, -road.back, end, road.wall_friction)
@@ -169,7 +169,7 @@ def road_walls(road: Road, curve: Curve) -> tuple[Thing, ...]:
     )
 
 
-def _turning_walls(road: Road, line: Sequence[Segment]) -> Iterator[Thing]:
+def _turning_walls(road: Road, line: Sequence[Segment]) -> Iterator[SceneObject]:
     for side, sign in (("left", -1.0), ("right", 1.0)):
         count = 0
         for segment in line:
@@ -181,7 +181,7 @@ def _turning_walls(road: Road, line: Sequence[Segment]) -> Iterator[Thing]:
 
 def _wall_piece(
     name: str, road: Road, segment: Segment, pieces: int, index: int, sign: float
-) -> Thing:
+) -> SceneObject:
     """One flat piece of a wall; the middles of a curved wall's pieces lie on the curve."""
     along = segment.length * (index + 0.5) / pieces
     x, z, heading = segment.position_at(along, sign * road.half_width)
@@ -189,7 +189,7 @@ def _wall_piece(
     if segment.turn:
         reach = abs(segment.radius - sign * road.half_width) + road.wall_thickness / 2
         length = 2 * reach * tan(abs(segment.turn) / pieces / 2)
-    return Thing(
+    return SceneObject(
         name,
         "box",
         (road.wall_thickness, road.wall_height, length),

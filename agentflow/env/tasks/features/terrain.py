@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import ceil, cos, hypot, pi, sin
 from random import Random
 
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.geometry.vectors import about_axis
@@ -27,7 +27,7 @@ class Roughness(Parameters):
     first: float = knob(10, 10, 200, "m", "z where uneven ground begins")
     last: float = knob(200, 20, 500, "m", "z where uneven ground ends")
 
-    def things(self, width: float, seed: int) -> Iterator[Thing]:
+    def objects(self, width: float, seed: int) -> Iterator[SceneObject]:
         """Adjacent slabs with tilted tops, up to `height` above the ground."""
         if not self.height:
             return
@@ -41,7 +41,7 @@ class Roughness(Parameters):
                 rise = self.height * rng.uniform(LEAN, 1 - LEAN)
                 tilt = rng.uniform(0, LEAN * self.height) / hypot(side / 2, SLAB / 2)
                 turn = rng.uniform(0, 2 * pi)
-                yield Thing(
+                yield SceneObject(
                     f"slab {row + 1}-{column + 1}",
                     "box",
                     (side, THICK, SLAB),
@@ -70,14 +70,14 @@ class Stones(Parameters):
     last: float = knob(200, 20, 500, "m", "z where stones end")
     seed: int = knob(0, 0, 1_000_000, "", "random seed of positions and sizes")
 
-    def things(self, width: float) -> Iterator[Thing]:
+    def objects(self, width: float) -> Iterator[SceneObject]:
         """Fixed balls, half underground."""
         rng = Random(f"stones {self.seed}")
         length = max(0.0, self.last - self.first)
         for index in range(round(self.density * length * width)):
             x, z = rng.uniform(-width / 2, width / 2), rng.uniform(self.first, self.last)
             size = rng.uniform(self.smallest, max(self.smallest, self.largest))
-            yield Thing(
+            yield SceneObject(
                 f"stone {index + 1}", "sphere", (size, size, size), (x, 0.0, z), color=STONE
             )
 

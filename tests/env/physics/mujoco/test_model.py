@@ -13,7 +13,7 @@ from agentflow.env.physics.laws.flight import Thruster
 from agentflow.env.physics.model import Devices, Drive, Part
 from agentflow.env.physics.mujoco.engine import MuJoCoEngine
 from agentflow.env.physics.mujoco.world import MuJoCoWorld
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from tests.env.physics.rig import weightless
 from tests.env.physics.test_contract import BALL, CUBE, RATE, arm, cube, machine, run
 
@@ -41,8 +41,8 @@ def test_a_motor_gives_its_torque_up_to_its_speed_and_no_more(speed: float, divi
 @pytest.mark.parametrize("turn", [0.0, 0.3, 1.9, 4.4])
 def test_an_upright_cylinder_stands_on_the_ground(turn: float) -> None:
     """MuJoCo finds contacts radii deep for some turns if its axis is exactly upright."""
-    drum = Thing("drum", "cylinder", (3.0, 1.0, 3.0), (5.0, 0.5, 0.0), mass=50.0)
-    drum = Thing(**(vars(drum) | {"rotation": (0.0, sin(turn / 2), 0.0, cos(turn / 2))}))
+    drum = SceneObject("drum", "cylinder", (3.0, 1.0, 3.0), (5.0, 0.5, 0.0), mass=50.0)
+    drum = SceneObject(**(vars(drum) | {"rotation": (0.0, sin(turn / 2), 0.0, cos(turn / 2))}))
     world = build(Scene((drum,)), cube(0, (0.0, 0.5, 0.0)))
     for _ in range(120):
         world.step()

@@ -9,7 +9,7 @@ from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.model import Assembly, Joint, Part
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import IDENTITY
 from tests.env.machines import machine
@@ -43,13 +43,13 @@ def test_the_ground_is_as_rough_as_the_constants_say(friction: float) -> None:
     physics = constants().changed({"friction": friction})
     engine = PyBulletEngine(physics)
     tree = machine(ROOT)
-    slab = Thing("slab", "box", (2.0, 0.2, 2.0), (0.0, 0.1, 20.0), mass=1.0)
+    slab = SceneObject("slab", "box", (2.0, 0.2, 2.0), (0.0, 0.1, 20.0), mass=1.0)
     world = engine.build(
         assemble(tree, place(tree), physics), Scene((slab,), (0.0, 0.0, 0.0)), RATE
     )
     for _ in range(60):
         world.step()
-    uid = world.things["slab"]
+    uid = world.objects["slab"]
     pybullet.resetBaseVelocity(uid, (4.0, 0.0, 0.0), physicsClientId=engine.client)
     start = world.centre("slab")[0]
     for _ in range(180):

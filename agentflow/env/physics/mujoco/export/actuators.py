@@ -15,7 +15,7 @@ from agentflow.env.physics.frames import swap, swap_all
 from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.laws.tension import Spring
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.mujoco.bodies import Built
+from agentflow.env.physics.mujoco.bodies import CompiledModel
 from agentflow.env.physics.structure.drives import Motor, merge_drives
 from agentflow.env.physics.structure.layout import drag_locations, lay_out
 from agentflow.env.physics.structure.spanning_tree import Skeleton, skeleton
@@ -31,7 +31,7 @@ a motor that passes its speed in one step at full torque must get back to it in 
 class Actuators:
     """Adds actuators to the specification of a built model."""
 
-    def __init__(self, built: Built, assembly: Assembly) -> None:
+    def __init__(self, built: CompiledModel, assembly: Assembly) -> None:
         self._spec, self._model, self._built = built.spec, built.model, built
         self._assembly = assembly
         self.entries: list[Entry] = []

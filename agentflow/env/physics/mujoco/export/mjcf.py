@@ -18,7 +18,7 @@ from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco import MUJOCO
-from agentflow.env.physics.mujoco.bodies import Built
+from agentflow.env.physics.mujoco.bodies import CompiledModel
 from agentflow.env.physics.mujoco.engine import MuJoCoEngine
 from agentflow.env.physics.mujoco.export.actuators import Actuators
 from agentflow.env.scene import Scene
@@ -78,7 +78,7 @@ def _describe(assembly: Assembly, task: Task, notes: Sequence[str]) -> str:
     return text.replace("--", "- -")
 
 
-def _place(built: Built) -> None:
+def _place(built: CompiledModel) -> None:
     """Move the machine to the start of the scene, and tilt cylinders so that the file keeps it."""
     for part, at in built.roots.items():
         body = built.spec.body(built.model.body(built.parts[part]).name)
@@ -91,10 +91,10 @@ def _place(built: Built) -> None:
             geom.quat = turned
 
 
-def _colour(built: Built, assembly: Assembly, scene: Scene) -> None:
+def _colour(built: CompiledModel, assembly: Assembly, scene: Scene) -> None:
     """Light the scene, colour all shapes, and draw braces, which are shapes that touch nothing."""
     spec = built.spec
-    colours: dict[Any, Sequence[float]] = {thing.name: thing.color for thing in scene.things}
+    colours: dict[Any, Sequence[float]] = {item.name: item.color for item in scene.objects}
     colours |= {part.block: part.color for part in assembly.parts}
     for number, owner in enumerate(built.owners):
         geom = spec.geom(built.model.geom(number).name)
@@ -142,8 +142,8 @@ def _losses(
     if any(scene.wind):
         notes.append("MJCF does not hold the wind of the task")
     for what, names in {
-        "how the load grows": [thing.name for thing in scene.things if thing.load],
-        "how softly this gives way": [t.name for t in scene.things if t.stiffness is not None],
+        "how the load grows": [item.name for item in scene.objects if item.load],
+        "how softly this gives way": [t.name for t in scene.objects if t.stiffness is not None],
     }.items():
         notes += [f"MJCF does not hold {what}: {', '.join(names)}"] if names else []
     if task.trials(0) != (task,):

@@ -1,4 +1,4 @@
-"""Pictures of machines by the laboratory, and what it tells histories."""
+"""Pictures of machines by the evaluator, and what it tells histories."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import re
 import pytest
 from PIL import Image
 
-from agentflow.app.design.laboratory import PICTURE, PhysicsLaboratory, decisive_facts
+from agentflow.app.design.evaluator import PICTURE, PhysicsEvaluator, decisive_facts
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
@@ -37,15 +37,15 @@ def test_facts_for_histories_tell_release_and_first_break() -> None:
 async def test_views_are_drawn_once() -> None:
     task = get_task("movement")
     pool = RolloutPool(1)  # never started: drawing needs no worker
-    laboratory = PhysicsLaboratory(task, pool, seed=0)
+    evaluator = PhysicsEvaluator(task, pool, seed=0)
     machine = Machine((ROOT, Step(1, 63, 0, 4)))
     before = len(asyncio.all_tasks())
-    (url,) = await laboratory.views(machine)
-    again = asyncio.ensure_future(laboratory.views(machine))
+    (url,) = await evaluator.views(machine)
+    again = asyncio.ensure_future(evaluator.views(machine))
     await asyncio.sleep(0)
     assert len(asyncio.all_tasks()) <= before + 1, "it is drawn again"
     assert await again == (url,)
-    fresh = PhysicsLaboratory(task, pool, seed=1)
+    fresh = PhysicsEvaluator(task, pool, seed=1)
     assert await fresh.views(machine) == (url,)
     data = base64.b64decode(url.removeprefix("data:image/png;base64,"))
     assert Image.open(io.BytesIO(data)).format == "PNG"

@@ -11,20 +11,20 @@ from typing import Any, ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import machine_context, task_context
 from agentflow.env.tasks.families.movement import Movement
-from agentflow.llm.procedural.reading import Prompt, Script
+from agentflow.llm.procedural.reading import PromptContent, Script
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.metrics.cells import Metric
 from agentflow.runs import read_result
 from agentflow.runs.events import RunEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 from agentflow.search.best_of_n import best_of_n
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.stages.designs import design_machines, simulate
 from agentflow.workflows.stages.feedback import feedback_loop
-from agentflow.workflows.stages.shared import design_machines, simulate
 from agentflow.workflows.workflow import Workflow
 
 
@@ -52,7 +52,7 @@ class JudgeInput:
     machine: Machine
 
 
-def praise(prompt: Prompt, rng: Random) -> str:
+def praise(prompt: PromptContent, rng: Random) -> str:
     """Like any machine."""
     return f"{rng.choice(('A good', 'A fine'))} machine of {len(prompt.machine)} blocks."
 
@@ -90,10 +90,10 @@ async def judged(run: WorkflowContext) -> WorkflowResult:
     async def follow(candidate: Candidate) -> Candidate:
         found = await feedback_loop(run, candidate, None)
         assert found.machine is not None
-        place = Place(Judge.name, trajectory=candidate.trajectory)
+        location = Location(Judge.name, trajectory=candidate.trajectory)
         given = JudgeInput(run.brief, found.machine)
-        outcome = await run.ask(Judge(), given, place, stage="env_feedback")
-        run.note(Judgement(place, outcome.output if outcome and outcome.output else ""))
+        outcome = await run.ask(Judge(), given, location, stage="env_feedback")
+        run.note(Judgement(location, outcome.output if outcome and outcome.output else ""))
         return found
 
     run.begin_stage("initial")

@@ -26,7 +26,7 @@ from agentflow.machine.geometry.balance import mass
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
-from agentflow.tools.world import View
+from agentflow.tools.host import ViewDirection
 from agentflow.workflows.base import SimulationSummary
 from agentflow.workflows.settings import Objective
 
@@ -34,8 +34,8 @@ PICTURE = (960, 720)
 """Width and height of pictures for models, in pixels."""
 
 
-class PhysicsLaboratory:
-    """Simulates machines at one task. Implements the workflows' `Laboratory`."""
+class PhysicsEvaluator:
+    """Simulates machines at one task. Implements the workflows' `Evaluator`."""
 
     def __init__(
         self, task: Task, pool: Simulator, seed: int, objective: Objective = "score"
@@ -102,7 +102,7 @@ class PhysicsLaboratory:
     async def verify(self, machine: Machine) -> Verification:
         """Simulate an evaluated machine under every variation.
 
-        These simulations count neither as rollouts nor in the times of this laboratory.
+        These simulations count neither as rollouts nor in the times of this evaluator.
         """
         run = partial(self._pool.run, machine, self._task, seed=self._seed)
         return await verify_async(run, self.rollouts[machine.digest])
@@ -118,7 +118,7 @@ class PhysicsLaboratory:
             self._pictures[machine.digest] = asyncio.ensure_future(drawing)
         return (await asyncio.shield(self._pictures[machine.digest]),)
 
-    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
         """Draw a machine in a thread: as built, or at a time of its rollout."""
         rollout = None if time is None else self.rollouts[machine.digest]
         return await asyncio.to_thread(look_at, machine, view, rollout, time)

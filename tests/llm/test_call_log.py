@@ -21,7 +21,7 @@ from agentflow.llm.messages import (
     Tool,
     ToolCall,
 )
-from agentflow.llm.wrappers.tape import RecordedCall, Tape, key_of
+from agentflow.llm.wrappers.call_log import CallLog, RecordedCall, key_of
 from tests.llm.helpers import ask
 
 CHECK = Tool(name="check", description="Check a machine.", parameters={"type": "object"})
@@ -43,9 +43,9 @@ def entry(label: str, text: str = "answer") -> RecordedCall:
 
 def filled(path: Path, count: int = 3) -> list[RecordedCall]:
     entries = [entry(f"a/{i}", "x" * i) for i in range(count)]
-    with Tape(path, no_notice) as tape:
+    with CallLog(path, no_notice) as call_log:
         for item in entries:
-            tape.append(item)
+            call_log.append(item)
     return entries
 
 
@@ -63,23 +63,23 @@ def test_a_line_holds_prompt_and_reply_and_nothing_else(tmp_path: Path) -> None:
 
 def test_entries_are_found_again_by_another_process(tmp_path: Path) -> None:
     entries = filled(tmp_path / "calls.jsonl")
-    with Tape(tmp_path / "calls.jsonl", no_notice, writable=False) as tape:
-        assert len(tape) == 3
-        assert [tape.find(item.key) for item in entries] == [item.reply for item in entries]
-        assert list(tape.calls()) == entries
-        assert tape.find("other") is None
-        assert "other" not in tape
+    with CallLog(tmp_path / "calls.jsonl", no_notice, writable=False) as call_log:
+        assert len(call_log) == 3
+        assert [call_log.find(item.key) for item in entries] == [item.reply for item in entries]
+        assert list(call_log.calls()) == entries
+        assert call_log.find("other") is None
+        assert "other" not in call_log
 
 
 @settings(deadline=None)
 @given(st.text(), st.text())
 def test_any_text_survives(tmp_path_factory: pytest.TempPathFactory, text: str, label: str) -> None:
-    path = tmp_path_factory.mktemp("tape") / "calls.jsonl"
+    path = tmp_path_factory.mktemp("calls") / "calls.jsonl"
     item = entry(label, text)
-    with Tape(path, no_notice) as tape:
-        tape.append(item)
-    with Tape(path, no_notice) as tape:
-        assert list(tape.calls()) == [item]
+    with CallLog(path, no_notice) as call_log:
+        call_log.append(item)
+    with CallLog(path, no_notice) as call_log:
+        assert list(call_log.calls()) == [item]
 
 
 def test_tools_and_their_calls_are_recorded(tmp_path: Path) -> None:
@@ -93,10 +93,10 @@ def test_tools_and_their_calls_are_recorded(tmp_path: Path) -> None:
     )
     reply = Reply(text="", finish="tool_calls", tool_calls=(CALL,))
     call = RecordedCall(key=key_of("m", request), model="m", request=request, reply=reply)
-    with Tape(tmp_path / "calls.jsonl", no_notice) as tape:
-        tape.append(call)
-        assert list(tape.calls()) == [call]
-        assert tape.find(call.key) == reply
+    with CallLog(tmp_path / "calls.jsonl", no_notice) as call_log:
+        call_log.append(call)
+        assert list(call_log.calls()) == [call]
+        assert call_log.find(call.key) == reply
 
 
 def test_lines_without_tools_do_not_mention_them(tmp_path: Path) -> None:
@@ -112,12 +112,12 @@ def test_a_half_written_last_line_is_dropped_wherever_it_breaks(tmp_path: Path) 
     for size in range(first + 1, len(whole) - 1, 37):
         path.write_bytes(whole[:size])
         notices: list[str] = []
-        with Tape(path, notices.append, writable=False) as tape:
-            assert len(tape) == 1
+        with CallLog(path, notices.append, writable=False) as call_log:
+            assert len(call_log) == 1
         assert path.stat().st_size == size
-        with Tape(path, notices.append) as tape:
-            assert tape.find(entries[0].key) == entries[0].reply
-            tape.append(entries[1])
+        with CallLog(path, notices.append) as call_log:
+            assert call_log.find(entries[0].key) == entries[0].reply
+            call_log.append(entries[1])
         dropped = f"{path}: dropped a half-written last line ({size - first} bytes)"
         assert notices == [dropped, dropped]
         assert path.read_bytes() == whole
@@ -129,24 +129,24 @@ def test_a_last_line_that_lacks_its_line_break_alone_is_kept(tmp_path: Path) -> 
     whole = path.read_bytes()
     path.write_bytes(whole[: whole.index(entries[2].key.encode())].rpartition(b"\n")[0])
     assert not path.read_bytes().endswith(b"\n")
-    with Tape(path, no_notice, writable=False) as tape:
-        assert list(tape.calls()) == entries[:2]
-    with Tape(path, no_notice) as tape:
-        tape.append(entries[2])
-        assert list(tape.calls()) == entries
+    with CallLog(path, no_notice, writable=False) as call_log:
+        assert list(call_log.calls()) == entries[:2]
+    with CallLog(path, no_notice) as call_log:
+        call_log.append(entries[2])
+        assert list(call_log.calls()) == entries
     assert path.read_bytes() == whole
 
 
-def test_a_tape_is_never_whole_in_memory(tmp_path: Path) -> None:
+def test_a_call_log_is_never_whole_in_memory(tmp_path: Path) -> None:
     path = tmp_path / "calls.jsonl"
-    with Tape(path, no_notice) as tape:
+    with CallLog(path, no_notice) as call_log:
         for number in range(60):
-            tape.append(entry(f"a/{number}", "x" * 500_000))
+            call_log.append(entry(f"a/{number}", "x" * 500_000))
     tracemalloc.start()
     try:
-        with Tape(path, no_notice, writable=False) as tape:
-            assert sum(len(item.reply.text) for item in tape.calls()) == 30_000_000
-            assert tape.find(entry("a/59").key) is not None
+        with CallLog(path, no_notice, writable=False) as call_log:
+            assert sum(len(item.reply.text) for item in call_log.calls()) == 30_000_000
+            assert call_log.find(entry("a/59").key) is not None
             peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
@@ -159,7 +159,7 @@ def test_a_damaged_line_elsewhere_is_refused(tmp_path: Path) -> None:
     lines = path.read_text().splitlines(keepends=True)
     path.write_text(lines[0] + "{oops\n" + lines[2])
     with pytest.raises(RunError) as caught:
-        Tape(path, no_notice)
+        CallLog(path, no_notice)
     assert str(caught.value) == f"{path}, line 2 is damaged (not JSON)"
 
 
@@ -168,13 +168,13 @@ def test_a_foreign_schema_is_refused(tmp_path: Path) -> None:
     filled(path, 1)
     path.write_text(path.read_text().replace('"schema_version":1', '"schema_version":2'))
     with pytest.raises(RunError, match=r"line 1 is damaged \(schema_version\)"):
-        Tape(path, no_notice)
+        CallLog(path, no_notice)
 
 
-def test_a_tape_that_cannot_be_opened(tmp_path: Path) -> None:
+def test_a_call_log_that_cannot_be_opened(tmp_path: Path) -> None:
     missing = tmp_path / "no" / "calls.jsonl"
     with pytest.raises(RunError) as caught:
-        Tape(missing, no_notice)
+        CallLog(missing, no_notice)
     assert str(caught.value) == f"cannot open {missing}: No such file or directory"
 
 
@@ -183,18 +183,18 @@ def test_a_full_disk_takes_back_what_was_written(tmp_path: Path) -> None:
     filled(path, 1)
     whole = path.read_bytes()
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with Tape(path, no_notice) as tape:
+    with CallLog(path, no_notice) as call_log:
         resource.setrlimit(resource.RLIMIT_FSIZE, (len(whole) + 100, hard))
         try:
             with pytest.raises(RunError) as caught:
-                tape.append(entry("a/1"))
+                call_log.append(entry("a/1"))
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         assert str(caught.value) == f"cannot write {path}: File too large"
         assert path.read_bytes() == whole
-        assert tape.find(entry("a/1").key) is None
-        tape.append(entry("a/1"))
-        assert tape.find(entry("a/1").key) == entry("a/1").reply
+        assert call_log.find(entry("a/1").key) is None
+        call_log.append(entry("a/1"))
+        assert call_log.find(entry("a/1").key) == entry("a/1").reply
 
 
 def test_the_key_is_of_what_changes_the_answer() -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import random
 
-from agentflow.llm.procedural.reading import Prompt
+from agentflow.llm.procedural.reading import PromptContent
 
 
-def praise(prompt: Prompt, rng: random.Random) -> str:
+def praise(prompt: PromptContent, rng: random.Random) -> str:
     """Like any machine."""
     return f"{rng.choice(('A good', 'A fine'))} machine of {len(prompt.machine)} blocks."

@@ -19,14 +19,14 @@ from agentflow.llm.client import Client
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.settings import LimitSettings
 from agentflow.llm.wrappers.budget import Budget
+from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.llm.wrappers.limits import LimitedClient, Limiter
 from agentflow.llm.wrappers.record import ReplayClient
-from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
-from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
+from tests.workflows.fakes import BRIEF, PROMPTS, Author, Delayed, Shelf
 
 SETTINGS = WorkflowSettings.model_validate(
     {"trajectories": 3, "search": {"rounds": 2, "width": 2, "request_rounds": 2}}
@@ -34,14 +34,14 @@ SETTINGS = WorkflowSettings.model_validate(
 Written = dict[str, bytes]
 
 
-def carry_out(folder: Path, chance: random.Random) -> tuple[WorkflowResult, RunDirectory, Tape]:
+def carry_out(folder: Path, chance: random.Random) -> tuple[WorkflowResult, RunDirectory, CallLog]:
     """A run on disk with replies and rollouts that take random times, several at once."""
     run = RunDirectory.create(folder, "run", {})
-    tape = Tape(run.tape, pytest.fail)
+    call_log = CallLog(run.call_log, pytest.fail)
     limits = LimitSettings(concurrent=chance.choice([1, 2, 5, 16, None]))
     inner = LimitedClient(Delayed(ScriptedClient(Author(seed=4)), chance), Limiter(limits))
-    client = wrap(inner, tape=tape, budget=Budget())
-    return asyncio.run(conduct(client, run, Shelf(delays=chance))), run, tape
+    client = wrap(inner, call_log=call_log, budget=Budget())
+    return asyncio.run(conduct(client, run, Shelf(delays=chance))), run, call_log
 
 
 async def conduct(client: Client, run: RunDirectory, shelf: Shelf) -> WorkflowResult:
@@ -70,9 +70,9 @@ def test_fifty_completion_orders_give_the_same_run(tmp_path: Path) -> None:
     runs, results, orders = [], [], set()
     for seed in range(50):
         folder = tmp_path / str(seed)
-        result, run, tape = carry_out(folder, random.Random(seed))
-        labels = [entry.request.label for entry in tape.calls()]
-        tape.close()
+        result, run, call_log = carry_out(folder, random.Random(seed))
+        labels = [entry.request.label for entry in call_log.calls()]
+        call_log.close()
         run.close()
         runs.append(written(run))
         results.append(result)
@@ -87,13 +87,13 @@ def test_fifty_completion_orders_give_the_same_run(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_replay_in_any_order_matches_the_recorded_run(tmp_path: Path) -> None:
-    result, run, tape = carry_out(tmp_path / "recorded", random.Random(1))
+    result, run, call_log = carry_out(tmp_path / "recorded", random.Random(1))
     recorded = written(run)
     run.close()
     again = RunDirectory.create(tmp_path / "again", "run", {})
-    client = Delayed(ReplayClient(tape, "scripted"), random.Random(2))
+    client = Delayed(ReplayClient(call_log, "scripted"), random.Random(2))
     assert asyncio.run(conduct(client, again, Shelf())) == result
-    tape.close()
+    call_log.close()
     again.close()
     repeated = written(again)
     assert repeated.pop("run.yaml") == recorded.pop("run.yaml")
@@ -107,7 +107,7 @@ from pathlib import Path
 from agentflow.llm.wrappers.record import RecordingClient
 from agentflow.llm.messages import Request
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.llm.wrappers.tape import Tape
+from agentflow.llm.wrappers.call_log import CallLog
 from tests.llm.helpers import ask
 
 CALLS = 2000
@@ -119,9 +119,9 @@ class Slow(ScriptedClient):
         return await super().complete(request)
 
 async def main(folder):
-    with Tape(folder / "calls.jsonl", print) as tape:
+    with CallLog(folder / "calls.jsonl", print) as call_log:
         print("started", flush=True)
-        client = RecordingClient(Slow(lambda request: request.label * 300), tape)
+        client = RecordingClient(Slow(lambda request: request.label * 300), call_log)
         numbers = iter(range(CALLS))
         async def worker():
             for number in numbers:
@@ -164,7 +164,7 @@ def test_after_thirty_kills_no_recorded_call_is_repeated_or_lost(
         recorded = whole
     assert process.returncode == 0
     assert killed_at_work > 10
-    with Tape(path, pytest.fail, writable=False) as tape:
-        replies = {entry.request.label: entry.reply.text for entry in tape.calls()}
-        assert len(replies) == len(tape)
+    with CallLog(path, pytest.fail, writable=False) as call_log:
+        replies = {entry.request.label: entry.reply.text for entry in call_log.calls()}
+        assert len(replies) == len(call_log)
     assert replies == {f"a/{i}": f"a/{i}" * 300 for i in range(2000)}

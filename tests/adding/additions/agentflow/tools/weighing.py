@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from agentflow.machine.blocks.library import library
-from agentflow.tools.desk import Call
 from agentflow.tools.results import ToolResult
+from agentflow.tools.workspace import Call
 
 
 async def weigh(call: Call, machine: str) -> ToolResult:
@@ -13,6 +13,6 @@ async def weigh(call: Call, machine: str) -> ToolResult:
     Args:
         machine: Name of the machine.
     """
-    known = call.desk.machines.find(machine)
+    known = call.workspace.machines.find(machine)
     mass = sum(library()[step.type].mass for step in known.machine)
     return ToolResult(f"It weighs {mass:g} kg.", {"machine": known.name, "mass": mass})

@@ -1,4 +1,4 @@
-"""Stages that workflows share: whole-machine designs, criticism, blind refinement."""
+"""Stages of whole designs that workflows share: design, simulate, criticise, refine blindly."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from agentflow.machine.edits.random import BLOCKS, random_machine
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check, problems_of
 from agentflow.runs.events import FLAWLESS, FirstAttempt, InspectionEvent
-from agentflow.runs.places import BLIND, INITIAL, Place, StageName
+from agentflow.runs.locations import BLIND, INITIAL, Location, StageName
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import Candidate, SimulationSummary
@@ -79,8 +79,8 @@ async def design_machines(run: WorkflowContext) -> list[Candidate]:
 
     async def design(trajectory: int) -> Candidate:
         given = DesignerInput(**run.role_input, rationale=run.settings.rationale(trajectory))
-        place = Place(Designer.name, trajectory=trajectory)
-        return candidate_of(trajectory, await run.ask(Designer(), given, place, stage=INITIAL))
+        location = Location(Designer.name, trajectory=trajectory)
+        return candidate_of(trajectory, await run.ask(Designer(), given, location, stage=INITIAL))
 
     return await run_concurrently(design(number) for number in run.trajectories)
 
@@ -96,7 +96,7 @@ async def simulate(
             return candidate
         if problems := problems_of(machine, run.brief):
             return replace(candidate, reason=candidate.reason or problems[0].message)
-        evaluation = await run.evaluate(machine, Place(stage, trajectory=candidate.trajectory))
+        evaluation = await run.evaluate(machine, Location(stage, trajectory=candidate.trajectory))
         reason = "" if evaluation.valid else "the simulation refused the machine"
         return replace(candidate, evaluation=evaluation, reason=reason)
 
@@ -133,10 +133,10 @@ async def _retry(
             **run.role_input,
             machine=best.machine,
             history=history if run.settings.history else History(),
-            **_told(run, best.evaluation),
+            **_shown(run, best.evaluation),
             trial=trial + 1,
         )
-        at = Place(stage, trajectory=candidate.trajectory, try_=trial)
+        at = Location(stage, trajectory=candidate.trajectory, try_=trial)
         asked = replace(at, name=f"{Refiner.name}/{stage}")
         outcome = await run.ask(Refiner(), given, asked, stage=stage, model_role=model_role)
         made = None if outcome is None else outcome.output
@@ -170,8 +170,8 @@ async def refine_blindly(
         format=run.settings.refinement,
         images=await run.views(candidate.machine),
     )
-    place = Place("refiner/blind", trajectory=candidate.trajectory)
-    outcome = await run.ask(Refiner(), given, place, stage=BLIND)
+    location = Location("refiner/blind", trajectory=candidate.trajectory)
+    outcome = await run.ask(Refiner(), given, location, stage=BLIND)
     made = candidate_of(candidate.trajectory, outcome)
     if outcome is None or outcome.output is None:
         return made
@@ -200,10 +200,10 @@ def _simulation_of(run: WorkflowContext, candidate: Candidate) -> dict[str, Any]
     """Score and feedback of a designed machine, as far as the settings show them."""
     if not run.settings.simulate_first or candidate.evaluation is None:
         return {}
-    return _told(run, candidate.evaluation)
+    return _shown(run, candidate.evaluation)
 
 
-def _told(run: WorkflowContext, evaluation: Evaluation) -> dict[str, Any]:
+def _shown(run: WorkflowContext, evaluation: Evaluation) -> dict[str, Any]:
     """Score and feedback of a simulation for a refiner, as far as the settings show them."""
     summary: SimulationSummary = evaluation.details
     told = "" if run.settings.feedback == "score_only" else summary.feedback
@@ -220,12 +220,12 @@ async def _critique(run: WorkflowContext, candidate: Candidate, blueprint: Bluep
         blueprint=blueprint,
         groups=candidate.groups,
     )
-    place = Place(Inspector.name, trajectory=candidate.trajectory)
-    outcome = await run.ask(Inspector(), given, place, stage=BLIND)
+    location = Location(Inspector.name, trajectory=candidate.trajectory)
+    outcome = await run.ask(Inspector(), given, location, stage=BLIND)
     if outcome is None or outcome.output is None:
         return ""
     found = outcome.output
     defects = [vars(defect) | {"blocks": list(defect.blocks)} for defect in found.defects]
     world = (found.orientation_score, found.orientation)
-    run.note(InspectionEvent(place, candidate.machine.digest, *world, defects))
+    run.note(InspectionEvent(location, candidate.machine.digest, *world, defects))
     return found.text

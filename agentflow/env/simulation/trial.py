@@ -47,7 +47,7 @@ class RefereeView:
         """Level of each entry that was switched."""
 
 
-class Play:
+class Trial:
     """One trial in progress."""
 
     def __init__(
@@ -77,8 +77,8 @@ class Play:
             self._assembly.joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"]
         )
         self._stepping = Stepping(physics, rate, self._world.settle_rate)
-        things = tuple(thing.name for thing in self._scene.moving)
-        self._monitor = Monitor(self._world, self._assembly, self._loads, things, rate)
+        objects = tuple(item.name for item in self._scene.moving)
+        self._monitor = Monitor(self._world, self._assembly, self._loads, objects, rate)
         self._view = RefereeView(self._world)
         self._referee = task.referee(machine)
         self._over = False

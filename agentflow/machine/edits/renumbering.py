@@ -52,10 +52,10 @@ def follow(earlier: Renumbering, later: Renumbering) -> Renumbering:
     """
     if not earlier:
         return {ref: text for ref, text in later.items() if isinstance(ref, int)}
-    return {ref: retell(text, later) for ref, text in earlier.items()}
+    return {ref: renumber(text, later) for ref, text in earlier.items()}
 
 
-def retell(text: Text, now: Renumbering) -> Text:
+def renumber(text: Text, now: Renumbering) -> Text:
     """A sentence in the numbering of now."""
     return tuple(part for ref in text for part in now.get(ref, (ref,)))
 

@@ -1,4 +1,4 @@
-"""What the tools of one stage work on: the world, the machines, the budget, the submissions."""
+"""What the tools of one stage work on: the host, the machines, the budget, the submissions."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import problems_of
-from agentflow.runs.places import Place, StageName
-from agentflow.tools.results import Refused, StageEnded
-from agentflow.tools.world import Simulation, World
+from agentflow.runs.locations import Location, StageName
+from agentflow.tools.host import BenchHost, Simulation
+from agentflow.tools.results import RefusedCall, StageEnded
 
 DIGITS = 8
 """Length of a name."""
@@ -56,7 +56,7 @@ class KnownMachines:
             name = machine.digest
         if name not in self._machines:
             if len(self) >= self._most:
-                raise Refused(f"a run keeps at most {self._most} machines; go on with these")
+                raise RefusedCall(f"a run keeps at most {self._most} machines; go on with these")
             self._machines[name] = KnownMachine(name, machine, parent, script)
         return self._machines[name]
 
@@ -67,7 +67,7 @@ class KnownMachines:
             if wanted in (known.name, known.machine.digest):
                 return known
         newest = [known.name for known in self][:-6:-1]
-        raise Refused(
+        raise RefusedCall(
             f"there is no machine {name.strip()[:40]!r}; "
             + (f"the newest are {', '.join(newest)}" if newest else "there is none yet")
             + "; `check` and `edit` name machines, `history` lists them"
@@ -77,7 +77,9 @@ class KnownMachines:
 def require_complete(machine: Machine, brief: Brief) -> None:
     """Refuse a machine that cannot be simulated as it is."""
     for problem in problems_of(machine, brief):
-        raise Refused(f"this machine is not complete: {problem.message}; `edit` it", problem.code)
+        raise RefusedCall(
+            f"this machine is not complete: {problem.message}; `edit` it", problem.code
+        )
 
 
 @dataclass
@@ -104,7 +106,7 @@ class Allowance:
     def take(self) -> None:
         """Use one, or refuse."""
         if self.left <= 0:
-            raise Refused(
+            raise RefusedCall(
                 f"all {self.total} {self.noun}s are used; the other tools still work, and "
                 f"{self.instead}"
             )
@@ -129,7 +131,7 @@ class Allowance:
 
 
 @dataclass
-class Budget:
+class StageBudget:
     """What an agent may spend in one stage."""
 
     submissions: int
@@ -144,19 +146,19 @@ class Budget:
 
 @dataclass(frozen=True)
 class Call:
-    """One call of a tool: where it works, and its place in the run."""
+    """One call of a tool: where it works, and its location in the run."""
 
-    desk: Desk
-    place: Place
+    workspace: Workspace
+    location: Location
 
 
 @dataclass
-class Desk:
-    """The state of one stage."""
+class Workspace:
+    """The state of one stage: what its tools read and change."""
 
-    world: World
+    host: BenchHost
     stage: StageName
-    budget: Budget
+    budget: StageBudget
     machines: KnownMachines
     submitted: list[Machine] = field(default_factory=list)
     ended: asyncio.Event = field(default_factory=asyncio.Event)
@@ -166,23 +168,23 @@ class Desk:
     def name(self, machine: Machine, parent: str = "", script: str = "") -> KnownMachine:
         """Give a machine a name and save it."""
         known = self.machines.add(machine, parent, script)
-        self.world.save(machine)
+        self.host.save(machine)
         return known
 
     def result_of(self, machine: Machine) -> Simulation | None:
         """The simulation of a machine, as far as this stage may know it."""
-        return None if self.budget.rollouts is None else self.world.simulated(machine)
+        return None if self.budget.rollouts is None else self.host.simulated(machine)
 
-    async def simulate(self, machine: Machine, place: Place) -> Simulation:
+    async def simulate(self, machine: Machine, location: Location) -> Simulation:
         """Simulate a machine; a new one is charged to the budget unless every call is cancelled."""
         rollouts = self.budget.rollouts
         if rollouts is None:
-            raise Refused("this stage has no simulation; submit what you think is best")
+            raise RefusedCall("this stage has no simulation; submit what you think is best")
         if self.result_of(machine) is None and not self._waiting[machine]:
             rollouts.take()
         self._waiting[machine] += 1
         try:
-            return await self.world.simulate(machine, place)
+            return await self.host.simulate(machine, location)
         finally:
             self._waiting[machine] -= 1
             if not self._waiting[machine] and self.result_of(machine) is None:
@@ -193,7 +195,7 @@ class Desk:
         if self.ended.is_set():
             raise StageEnded
         if known.machine in self.submitted:
-            raise Refused(f"machine {known.name} is already submitted; submit another one")
+            raise RefusedCall(f"machine {known.name} is already submitted; submit another one")
 
     def submit(self, known: KnownMachine, last: bool) -> None:
         """Add a submission, unless another call was faster; the last one ends the stage."""
@@ -206,7 +208,7 @@ class Desk:
     @property
     def brief_text(self) -> str:
         """The task, what is left of the budget, and the names of the machines so far."""
-        text = f"{self.world.brief_text.rstrip()}\n\n## Budget\n{self.budget_text}\n{self._rules}"
+        text = f"{self.host.brief_text.rstrip()}\n\n## Budget\n{self.budget_text}\n{self._rules}"
         names = ", ".join(known.name for known in self.machines)
         return f"{text}\nMachines so far: {names}" if names else text
 

@@ -6,13 +6,13 @@ from hypothesis import given
 
 from agentflow.machine import Machine, apply_script, place
 from agentflow.machine.edits.commands import read_command
-from agentflow.machine.edits.telling import (
+from agentflow.machine.edits.renumbering import (
     Renumbering,
     command_text,
     follow,
     matching_ids,
+    renumber,
     renumbering,
-    retell,
 )
 from tests.machine.builders import build
 from tests.machine.strategies import valid_machines
@@ -26,22 +26,22 @@ def edit(machine: Machine, script: str) -> tuple[Machine, Renumbering]:
     return outcome.machine, renumbering(machine, outcome.id_map, outcome.names)
 
 
-def told(line: str, ids: Renumbering) -> str:
+def renumbered(line: str, ids: Renumbering) -> str:
     command = read_command(line)
     assert command is not None
-    return "".join(map(str, retell(command_text(command), ids)))
+    return "".join(map(str, renumber(command_text(command), ids)))
 
 
 def test_ids_of_then_are_ids_of_now() -> None:
     script = "Remove 2\nAdd 63 to 1 in 0 as axle\nAdd 2 to axle in 3"
     _, ids = edit(FRAME, script)
-    assert [told(line, ids) for line in script.splitlines()] == [
+    assert [renumbered(line, ids) for line in script.splitlines()] == [
         "Remove Small Wooden Block (gone from 0 in 1)",
         "Add 63 to 1 in 0 as 4",
         "Add 2 to 4 in 3",
     ]
-    assert told("Move 3 to 1 in 3", ids) == "Move 2 to 1 in 3"
-    assert told("Add 9 to 2 in 0 to 3 in 1", ids) == (
+    assert renumbered("Move 3 to 1 in 3", ids) == "Move 2 to 1 in 3"
+    assert renumbered("Add 9 to 2 in 0 to 3 in 1", ids) == (
         "Add 9 to Small Wooden Block (gone from 0 in 1) in 0 to 2 in 1"
     )
 
@@ -51,20 +51,20 @@ def test_renumberings_add_up() -> None:
     third, later_ids = edit(second, "Remove 3\nRemove 2\nAdd 15 to 4 in 0 as tail")
     assert third == build((1, 0, 0), (15, 0, 1), (15, 2, 0))
     ids = follow(first_ids, later_ids)
-    assert told("Add 15 to 0 in 1 as tail", ids) == "Add 15 to 0 in 1 as 2"
-    assert told("Remove 2", ids) == "Remove Small Wooden Block (gone from 0 in 1)"
-    assert told("Remove 4", ids) == "Remove Spring (gone from 0 in 4 and 1 in 5)"
+    assert renumbered("Add 15 to 0 in 1 as tail", ids) == "Add 15 to 0 in 1 as 2"
+    assert renumbered("Remove 2", ids) == "Remove Small Wooden Block (gone from 0 in 1)"
+    assert renumbered("Remove 4", ids) == "Remove Spring (gone from 0 in 4 and 1 in 5)"
     gone, last_ids = edit(third, "Remove 3\nRemove 2\nRemove 1")
     assert len(gone) == 1
-    assert told("Remove 4", follow(ids, last_ids)) == (
+    assert renumbered("Remove 4", follow(ids, last_ids)) == (
         "Remove Spring (gone from 0 in 4 and Wooden Block (gone from 0 in 0) in 5)"
     )
 
 
 def test_names_of_a_later_edit_are_not_those_of_an_earlier_one() -> None:
     _, ids = edit(FRAME, "Add 15 to 0 in 5 as a")
-    assert told("Add 2 to a in 0", follow({}, ids)) == "Add 2 to a in 0"
-    assert told("Add 2 to a in 0", ids) == "Add 2 to 5 in 0"
+    assert renumbered("Add 2 to a in 0", follow({}, ids)) == "Add 2 to a in 0"
+    assert renumbered("Add 2 to a in 0", ids) == "Add 2 to 5 in 0"
 
 
 def test_blocks_of_a_new_machine_are_known_by_type_and_place() -> None:

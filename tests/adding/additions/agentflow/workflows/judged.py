@@ -7,13 +7,13 @@ from agentflow.agents.judge import Judge, JudgeInput
 from agentflow.agents.designer import Designer
 from agentflow.agents.refiner import Refiner
 from agentflow.runs.events import JudgementEvent
-from agentflow.runs.places import FEEDBACK, INITIAL, Place
+from agentflow.runs.locations import FEEDBACK, INITIAL, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.stages.designs import design_machines, simulate
 from agentflow.workflows.stages.feedback import feedback_loop
-from agentflow.workflows.stages.shared import design_machines, simulate
 from agentflow.workflows.workflow import Workflow
 
 
@@ -23,10 +23,10 @@ async def judged(run: WorkflowContext) -> WorkflowResult:
     async def follow(candidate: Candidate) -> Candidate:
         found = await feedback_loop(run, candidate, None)
         assert found.machine is not None
-        place = Place(Judge.name, trajectory=candidate.trajectory)
+        location = Location(Judge.name, trajectory=candidate.trajectory)
         given = JudgeInput(run.brief, found.machine)
-        outcome = await run.ask(Judge(), given, place, stage=FEEDBACK)
-        run.note(JudgementEvent(place, outcome.output if outcome and outcome.output else ""))
+        outcome = await run.ask(Judge(), given, location, stage=FEEDBACK)
+        run.note(JudgementEvent(location, outcome.output if outcome and outcome.output else ""))
         return found
 
     run.begin_stage(INITIAL)

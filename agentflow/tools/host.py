@@ -8,9 +8,9 @@ from typing import Literal, Protocol
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import RunEvent
-from agentflow.runs.places import Place
+from agentflow.runs.locations import Location
 
-View = Literal["front", "side", "top", "iso"]
+ViewDirection = Literal["front", "side", "top", "iso"]
 """Directions of pictures: from ahead (z+), from the right (x+), from above, from above at the right
 behind."""
 
@@ -31,7 +31,7 @@ class Simulation(Protocol):
         """What happened, as text."""
 
 
-class World(Protocol):
+class BenchHost(Protocol):
     """One task, where machines are simulated and everything is recorded."""
 
     @property
@@ -45,13 +45,13 @@ class World(Protocol):
     def simulated(self, machine: Machine) -> Simulation | None:
         """The result of a finished simulation; None without one."""
 
-    async def simulate(self, machine: Machine, place: Place) -> Simulation:
+    async def simulate(self, machine: Machine, location: Location) -> Simulation:
         """Simulate a machine once; concurrent calls share it until the last one is cancelled."""
 
-    async def query(self, machine: Machine, queries: Sequence[object], place: Place) -> str:
+    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> str:
         """Recorded states of a simulated machine, as tables."""
 
-    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
         """A PNG picture of a machine as built, or at a time of its simulation.
 
         Raises:

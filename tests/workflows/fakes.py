@@ -1,4 +1,4 @@
-"""A small task, an author that answers every role from the prompt, and a fast laboratory."""
+"""A small task, an author that answers every role from the prompt, and a fast evaluator."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from agentflow.prompts.render import PromptSet
 from agentflow.runs.events import RunEvent
 from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.node import Evaluation
-from agentflow.tools.world import View
+from agentflow.tools.host import ViewDirection
 from agentflow.workflows.base import SimulationSummary, WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
@@ -201,7 +201,7 @@ BLOCKS = Axis("blocks", "", 0.5, 12.5, 6)
 
 
 class Shelf:
-    """A laboratory that looks scores up instead of simulating."""
+    """An evaluator that looks scores up instead of simulating."""
 
     def __init__(
         self,
@@ -230,7 +230,7 @@ class Shelf:
     async def views(self, found: Machine) -> tuple[str, ...]:
         return (f"data:image/png;base64,{found.digest}",)
 
-    async def look(self, found: Machine, view: View, time: float | None) -> bytes:
+    async def look(self, found: Machine, view: ViewDirection, time: float | None) -> bytes:
         return f"{found.digest} {view} {time}".encode()
 
 

@@ -1,4 +1,4 @@
-"""Places in a run: what the labels of events and of model calls name."""
+"""Locations in a run: what the labels of events and of model calls name."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _PARTS = {
     "attempt": "attempt",
     "call": "call",
 }
-"""Word of a numbered part in a label -> attribute of a `Place`, in the order of labels."""
-_PLACE = re.compile(
+"""Word of a numbered part in a label -> attribute of a `Location`, in the order of labels."""
+_LOCATION = re.compile(
     "(?P<name>.*?)"
     + "".join(
         rf"(?:(?:^|(?<=.)/){word}-(?P<{part}>{'0|' * (word == 'node')}[1-9][0-9]{{0,8}}))?"
@@ -34,7 +34,7 @@ _PLACE = re.compile(
 
 
 @dataclass(frozen=True)
-class Place:
+class Location:
     """Where in a run something happens, or what a model call is for.
 
     As text: "env_feedback/traj-1/round-2", "refiner/feedback/traj-1/round-2/node-0/try-1/attempt-1"
@@ -55,9 +55,9 @@ class Place:
     """Number of a call of a tool in its stage."""
 
     @classmethod
-    def parse(cls, label: str) -> Place:
+    def parse(cls, label: str) -> Location:
         """Read a label; everything before the numbered parts at its end is the name."""
-        found = _PLACE.fullmatch(label)
+        found = _LOCATION.fullmatch(label)
         assert found is not None
         numbers = {part: int(found[part]) for part in _PARTS.values() if found[part]}
         return cls(found["name"], **numbers)
@@ -78,4 +78,4 @@ class Place:
 
     def has(self, part: str) -> bool:
         """Whether a number is given."""
-        return bool(getattr(self, part) != getattr(Place, part))
+        return bool(getattr(self, part) != getattr(Location, part))

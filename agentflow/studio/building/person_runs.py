@@ -11,7 +11,7 @@ from agentflow.app.sessions import ClientRuns, RunSession
 from agentflow.config.run import PROCEDURAL
 from agentflow.machine import Machine
 from agentflow.runs import read_result
-from agentflow.runs.places import FEEDBACK
+from agentflow.runs.locations import FEEDBACK
 from agentflow.studio.folder import RunFolder
 from agentflow.studio.guard import Refusal
 from agentflow.studio.simulations import Simulations
@@ -22,7 +22,7 @@ TESTS = 2000
 """Most tests of one run; a bench keeps as many machines."""
 
 
-class Workshop(AsyncExitStack):
+class PersonRuns(AsyncExitStack):
     """Tests machines and records each test in a run; leaving the context completes all runs."""
 
     def __init__(self, folder: RunFolder, simulations: Simulations) -> None:

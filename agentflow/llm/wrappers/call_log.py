@@ -18,7 +18,7 @@ from agentflow.llm.messages import Reply, Request
 
 
 class RecordedCall(BaseModel, frozen=True, extra="forbid"):
-    """One line of the tape. Prompts and replies only: no base URL, no key, no timeouts."""
+    """One line of the call log. Prompts and replies only: no base URL, no key, no timeouts."""
 
     schema_version: Literal[1] = 1
     key: str
@@ -35,7 +35,7 @@ def key_of(model: str, request: Request) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-class Tape:
+class CallLog:
     """A record of calls on disk; only the offset of each line is held in memory.
 
     Args:
@@ -63,7 +63,7 @@ class Tape:
         if dropped:
             notice(f"{path}: dropped a half-written last line ({dropped} bytes)")
 
-    def __enter__(self) -> Tape:
+    def __enter__(self) -> CallLog:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -92,7 +92,7 @@ class Tape:
         Raises:
             RunError: The line could not be written; a partial line is removed.
         """
-        assert self._lines is not None, "the tape is read-only"
+        assert self._lines is not None, "the call log is read-only"
         offset = self._lines.append(call.model_dump_json().encode())
         self._offsets.setdefault(call.key, offset)
 
