@@ -17,7 +17,7 @@ from tests.install_lines import CLONE, install_lines
 
 ROOT = Path(__file__).parents[1]
 PARTS = (
-    *("agentflow", "agentflow_verifiers.py"),
+    *("agentflow", "agentflow_command.py", "agentflow_verifiers.py"),
     *("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE"),
 )
 PAGES = ("player.css", "player.js", "studio.css", "studio.js", "stamp.txt")
@@ -86,7 +86,7 @@ def test_a_release_installs_without_node_and_designs_a_machine(tmp_path: Path) -
     assert content == {
         *(name for name in ours if not name.startswith(WEB)),
         *BUNDLE,
-        "agentflow_verifiers.py",
+        *PARTS[1:3],
         *(f"{release}.dist-info/{name}" for name in METADATA),
     }
 
