@@ -8,7 +8,7 @@ from importlib.util import find_spec
 
 from agentflow.errors import ConfigError
 
-DISTRIBUTION = "agentflow"
+DISTRIBUTION = "agentflow-machines"
 """What `pip install` calls this package."""
 
 

@@ -13,7 +13,7 @@ import sys
 import time
 from pathlib import Path
 
-MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"
+MAIN = "import sys; from agentflow_command import main; sys.exit(main())"
 CAR = str(Path(__file__).parents[1] / "examples" / "car.json")
 COMMANDS = (
     ("agentflow --help", ["-c", MAIN, "--help"]),

@@ -13,10 +13,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.install_lines import CLONE, install_lines
+
 ROOT = Path(__file__).parents[1]
 PARTS = (
-    *("agentflow", "agentflow_verifiers.py", "pyproject.toml", "setup.py", "MANIFEST.in"),
-    *("README.md", "LICENSE"),
+    *("agentflow", "agentflow_command.py", "agentflow_verifiers.py"),
+    *("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE"),
 )
 PAGES = ("player.css", "player.js", "studio.css", "studio.js", "stamp.txt")
 BUNDLE = {f"agentflow/report/bundle/{name}" for name in PAGES}
@@ -24,17 +26,23 @@ WEB = ("agentflow/report/web/", "agentflow/studio/web/")
 METADATA = ("METADATA", "RECORD", "WHEEL", "entry_points.txt", "top_level.txt", "licenses/LICENSE")
 
 
-def run(*command: object, folder: Path, path: str = os.environ["PATH"]) -> str:
+def run(
+    *command: object,
+    folder: Path,
+    path: str = os.environ["PATH"],
+    stderr: int = subprocess.PIPE,
+) -> str:
     """Standard output of a command, which must succeed; it cannot import from the checkout."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = subprocess.run(
         list(map(str, command)),
         cwd=folder,
         env={**environment, "PATH": path},
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=stderr,
         text=True,
     )
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.returncode == 0, done.stdout + (done.stderr or "")
     return done.stdout
 
 
@@ -78,13 +86,20 @@ def test_a_release_installs_without_node_and_designs_a_machine(tmp_path: Path) -
     assert content == {
         *(name for name in ours if not name.startswith(WEB)),
         *BUNDLE,
-        "agentflow_verifiers.py",
+        *PARTS[1:3],
         *(f"{release}.dist-info/{name}" for name in METADATA),
     }
 
     venv = tmp_path / "venv"
     run(newest_python(), "-m", "venv", venv, folder=elsewhere)
-    run(venv / "bin" / "python", "-m", "pip", "install", "--quiet", wheel, folder=elsewhere)
+    pip = (venv / "bin" / "python", "-m", "pip", "install", "--disable-pip-version-check")
+    require_documented_lines(*pip, "--find-links", dist, folder=elsewhere)
+    run(*pip, "--quiet", wheel, folder=elsewhere)
+    require_documented_lines(*pip, folder=elsewhere)
+    shutil.copytree(ROOT / "examples" / "pushing", source / "examples" / "pushing")
+    for folder in CLONE:
+        run(*pip, "--dry-run", "--no-deps", folder, folder=source)
+
     agentflow, bare = venv / "bin" / "agentflow", str(venv / "bin")
     small = ("--workflow", "iterative", "--set", "search.rounds=1", "--json")
     design = run(agentflow, "design", "--task", "throwing", *small, folder=elsewhere, path=bare)
@@ -92,3 +107,13 @@ def test_a_release_installs_without_node_and_designs_a_machine(tmp_path: Path) -
     assert result["score"] > 0
     run(agentflow, "report", result["run"], "--out", "page.html", folder=elsewhere, path=bare)
     assert "</html>" in (elsewhere / "page.html").read_text(encoding="utf-8")
+
+
+def require_documented_lines(*pip: object, folder: Path) -> None:
+    """Every line of a document finds agentflow without an index, with the extra that it names."""
+    offline = (*pip, "--dry-run", "--no-deps", "--no-index")
+    for line, page in install_lines().items():
+        if not {*line} & {*CLONE}:
+            planned = run(*offline, *line, folder=folder, stderr=subprocess.STDOUT)
+            assert "agentflow" in planned, (page, line, planned)
+            assert "WARNING" not in planned, (page, line, planned)

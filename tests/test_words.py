@@ -28,7 +28,7 @@ ODD = re.compile(
     r"nothing came to again|further left, the stronger|\bunheeded\b|no recorded question|"
     r"in the median\b|in the mean\b|(would|that) hang on\b|\bstands? beside\b|counted apart|"
     r"measured apart|off the weight|climbs hills|fared differently|was at hand\b|"
-    r"keep telling\b|also tells the"
+    r"keep telling\b|also tells the|Nothing leaves this computer(?! unless)"
 )
 """Phrases that puzzled readers, and citations of documents that are not in the repository."""
 

@@ -1,1 +1,1 @@
-"""Measures of how different machines are. They need the extra `agentflow[diversity]`."""
+"""Measures of how different machines are. They need the extra `diversity`."""

@@ -25,6 +25,7 @@ from inspect_ai.model import (
 from inspect_ai.scorer import Score, Scorer, Target, mean, scorer, stderr
 from inspect_ai.solver import Generate, Solver, TaskState, generate, solver
 from inspect_ai.tool import Tool, ToolDef, ToolParams
+from inspect_ai.util import registry_info
 
 from agentflow.agents.designer import Designer
 from agentflow.agents.tool_agent import Agent
@@ -42,10 +43,42 @@ from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.tools.workflow import MOST_CALLS, TOOLS, workflow_of
 
 
+@solver
+def work_at_bench(config: DesignConfig, out: Path) -> Solver:
+    """Let the model call tools in a run; the machine that it submits becomes its output.
+
+    Args:
+        config: Of the runs, but for the task, which is the sample's.
+        out: Parent folder of the runs.
+    """
+
+    async def solve(state: TaskState, generate: Generate) -> TaskState:
+        async def work(bench: Bench, _stage: StageName) -> None:
+            state.messages.append(ChatMessageUser(content=bench.budget_text))
+            state.tools = [_tool(bench, spec, state) for spec in bench.tools]
+            await generate(state)
+            for machine in bench.submitted:
+                state.output.completion = machine.to_text()
+
+        workflow = workflow_of(work, f"Inspect AI {state.model}", (FEEDBACK,))
+        level = config.model_copy(update={"task": str(state.sample_id)})
+        run = DesignRun.create(level, out, RunOptions(workflow=workflow), "")
+        state.metadata["run"] = str(run.directory.path)
+        await run.carry_out()
+        return state
+
+    return solve
+
+
+PREFIX = "" if registry_info(work_at_bench).name.startswith("agentflow/") else "agentflow/"
+"""What Inspect does not put before names itself. It does where this package is in the folder of
+installed packages; of editable installations, it knows only those with the package's name."""
+
+
 def _register_task(family: str) -> None:
     """Register the task of a family with Inspect."""
 
-    @task(name=family)
+    @task(name=PREFIX + family)
     def design(
         tools: bool = False,
         vision: bool = False,
@@ -86,7 +119,7 @@ def _register_task(family: str) -> None:
         )
         return Task(
             dataset=MemoryDataset([_sample(name, ask(name)) for name in levels], family),
-            solver=work_at_bench(config, Path(out)) if tools else generate(),
+            solver=work_at_bench(config, Path(out).absolute()) if tools else generate(),
             scorer=simulation(seed, engine),
             message_limit=2 * MOST_CALLS if tools else None,
             version=__version__,
@@ -101,33 +134,6 @@ def _sample(name: str, prompt: list[dict[str, str]]) -> LevelSample:
         ChatMessageUser(content=user["content"]),
     ]
     return LevelSample(id=name, input=messages, target=str(get_level(name).file.good))
-
-
-@solver
-def work_at_bench(config: DesignConfig, out: Path) -> Solver:
-    """Let the model call tools in a run; the machine that it submits becomes its output.
-
-    Args:
-        config: Of the runs, but for the task, which is the sample's.
-        out: Parent folder of the runs.
-    """
-
-    async def solve(state: TaskState, generate: Generate) -> TaskState:
-        async def work(bench: Bench, _stage: StageName) -> None:
-            state.messages.append(ChatMessageUser(content=bench.budget_text))
-            state.tools = [_tool(bench, spec, state) for spec in bench.tools]
-            await generate(state)
-            for machine in bench.submitted:
-                state.output.completion = machine.to_text()
-
-        workflow = workflow_of(work, f"Inspect AI {state.model}", (FEEDBACK,))
-        level = config.model_copy(update={"task": str(state.sample_id)})
-        run = DesignRun.create(level, out, RunOptions(workflow=workflow), "")
-        state.metadata["run"] = str(run.directory.path)
-        await run.carry_out()
-        return state
-
-    return solve
 
 
 def _tool(bench: Bench, spec: ToolSpec, state: TaskState) -> Tool:
@@ -146,7 +152,7 @@ def _tool(bench: Bench, spec: ToolSpec, state: TaskState) -> Tool:
     return ToolDef(call, spec.name, spec.description, parameters, max_output=0).as_tool()
 
 
-@scorer(metrics={"score": [mean(), stderr()], "valid": [mean()]})
+@scorer(metrics={"score": [mean(), stderr()], "valid": [mean()]}, name=PREFIX + "simulation")
 def simulation(seed: int = 0, engine: str = "auto") -> Scorer:
     """Simulate the machine in a reply.
 

@@ -90,7 +90,7 @@ def test_published_values_are_separate_and_labelled(
     }
 
 
-EXTRA = "'agentflow[diversity]'"
+EXTRA = "'agentflow-machines[diversity]'"
 
 
 @pytest.mark.parametrize(

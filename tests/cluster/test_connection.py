@@ -13,6 +13,7 @@ from agentflow.app.pools import pools_on
 from agentflow.cli import main
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import ConfigError
+from agentflow.extras import install
 
 
 def test_local_is_the_pool_of_this_machine() -> None:
@@ -24,7 +25,7 @@ def test_without_ray_the_extra_is_named() -> None:
     with pytest.raises(ConfigError) as error:
         pools_on("ray")
     assert str(error.value) == (
-        "--backend ray needs Ray; install it on every node with: pip install 'agentflow[cluster]'"
+        f"--backend ray needs Ray; install it on every node with: {install('cluster')}"
     )
 
 

@@ -98,7 +98,7 @@ def test_without_scipy_there_is_none_and_the_extra_to_install_is_named(
     assert bootstrap_mean([1.0, 2.0]) is None
     assert missing_scipy() == (
         "Intervals of means are left out because scipy is not installed: "
-        "pip install 'agentflow[report]'"
+        "pip install 'agentflow-machines[report]'"
     )
 
 

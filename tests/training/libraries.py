@@ -1,4 +1,4 @@
-"""Whether the libraries of `agentflow[train]`, such as PyTorch and TRL, are there.
+"""Whether the libraries of the extra `train`, such as PyTorch and TRL, are there.
 
 `.venv` does not hold them. `scripts/servers training` makes `.venv-training`, which does, and
 `scripts/test --all` then runs the tests marked `training` there. Such a test imports what it needs

@@ -18,6 +18,7 @@ import pytest
 from agentflow.app.design.config import load_config
 from agentflow.cli import main
 from agentflow.errors import RunError, UnauthorisedError
+from agentflow.extras import install
 from agentflow.training.evaluation.evaluate import evaluate
 from agentflow.training.evaluation.models import random_seed
 from agentflow.training.evaluation.record import EvaluationRecord, read_evaluation
@@ -308,7 +309,7 @@ def test_without_the_libraries_a_folder_is_refused_and_leaves_nothing(
     (tmp_path / "model" / "config.json").write_text("{}")
     command = ["evaluate", str(tmp_path / "model"), "--task", "throwing"]
     assert main([*command, "--out", str(tmp_path / "it")]) == 2
-    told = "agentflow: torch is not installed; install it with: pip install 'agentflow[train]'\n"
+    told = f"agentflow: torch is not installed; install it with: {install('train')}\n"
     assert capsys.readouterr().err == told
     assert not (tmp_path / "it").exists()
 

@@ -1,4 +1,4 @@
-"""The libraries of `agentflow[train]`, in the versions that `scripts/servers` names."""
+"""The libraries of the extra `train`, in the versions that `scripts/servers` names."""
 
 from __future__ import annotations
 

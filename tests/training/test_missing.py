@@ -1,4 +1,4 @@
-"""What commands say where the libraries of `agentflow[train]` are missing."""
+"""What commands say where the libraries of the extra `train` are missing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.llm.foreign import ROOT
 from tests.training.libraries import INSTALLED
 
 Captured = pytest.CaptureFixture[str]
-INSTALL = "torch is not installed; install it with: pip install 'agentflow[train]'"
+INSTALL = "torch is not installed; install it with: pip install 'agentflow-machines[train]'"
 
 without_training = pytest.mark.skipif(INSTALLED, reason="PyTorch is installed")
 

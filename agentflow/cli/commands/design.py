@@ -32,7 +32,9 @@ def design(
     seed: options.RunSeed = None,
     seeds: Annotated[
         int | None,
-        typer.Option(min=1, help="Make this many runs, with seeds from --seed on; keep the best."),
+        typer.Option(
+            min=1, help="Make this many runs, with seeds from --seed on; report the best."
+        ),
     ] = None,
     minutes: Annotated[
         float | None,
@@ -49,7 +51,9 @@ def design(
     ] = None,
     rollouts: Annotated[
         int | None,
-        typer.Option(help="Total number of simulations; only for tools, external and random-dsl."),
+        typer.Option(
+            help="Total number of simulations; only for tools, random-dsl, explore and external."
+        ),
     ] = None,
     out: options.RunsFolder = Path("runs"),
     name: Annotated[

@@ -1,4 +1,4 @@
-"""The block library: the 35 block types of blocks.json, loaded once."""
+"""The block library: the block types of blocks.json, loaded once."""
 
 from __future__ import annotations
 

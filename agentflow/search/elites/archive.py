@@ -1,6 +1,6 @@
 """An archive of elites: the best candidate of each cell of a grid, kept by pyribs.
 
-Needs the extra `agentflow[explore]`. It holds nothing that is not in the nodes offered to it, so a
+Needs the extra `explore`. It holds nothing that is not in the nodes offered to it, so a
 search that is resumed or replayed builds the same archive again.
 """
 

@@ -12,7 +12,7 @@ export async function sessionsPage() {
   const [start, open, sessions] = await Promise.all([ask("/api/start"), ask("/api/session"), ask("/api/sessions")]);
   return {
     elements: [el("main", { class: "alone sessions" },
-      el("header", {}, el("h1", {}, "Sessions"), el("p", { class: "lede" }, `A session records what a person does while building: every action, test and pause, with the machine after it. Nothing leaves this computer; sessions are in ${start.runs}/sessions.`)),
+      el("header", {}, el("h1", {}, "Sessions"), el("p", { class: "lede" }, `A session records what a person does while building: every action, test and pause, with the machine after it. Nothing leaves this computer unless you name a model endpoint. Sessions are in ${start.runs}/sessions.`)),
       open ? el("p", {}, `A session on ${open.task} is open. `, el("a", { class: "button", href: "#build" }, "Continue it")) : form(start),
       list(sessions))],
   };

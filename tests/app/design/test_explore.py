@@ -16,6 +16,7 @@ from agentflow.app.design.replay import replay
 from agentflow.app.design.run import design, resume
 from agentflow.cli import main
 from agentflow.config.run import build_config
+from agentflow.extras import install
 from agentflow.metrics.niches import Elites
 from agentflow.runs import read_events, read_result
 from agentflow.runs.events import read_typed_events
@@ -108,7 +109,7 @@ def test_without_pyribs_no_run_begins(
     without("ribs")
     out = tmp_path / "runs"
     assert main(["design", "--task", "movement", *options, "--out", str(out)]) == 2
-    told = "agentflow: pyribs is not installed; install it with: pip install 'agentflow[explore]'\n"
+    told = f"agentflow: pyribs is not installed; install it with: {install('explore')}\n"
     assert capsys.readouterr() == ("", told)
     assert not out.exists()
 

@@ -36,7 +36,9 @@ def test_says_what_to_install() -> None:
         text=True,
         check=False,
     )
-    words = "agentflow: mcp is not installed; install it with: pip install 'agentflow[mcp]'\n"
+    words = (
+        "agentflow: mcp is not installed; install it with: pip install 'agentflow-machines[mcp]'\n"
+    )
     assert (done.returncode, done.stdout, done.stderr) == (2, "", words)
 
 

@@ -10,6 +10,7 @@ import pytest
 import agentflow
 from agentflow.cli import main
 from agentflow.errors import UsageError
+from agentflow.extras import install
 from agentflow.training.data.pairs import Pair, make_messages, make_prompt, make_reply, write_pairs
 from agentflow.training.data.prompts import prompt_rows
 from tests.training.data.test_pairs import MACHINE, PROMPT
@@ -47,7 +48,7 @@ def test_without_the_library_the_extra_is_named(
 ) -> None:
     assert main(["data", "prompts", "--out", str(tmp_path / "p.parquet")]) == 2
     assert capsys.readouterr().err == (
-        "agentflow: datasets is not installed; install it with: pip install 'agentflow[train]'\n"
+        f"agentflow: datasets is not installed; install it with: {install('train')}\n"
     )
 
 

@@ -86,7 +86,7 @@ def test_what_is_wrong_is_named_in_one_sentence(setting: str, words: str) -> Non
     [
         pytest.param("cannot load the model '/nowhere'", marks=pytest.mark.training),
         pytest.param(
-            "pip install 'agentflow[train]'",
+            "pip install 'agentflow-machines[train]'",
             marks=pytest.mark.skipif(INSTALLED, reason="it is installed"),
         ),
     ],
