@@ -26,7 +26,7 @@ UNFINISHED: Mapping[str, tuple[str, str, str]] = {
     "length": (
         "truncated",
         "It was cut off at the length limit.",
-        "Send a shorter one: less thought, the whole format.",
+        "Send a shorter one: think less, but send the whole format.",
     ),
     "empty": ("empty_reply", "It was empty.", "Send the whole format."),
     "tool_calls": (

@@ -27,7 +27,7 @@ _LISTED = re.compile(
     re.MULTILINE,
 )
 _CONTROL = re.compile(r"^\d{1,2}\. (Control .+)$", re.MULTILINE)
-_WINDOW = re.compile(r"ends by t = (\d{1,3}(?:\.\d{1,3})?) s")
+_WINDOW = re.compile(r"must end by t = (\d{1,3}(?:\.\d{1,3})?) s")
 _ROW = re.compile(r"^\| *([0-9]{1,6}) *\|", re.MULTILINE)
 _REQUIRED = re.compile(r"exactly (\w{1,9}) [^()\n]*\(type (\d{1,6})\)")
 _MOST_BLOCKS = re.compile(r"at most (\d{1,3}) blocks? \(")

@@ -205,7 +205,7 @@ def _verdict(attempt: Attempt[Version]) -> str:
     """The result of an attempt, as later attempts of the same expansion are told."""
     if attempt.candidate is None:
         return attempt.note
-    return f"{attempt.note}\n(accepted: make another change than this one)"
+    return f"{attempt.note}\n(accepted: make a different change)"
 
 
 def _feedback(node: Node[Version]) -> str:
