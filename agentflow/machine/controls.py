@@ -20,7 +20,7 @@ REST_LEVELS: Mapping[Group, float] = {"grabbers": 1.0}
 PRECISION = 3
 """Decimals of times (s) and levels: milliseconds are finer than the steps of physics."""
 NOT_DESIGNED = (
-    "this task switches all blocks by its own schedule, so a machine may not bring controls: write "
+    "this task switches all blocks by its own schedule, so a machine cannot bring controls: write "
     "it as a bare JSON list of blocks"
 )
 

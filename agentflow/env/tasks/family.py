@@ -124,7 +124,7 @@ def _designed_sentences(
         for level, texts in _LEVELS.items()
         if texts.keys() & groups
     )
-    levels = "; ".join((*told, "at level 0 all hold"))
+    levels = "; ".join((*told, "at level 0 all stop and hold"))
     yield (
         "The machine brings its own controls: each drives some of its blocks at a level, from one "
         f"time to another. {levels[0].upper()}{levels[1:]}."
@@ -146,8 +146,8 @@ def _designed_sentences(
     yield f"The window ends at t = {window:g} s."
     if schedule.trials > 1:
         yield (
-            f"A machine has {schedule.trials} trials: after each, its controls alone may be "
-            "revised, and the best trial counts."
+            f"A machine has {schedule.trials} trials. After each, only its controls may be "
+            "revised; the best trial counts."
         )
 
 
@@ -162,7 +162,7 @@ _LEVELS: Mapping[int, Mapping[Group, str]] = {
     -1: {
         "motors": "motors turn backwards",
         "steering_hinges": "steering hinges swing to their Right",
-        "winches": "winches let out",
+        "winches": "winches pay out",
     },
 }
 """What the blocks of a group do at a level."""
@@ -180,8 +180,8 @@ GROUND = (
 """First sentences of most scenes."""
 
 ANY_START = (
-    "However far the machine tilts or sinks while it settles (at most "
-    f"{constants()['settle_most']:g} s), the run starts from there."
+    "The run starts from where the machine has settled (after at most "
+    f"{constants()['settle_most']:g} s), however far it has tilted or sunk."
 )
 
 
@@ -192,7 +192,7 @@ def joint_sentences(blocks: Collection[int]) -> Iterator[str]:
             "A Brace of any length is rigid against pull, push and bending, and locks a joint that "
             "it spans; only its ends break."
         )
-    yield "All faces hold equally well, the root's too."
+    yield "All faces hold equally well, including the root's."
 
 
 def wall(

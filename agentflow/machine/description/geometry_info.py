@@ -185,9 +185,7 @@ def _legend(*, short: bool) -> str:
         if short
         else "facing, ids (position). a/b: one value each; 1-4, a..b: in even steps."
     )
-    return (
-        f"x, y, z in m, y from the lowest corner. {ON} Free faces but those on the ground: {free}"
-    )
+    return f"x, y, z in m, y from the lowest corner. {ON} Free faces, except on the ground: {free}"
 
 
 def _budget_lines(machine: Machine, brief: Brief | None) -> list[str]:

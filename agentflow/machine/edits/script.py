@@ -161,7 +161,7 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
 
 def _too_long(count: int) -> StepVerdict:
     reason = (
-        f"the script has {count} commands; the most is {MAX_COMMANDS}: send fewer, or a whole "
+        f"the script has {count} commands; the maximum is {MAX_COMMANDS}: send fewer, or a whole "
         "machine"
     )
     return StepVerdict("", "Error", "too_many_commands", reason)

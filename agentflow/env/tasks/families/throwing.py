@@ -260,8 +260,8 @@ def _ring_sentences(ring: Rings) -> tuple[str, ...]:
 def _distance(window: float) -> str:
     return (
         "the distance in metres along z+ from the boulder's position at t = 0 to where it first "
-        "touches the ground or a wall after free flight, or to where it is if it is still in free "
-        f"flight after {window:g} s"
+        "touches the ground or a wall after free flight, or to where it is after "
+        f"{window:g} s if it is still in free flight"
     )
 
 
