@@ -1,4 +1,4 @@
-"""Answers to queries about blocks and things of a rollout: tables, or why there are none."""
+"""Answers to queries about blocks and objects of a rollout: tables, or why there are none."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PROPERTIES = {
 }
 """Properties and their column headings. Position and velocity are those of the centre."""
 MAX_ROWS = 30
-"""Most rows of a table; longer intervals are told without the samples between regular ones."""
+"""Most rows of a table; longer intervals are shown without the samples between regular ones."""
 EPSILON = 1e-6
 
 
@@ -40,7 +40,7 @@ class _Query:
     """A valid query."""
 
     body: int | str
-    """A block, or a moving thing of the scene."""
+    """A block, or a moving object of the scene."""
     start: float
     end: float
     properties: tuple[str, ...]
@@ -61,7 +61,7 @@ def answer_queries(
         queries: Items like {"id": 3, "duration": [0, 1], "properties": ["position"]}, as a model
             wrote them; invalid items are answered with what is wrong.
         interval: Seconds between rows; the constants' by default. Rollouts with coarser samples are
-            told sample by sample, and around events all samples are told.
+            shown sample by sample, and around events all samples are shown.
     """
     every = constants()["sample_interval"] if interval is None else interval
     things = rollout.trace.things if rollout.trace is not None else ()
@@ -199,7 +199,7 @@ def _breakage_time(machine: Machine, rollout: Rollout, query: _Query) -> float:
 
 
 def _column(trace: Trace, body: int | str, name: str) -> Array:
-    """Values of one property of a block or thing, (T, K)."""
+    """Values of one property of a block or object, (T, K)."""
     if isinstance(body, str):
         values: Array = getattr(trace, f"thing_{name}")
         return values[:, trace.things.index(body)]
@@ -210,7 +210,7 @@ def _column(trace: Trace, body: int | str, name: str) -> Array:
 
 
 def _table(times: Array, columns: Mapping[str, Array]) -> list[str]:
-    """Rows by time; what stays the same to the shown digits is told once, above them."""
+    """Rows by time; what stays the same to the shown digits is stated once, above them."""
     digits = 1 if np.allclose(times, np.round(times, 1), atol=EPSILON) else 3
     cells = {name: [", ".join(map(number, row)) for row in rows] for name, rows in columns.items()}
     fixed = [name for name, column in cells.items() if len(column) > 1 and len(set(column)) == 1]

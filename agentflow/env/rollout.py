@@ -33,7 +33,7 @@ class Trace:
     position: Array
     """(T, N, 3) block origins (building points), m. Two-ended blocks: midpoint of their ends."""
     centre: Array
-    """(T, N, 3) box centres, m; the positions that designers are told."""
+    """(T, N, 3) box centres, m; the positions that designers see."""
     rotation: Array
     """(T, N, 4) quaternions x, y, z, w."""
     velocity: Array
@@ -58,7 +58,7 @@ class Trace:
     thing_velocity: Array
     """(T, M, 3)."""
     things: tuple[str, ...]
-    """Names of the scene's moving things, in scene order."""
+    """Names of the scene's moving objects, in scene order."""
     regular: Flags
     """(T,) whether a sample is one of those at equal intervals; the others are around events."""
     measured: Measured = field(default_factory=Measured)
@@ -115,13 +115,13 @@ class RolloutEvent:
 
 @dataclass(frozen=True)
 class Moment:
-    """The moment that decides a score: loads are told before and after it, energies at it."""
+    """The moment that decides a score: loads are reported before and after it, energies at it."""
 
     time: float
     name: str
     """Such as "release"."""
     body: int | str | None = None
-    """Block or thing that is thrown, carried or pushed; None if the machine itself moves."""
+    """Block or object that is thrown, carried or pushed; None if the machine itself moves."""
     holder: int | None = None
     """Block that it left."""
 

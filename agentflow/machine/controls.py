@@ -54,8 +54,8 @@ def blocks_of(control: Control, driven: Mapping[int, Group]) -> tuple[int, ...]:
 def switches(machine: Machine) -> tuple[tuple[float, int, float], ...]:
     """When each block gets which level: (seconds, block, level), in order of time.
 
-    Of the controls of a block that hold at a time, the last one begun counts, and of those that
-    begin together the last in the program.
+    If several controls of a block hold at a time, the one that started last counts, and if they
+    started together, the last in the program.
     """
     driven = driven_blocks(machine)
     own: dict[int, list[Control]] = {}

@@ -97,6 +97,7 @@ def _failure(rows: list[dict[str, Any]], faults: list[AgentflowError]) -> Agentf
 
 
 def _rank(result: RunResult) -> tuple[float, ...]:
-    """Verified score, then score; runs without one come last. Of equal runs, the first counts."""
+    """Verified score, then score; runs without one come last. Among equal runs, the first
+    counts."""
     found = (result.verified_score, result.score)
     return tuple(float("-inf") if score is None else score for score in found)

@@ -122,7 +122,7 @@ def _mechanism(machine: Machine, rollout: Rollout | None) -> str | None:
 
 
 def _files(machine: Machine, shapes: Shapes) -> dict[str, tuple[int, int]]:
-    """Name -> place of the files of a machine; plates are no blocks of the game."""
+    """Name -> place of the files of a machine; plates are not blocks of the game."""
     formats = (".json", ".glb") if plate_of(machine[0].type) else (".json", ".bsg", ".glb")
     name = f"machine-{machine.digest}"
     written = {suffix: FORMATS[suffix].write(machine, None)[0] for suffix in formats}
@@ -197,7 +197,7 @@ def _wind_text(scene: Scene) -> str:
 
 
 def _traces(machine: Machine, columns: Mapping[str, int]) -> list[dict[str, Any]]:
-    """Bodies whose paths are drawn: the root, the boulder, moving things of the scene."""
+    """Bodies whose paths are drawn: the root, the boulder, moving objects of the scene."""
     hero = tracked_block(machine)
     boulder = {"boulder": hero} if hero else {}
     named = {"root block": 0, **boulder, **columns}

@@ -23,8 +23,8 @@ def studio(
 ) -> None:
     """Open a local page to watch runs, start them, and build machines by hand.
 
-    The printed address opens it in one browser, once. Nothing leaves this computer, and nothing but
-    the directory of runs is read or written.
+    The printed address opens it in one browser, once. Nothing leaves this computer unless you name
+    a model endpoint, and nothing but the directory of runs is read or written.
     """
     if runs.exists() and not runs.is_dir():
         raise UsageError(f"{runs} is not a directory; name the directory of your runs with --runs")

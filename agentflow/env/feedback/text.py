@@ -14,7 +14,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 MAX_SAMPLES = 11
-"""Most samples of a series; queries tell more."""
+"""Most samples of a series; queries return more."""
 AXES = ("x+", "x-", "y+", "y-", "z+", "z-")
 
 
@@ -85,7 +85,7 @@ def landing_text(time: object) -> str:
 
 
 def thing_name(name: str) -> str:
-    """A thing of the scene in a sentence: "the far wall", "wall 1", "ring 2"."""
+    """An object of the scene in a sentence: "the far wall", "wall 1", "ring 2"."""
     whole = name.partition(",")[0]
     return whole if whole[-1].isdigit() else f"the {whole}"
 
@@ -101,7 +101,7 @@ def block_name(machine: Machine, block: int) -> str:
 
 
 def body_name(machine: Machine, body: Named) -> str:
-    """A block or thing in a sentence."""
+    """A block or object in a sentence."""
     return thing_name(body) if isinstance(body, str) else block_name(machine, body)
 
 

@@ -100,7 +100,7 @@ def value_of(text: str, key: str) -> str:
 
 def _read_brief(task: str, types: frozenset[int], controls: str) -> Brief:
     """Read the task's name, objective, required blocks, most blocks and the window of controls; the
-    size is the default unless the task tells it."""
+    size is the default unless the task states it."""
     most, window = _MOST_BLOCKS.search(task), _WINDOW.search(controls)
     room = _ROOM.search(task)
     size = (SIZE_LIMIT[0], float(room[2]), float(room[1])) if room else SIZE_LIMIT

@@ -13,8 +13,8 @@ from agentflow.machine.geometry.vectors import Vec3, cross, dot, length, scale, 
 from agentflow.machine.tree import Machine
 
 BENDING, MOST_BENT = 250.0, 3
-"""Least moment of gravity at a connection that is told, N m (5 % of what wood bears), and how many
-connections are told at most."""
+"""Least moment of gravity at a connection that is reported, N m (5 % of what wood bears), and how
+many connections are reported at most."""
 LEGEND = (
     "Joints, ignoring springs and motors; loose blocks count with their parent. '8 to y+': block 8 "
     "first moves that way. Angles are measured from the machine as built."

@@ -43,7 +43,8 @@ class _Names:
     """Name -> id of the blocks that the script has named so far."""
 
     def __init__(self, commands: Sequence[Command | None]) -> None:
-        """Take all commands of the script, to tell names of later lines from unknown ones."""
+        """Take all commands of the script, to distinguish names of later lines from unknown
+        ones."""
         self.given: dict[str, int] = {}
         self._all = {command.name for command in commands if isinstance(command, Add)} - {""}
 
@@ -168,7 +169,8 @@ def _too_long(count: int) -> StepVerdict:
 
 
 def _bad_format(*more: str) -> Refused:
-    """The refusal of a line that is no command; `more` are the commands besides those for all."""
+    """The refusal of a line that is not a command; `more` are the commands besides those for
+    all."""
     commands = "; ".join((*GRAMMAR, *more))
     return Refused("bad_format", f"not a command; the commands are: {commands}; {NAMING}")
 

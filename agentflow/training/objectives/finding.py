@@ -14,7 +14,7 @@ from agentflow.machine.tree import ROOT
 from agentflow.training.objectives.motion import Direction, Motion
 
 Body = int | str
-"""A block type, of which the block that does best counts, or the name of a thing of the scene."""
+"""A block type, of which the block that does best counts, or the name of an object of the scene."""
 Amount = Annotated[float, Field(gt=0)]
 Asked = Annotated[float, Field(ge=0)]
 """A threshold that asks nothing while it is 0."""
@@ -57,7 +57,7 @@ class FunctionTest(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 
     @property
     def bodies(self) -> tuple[Body, ...]:
-        """Block types that a machine needs to pass, and moving things that the scene needs."""
+        """Block types that a machine needs to pass, and moving objects that the scene needs."""
         return ()
 
     @property
@@ -72,7 +72,7 @@ def name_way(towards: Direction) -> str:
 
 
 def name_body(body: Body) -> str:
-    """A block type or thing in words."""
+    """A block type or object in words."""
     if isinstance(body, str):
         return thing_name(body)
     return f"its {library()[body].name}" if body == ROOT.type else f"a {library()[body].name}"

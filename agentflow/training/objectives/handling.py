@@ -1,4 +1,5 @@
-"""Function tests of what the machine does to other things: throws, raises, shifts, strikes them."""
+"""Function tests of what the machine does to other objects: throws, raises, shifts, strikes
+them."""
 
 from __future__ import annotations
 
@@ -83,7 +84,7 @@ class PassesRings(_ThrowTest):
 
 
 class Raises(FunctionTest):
-    """A block or thing is higher than at t = 0, and stays so if asked."""
+    """A block or object is higher than at t = 0, and stays so if asked."""
 
     body: Body
     metres: Amount
@@ -108,7 +109,7 @@ class Raises(FunctionTest):
 
 
 class Holds(FunctionTest):
-    """A block or thing stays above a height."""
+    """A block or object stays above a height."""
 
     body: Body
     above: Amount
@@ -130,7 +131,7 @@ class Holds(FunctionTest):
 
 
 class Shifts(FunctionTest):
-    """A thing of the scene that the machine touches moves."""
+    """An object of the scene that the machine touches moves."""
 
     thing: str
     metres: Amount
@@ -151,7 +152,7 @@ class Shifts(FunctionTest):
 
 
 class Strikes(FunctionTest):
-    """A block hits a thing of the scene hard."""
+    """A block hits an object of the scene hard."""
 
     thing: str
     impulse: Amount
@@ -170,7 +171,7 @@ class Strikes(FunctionTest):
 
 
 class Avoids(FunctionTest):
-    """No block touches a thing of the scene."""
+    """No block touches an object of the scene."""
 
     thing: str
 

@@ -50,7 +50,7 @@ class Motion:
         return float(self.rollout.terms.get(name) or 0.0)
 
     def path(self, body: int | str) -> Array:
-        """(T, 3) centres of a block, by id, or of a moving thing of the scene, by name."""
+        """(T, 3) centres of a block, by id, or of a moving object of the scene, by name."""
         if isinstance(body, int):
             return self.trace.centre[:, body]
         return self.trace.thing_position[:, self.trace.things.index(body)]

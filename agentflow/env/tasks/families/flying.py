@@ -28,7 +28,7 @@ BLOCKS = (0, 1, 2, 7, 9, 15, 16, 22, 26, 35, 41, 55, 63)
 FLYING_BLOCK = 14
 """Allowed only in mode `marks`: in mode `altitude`, one block alone would climb forever."""
 ALOFT = 0.5
-"""Height above which the greatest height is told as decisive, m."""
+"""Height above which the greatest height is reported as decisive, m."""
 COST = 1.0
 """Points lost per metre from the next hoop's centre."""
 WAVES = ((0.5, 2.0), (0.3, 1.1), (0.2, 0.6))

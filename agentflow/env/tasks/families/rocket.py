@@ -38,7 +38,7 @@ SPAN = 0.5
 HIGH = 30.0
 """Height from which on a flight is a success, as the other public benchmark counts, m."""
 ALOFT = 1.0
-"""Height above which the greatest height is told as decisive, m."""
+"""Height above which the greatest height is reported as decisive, m."""
 
 
 class RocketKnobs(CommonKnobs):

@@ -39,7 +39,7 @@ from agentflow.machine.tree import Machine
 BLOCKS = (0, 1, 2, 5, 7, 13, 15, 16, 22, 28, 35, 40, 46, 50, 63)
 CARGO, ROOT_BLOCK = "cargo", 0
 POINTS = 10.0
-"""For coming close to the target, less the distance in metres; as many more for arriving."""
+"""For coming close to the target, minus the distance in metres; as many more for arriving."""
 THICK = 0.5
 """Thickness of the wall, m."""
 WIDE = 48.0
@@ -85,12 +85,12 @@ class TransportKnobs(CommonKnobs):
 
 @dataclass(frozen=True)
 class Transport(Family):
-    """Score: 10 less the final distance in metres from the target of what is to be moved (the
+    """Score: 10 minus the final distance in metres from the target of what is to be moved (the
     cargo, else the root block), and 10 more if it arrived and nothing broke.
 
-    The distance freezes when the cargo first touches anything but the machine. Of a way there and
-    back, half of what is left counts. A part of the way on which some block stayed where it was
-    does not count, so that arms and catapults earn nothing.
+    The distance freezes when the cargo first touches anything but the machine. On a way there and
+    back, half of the distance left counts. A part of the way on which some block stayed where it
+    was does not count, so that arms and catapults earn nothing.
     """
 
     family: ClassVar[str] = "transport"
@@ -306,7 +306,7 @@ def _score_sentences(knobs: TransportKnobs) -> Iterator[str]:
         "final."
     yield (
         f"The whole machine must come along: a leg of the way (there or back) does not count if at "
-        f"its end any block is within {LEAST:g} m of where that block started the leg."
+        f"its end any block is within {LEAST:g} m of where that block began the leg."
     )
 
 

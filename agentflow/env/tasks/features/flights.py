@@ -1,4 +1,4 @@
-"""Flights of a boulder: tells throws from boulders that are carried, pushed or rolled."""
+"""Flights of a boulder: distinguishes throws from boulders that are carried, pushed or rolled."""
 
 from __future__ import annotations
 
