@@ -33,7 +33,7 @@ from agentflow.prompts.render import PromptSet
 
 ROLLOUTS = 60
 HERE = Path(__file__).parent
-CELLS, PAGE = HERE / "data" / "difficulty.jsonl", HERE.parent / "docs" / "difficulty.md"
+CELLS, PAGE = HERE / "data" / "difficulty.jsonl", HERE.parent / "docs" / "results" / "difficulty.md"
 
 
 class Cells:

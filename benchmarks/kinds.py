@@ -5,8 +5,9 @@
 Runs the workflow `explore` as it is, and with MCTS in place of MAP-Elites: with the same first
 machines, emitters and rollouts, so that only the choice of the machine to expand differs. Under
 MCTS, refiners get no niche to aim at. Every simulated machine counts, kept or not.
-Writes the table in docs/search.md from the seeds of which all runs are finished. Finished runs are
-in benchmarks/data/kinds.jsonl and never repeated, so an interrupted comparison can be continued.
+Writes the table in docs/explanation/search.md from the seeds whose runs are all finished. Finished
+runs are in benchmarks/data/kinds.jsonl and never repeated, so an interrupted comparison can be
+continued.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ from agentflow.search.settings import MAP_ELITES
 from agentflow.workflows import explore as workflow
 
 HERE = Path(__file__).parent
-CELLS, PAGE = HERE / "data" / "kinds.jsonl", HERE.parent / "docs" / "search.md"
+CELLS, PAGE = HERE / "data" / "kinds.jsonl", HERE.parent / "docs" / "explanation" / "search.md"
 BEGIN = "<!-- made by benchmarks/kinds.py: do not edit -->"
 STRATEGIES = (MAP_ELITES, "mcts")
 EMITTERS = {"random": ("edit", "crossover"), "procedural": ("refiner",)}

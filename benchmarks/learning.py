@@ -1,4 +1,4 @@
-"""Writes the results in docs/learning.md from the folders of `scripts/learn`: tables and pictures.
+"""Writes the tables and pictures of docs/how-to/learning.md from the folders of `scripts/learn`.
 
 Measures nothing itself; `scripts/learn` runs all stages first.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
@@ -42,9 +43,10 @@ WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 640, 300, 56, 36, 30
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=Path("learning"))
-    parser.add_argument("--page", type=Path, default=Path("docs/learning.md"))
+    parser.add_argument("--page", type=Path, default=Path("docs/how-to/learning.md"))
+    parser.add_argument("--pictures", type=Path, default=Path("docs/pictures/learning"))
     given = parser.parse_args()
-    pictures = given.page.parent / "pictures" / "learning"
+    pictures = given.pictures
     pictures.mkdir(parents=True, exist_ok=True)
     found = collect([given.folder])
     tables = [
@@ -206,7 +208,7 @@ def curves(found: Collection, pictures: Path, base: Path) -> list[str]:
         if any(lines.values()):
             file = pictures / f"{number.replace('_', '-')}.svg"
             file.write_text(chart(title, lines), encoding="utf-8")
-            parts.append(f"![{title}, by step of GRPO on {TASK}]({file.relative_to(base)})\n")
+            parts.append(f"![{title}, by step of GRPO on {TASK}]({os.path.relpath(file, base)})\n")
     return parts
 
 

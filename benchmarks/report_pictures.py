@@ -1,4 +1,4 @@
-"""Takes the screenshots for docs/report.md: light, dark, and on a phone.
+"""Takes the screenshots for docs/how-to/report.md: light, dark, and on a phone.
 
 python benchmarks/report_pictures.py [docs/pictures]
 """

@@ -1,4 +1,4 @@
-"""Writes docs/results.md from finished sweeps: tables, and the best machine of each family.
+"""Writes docs/results/published.md from finished sweeps: tables, and each family's best machine.
 
 `scripts/results` runs the sweeps first.
 """
@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -76,10 +77,10 @@ its columns.
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sweeps", type=Path, default=Path("sweeps"))
-    parser.add_argument("--out", type=Path, default=Path("docs/results.md"))
+    parser.add_argument("--out", type=Path, default=Path("docs/results/published.md"))
     given = parser.parse_args()
     folders = [given.sweeps / name for name in ORDER if (given.sweeps / name).is_dir()]
-    pictures = given.out.parent / "pictures" / "results"
+    pictures = Path(__file__).parent.parent / "docs" / "pictures" / "results"
     pictures.mkdir(parents=True, exist_ok=True)
     parts = [HEAD, *map(section, folders), gallery(folders, pictures, given.out.parent)]
     given.out.write_text("\n".join(parts), encoding="utf-8")
@@ -121,7 +122,7 @@ def gallery(folders: Iterable[Path], pictures: Path, base: Path) -> str:
     for family, (score, run) in sorted(best.items()):
         file = pictures / f"{family}.png"
         render_run(run.path, file)
-        place = file.relative_to(base)
+        place = os.path.relpath(file, base)
         lines += [
             f"![The best machine of {family}]({place})",
             "",

@@ -3,7 +3,7 @@
     python benchmarks/studio.py [--pictures docs/pictures]
 
 Chromium renders without a GPU; the page itself counts the frames. With --pictures, takes the
-screenshots for docs/studio.md instead.
+screenshots for docs/how-to/studio.md instead.
 """
 
 from __future__ import annotations

@@ -143,7 +143,7 @@ def run(words: list[str]) -> int:
     return 0
 
 
-FOREIGN = ("docs/integrations.md", "docs/tools.md")
+FOREIGN = ("docs/how-to/libraries.md", "docs/reference/tools.md")
 """Their code needs other libraries or programs; the tests in tests/integrations run it."""
 
 
@@ -157,7 +157,7 @@ def test_python_runs(page: str) -> None:
 
 
 def test_machines_that_are_shown_are_valid() -> None:
-    machines = fences("docs/machine-language.md", "json")
+    machines = fences("docs/reference/machine-language.md", "json")
     assert len(machines) == 3
     for text in machines:
         assert check(read_any(text)).machine_valid
@@ -178,7 +178,7 @@ def test_every_fence_says_what_it_is(page: str) -> None:
 
 
 def test_every_family_is_told_of() -> None:
-    text = (ROOT / "docs/tasks.md").read_text()
+    text = (ROOT / "docs/reference/tasks.md").read_text()
     for name in task_names():
         if "/" not in name:
             assert f"\n| {name} | {get_task(name).window:g} s | " in text, name
@@ -186,5 +186,5 @@ def test_every_family_is_told_of() -> None:
 
 def test_every_page_is_reachable_from_the_readme() -> None:
     readme = (ROOT / "README.md").read_text()
-    for page in ROOT.glob("docs/*.md"):
-        assert f"](docs/{page.name})" in readme, page.name
+    for page in ROOT.glob("docs/**/*.md"):
+        assert f"]({page.relative_to(ROOT).as_posix()})" in readme, page

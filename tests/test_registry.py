@@ -25,12 +25,12 @@ from agentflow.workflows.registry import WORKFLOWS
 
 DOCS = Path(__file__).parent.parent / "docs"
 DOCUMENTED = [
-    ("tasks.md", FAMILIES),
-    ("prompts-and-roles.md", ROLES),
-    ("prompts-and-roles.md", PROMPT_SETS),
-    ("search.md", STRATEGIES),
-    ("search.md", WORKFLOWS),
-    ("sweeps.md", METRICS),
+    ("reference/tasks.md", FAMILIES),
+    ("explanation/prompts-and-roles.md", ROLES),
+    ("explanation/prompts-and-roles.md", PROMPT_SETS),
+    ("explanation/search.md", STRATEGIES),
+    ("explanation/search.md", WORKFLOWS),
+    ("how-to/sweeps.md", METRICS),
 ]
 EVERY = (ENGINES, FAMILIES, METRICS, PAGES, PROMPT_SETS, ROLES, STRATEGIES, WORKFLOWS)
 

@@ -14,7 +14,7 @@ TEXTS = [
         for path in PACKAGE.rglob(f"*.{kind}")
     ),
     *ROOT.glob("*.md"),
-    *(ROOT / "docs").glob("*.md"),
+    *(ROOT / "docs").rglob("*.md"),
     *(
         path
         for part in ("benchmarks", "configs", "examples", "scripts")

@@ -125,8 +125,8 @@ class Role(Prompt[In, Out]):
     """What refused replies are counted as. Calls of tools are recorded one by one, and counted in
     place of the replies that hold them."""
     labels: ClassVar[tuple[str, ...]] = ()
-    """The steps of people's designing that are its work, as docs/study.md labels them. Its own
-    calls have the first of them."""
+    """The steps of people's designing that are its work, as docs/how-to/studies.md labels them. Its
+    own calls have the first of them."""
     script: ClassVar[Script | None] = None
     """How the procedural model plays it; None if it cannot."""
 

@@ -52,7 +52,7 @@ class Tool:
             function: Carries out a call.
             needs: What it is charged for; it is on offer only in stages that have some.
             with_controls: What the description adds where machines bring control programs.
-            label: The step of people's designing that a call is, as docs/study.md labels them.
+            label: The step of designing that a call is, as docs/how-to/studies.md labels people's.
         """
         summary, _, rest = (inspect.getdoc(function) or "").partition("\n\n")
         about = {name: " ".join(text.split()) for name, text in _ARGUMENT.findall(rest)}

@@ -19,10 +19,10 @@ from benchmarks.facts import HIGH, MEASURED, Stand, friction, spring_pull, state
 LOOSE = {"bounce": 0.2, "thrust": 0.06}
 """Relative tolerance where single steps matter, or the weight of the car; 0.025 elsewhere."""
 ON_MUJOCO = {"thrust": 0.13, "friction.wheel": 0.07}
-"""Prompts state what PyBullet does, which loads wheels unevenly: docs/engines.md."""
+"""Prompts state what PyBullet does, which loads wheels unevenly: docs/explanation/validation.md."""
 CONSTANTS = {("suspension", "damping"): "suspension_damping"}
 """Facts that are constants of the engine and are not measured."""
-PAGE = Path(__file__).parents[2] / "docs" / "physics.md"
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "physics.md"
 
 
 def _paths(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:

@@ -42,8 +42,8 @@ def run_foreign(
 
 
 def documented_code(heading: str) -> str:
-    """The Python code in a section of docs/integrations.md."""
-    page = (ROOT / "docs" / "integrations.md").read_text(encoding="utf-8")
+    """The Python code in a section of docs/how-to/libraries.md."""
+    page = (ROOT / "docs" / "how-to" / "libraries.md").read_text(encoding="utf-8")
     section = page.split(f"\n## {heading}\n", 1)[1].partition("\n## ")[0]
     code = "".join(re.findall(r"(?ms)^```python\n(.*?)^```$", section))
     assert "assert" in code

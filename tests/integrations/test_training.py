@@ -30,7 +30,7 @@ OFFLINE = {"PYTHONPATH": str(PLUGINS), "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS":
 
 def documented_overrides() -> list[str]:
     """The configuration in the documented command of verl."""
-    page = (ROOT / "docs" / "integrations.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how-to" / "libraries.md").read_text(encoding="utf-8")
     [overrides] = re.findall(r"(?m)^python -m verl\.trainer\.main_ppo (.+)$", page)
     return overrides.split()
 

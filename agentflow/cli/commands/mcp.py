@@ -53,8 +53,13 @@ def mcp(
 ) -> None:
     """Give coding agents the tools to design a machine, over the Model Context Protocol (MCP).
 
-    Agents such as Claude Code, Codex and VS Code start this command themselves (docs/tools.md).
-    The work of an agent is a run, like those of `agentflow design`.
+    <<<<<<< HEAD
+        Agents such as Claude Code, Codex and VS Code start this command themselves (docs/tools.md).
+        The work of an agent is a run, like those of `agentflow design`.
+    =======
+        Agents such as Claude Code, Codex and VS Code start this command themselves: see
+        docs/reference/tools.md. What an agent does is a run, like those of `agentflow design`.
+    >>>>>>> main
     """
     if (http is None) != (token_file is None):
         raise UsageError(

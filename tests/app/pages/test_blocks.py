@@ -22,18 +22,18 @@ Captured = pytest.CaptureFixture[str]
 
 
 def rows() -> list[str]:
-    """The rows of the table in docs/blocks.md."""
+    """The rows of the table in docs/reference/blocks.md."""
     return [
         f"| {block['type']} | {block['name']} | {_size(block)} | {block['mass']:g} | "
         f"{len(block['faces'])} | {'extended' if block['extended'] else 'core'} | "
-        f"![{block['name']}](pictures/blocks/{block['type']}.png) |"
+        f"![{block['name']}](../pictures/blocks/{block['type']}.png) |"
         for block in list_blocks()
     ]
 
 
 def test_the_documented_table_is_that_of_the_library() -> None:
-    page = (DOCS / "blocks.md").read_text(encoding="utf-8")
-    assert [line for line in page.splitlines() if "](pictures/blocks/" in line] == rows()
+    page = (DOCS / "reference" / "blocks.md").read_text(encoding="utf-8")
+    assert [line for line in page.splitlines() if "](../pictures/blocks/" in line] == rows()
     files = sorted((DOCS / "pictures" / "blocks").iterdir())
     assert {int(file.stem) for file in files} == set(library())
     for file in files:

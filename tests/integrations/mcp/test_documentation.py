@@ -1,4 +1,4 @@
-"""What docs/tools.md tells MCP clients: their settings start our command, and its code runs."""
+"""The settings for MCP clients in docs/reference/tools.md start our command, and its code runs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.test_documented import parse
 
 def section() -> str:
     """The part of the page about MCP clients."""
-    page = (ROOT / "docs" / "tools.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "tools.md").read_text(encoding="utf-8")
     return page.split("\n## Coding agents, over MCP\n")[1].partition("\n## ")[0]
 
 

@@ -36,7 +36,7 @@ def behaviour(
 
     One row per source: edits that failed although success was predicted, repairs that keep the
     mechanism of a failed machine, how large edits are, errors of predicted scores, and each role's
-    share of the tokens. The rules are in docs/behaviour.md.
+    share of the tokens. The rules are in docs/reference/behaviour.md.
     """
     from agentflow.app.inspect.behaviour import format_results, observe
 

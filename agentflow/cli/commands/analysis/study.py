@@ -96,7 +96,7 @@ def metrics(
     """Compare sessions of people and runs of agents.
 
     One row per session or run: scores, behaviour, use of time, type of design, clusters. Sessions
-    without episodes.json are labelled by rules. The rules of all columns are in docs/study.md.
+    without episodes.json are labelled by rules. docs/how-to/studies.md explains the columns.
     """
     with needs_extra(EXTRA):
         from agentflow.study.results import format_results, measure
