@@ -175,7 +175,7 @@ class ClientRuns:
     async def _verify(self, path: Path) -> None:
         """Verify a finished run, if that is configured, and wait a while for the result.
 
-        Runs take turns, so that clients that still design need not wait for many verifications.
+        The runs alternate, so that clients that still design need not wait for many verifications.
         """
 
         async def take_turn() -> None:

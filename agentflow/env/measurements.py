@@ -11,7 +11,7 @@ from typing import NamedTuple
 from agentflow.machine.geometry.vectors import Vec3
 
 Named = int | str
-"""A block id, the name of a thing of the scene, or "ground"."""
+"""A block id, the name of an object of the scene, or "ground"."""
 
 
 class Hit(NamedTuple):

@@ -47,7 +47,7 @@ def design_seeds(
         config: What to do; its seed is the first.
         out: Parent folder of the run directories.
         count: Number of seeds.
-        minutes: Time after which no further run begins; a run in progress is finished.
+        minutes: Time after which no more runs start; a run in progress is finished.
         options: How to do it.
         clock: The time, s.
 

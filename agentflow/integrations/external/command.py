@@ -31,7 +31,7 @@ def command_words(settings: ExternalSettings) -> list[str]:
     """The program, by its absolute path, and its arguments.
 
     Raises:
-        ConfigError: There is none, it is not found, or it may not be run.
+        ConfigError: There is none, it is not found, or it is not executable.
     """
     words = _split(settings)
     if not words:
