@@ -77,8 +77,9 @@ def test_no_odd_phrase_is_left(odd: re.Pattern[str], paths: list[Path]) -> None:
 
 
 @pytest.mark.parametrize("task", task_names())
-def test_briefs_have_short_sentences_about_objects(task: str) -> None:
+def test_briefs_have_whole_short_sentences_about_objects(task: str) -> None:
     brief = get_task(task).brief
     for text in (brief.objective, *brief.scene, *brief.schedule, *brief.score):
+        assert text.endswith(".")
         assert not re.search(r"\bthings?\b", text)
         assert max(len(sentence.split()) for sentence in re.split(r"(?<=[.;:]) ", text)) <= 60

@@ -302,8 +302,9 @@ def _score_sentences(knobs: TransportKnobs) -> Iterator[str]:
         )
     yield f"10 more if it ends within {target.reach:g} m and no connection breaks."
     if knobs.cargo.mass:
-        yield "Once the cargo touches the ground or anything but the machine, its position is "
-        "final."
+        yield (
+            "Once the cargo touches the ground or anything but the machine, its position is final."
+        )
     yield (
         f"The whole machine must come along: a leg of the way (there or back) does not count if at "
         f"its end any block is within {LEAST:g} m of where that block began the leg."
