@@ -1,7 +1,7 @@
 """Bundles the pages of reports and of the studio when the package is built; pyproject has the rest.
 
 Node comes from a wheel, three.js and esbuild from npm by the lock file, so that pip alone suffices.
-Releases hold the bundle, so installing them needs no node.
+Releases hold the bundle, so installing them does not need Node.js.
 """
 
 from __future__ import annotations

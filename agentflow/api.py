@@ -323,7 +323,7 @@ def design_prompt(
 ) -> list[dict[str, str]]:
     """The prompt that asks for a whole machine in one reply, as chat messages.
 
-    It is what designers are told in a run: a system and a user message, each with `role` and
+    It is the prompt of designers in a run: a system and a user message, each with `role` and
     `content`. `reward` scores the reply.
 
     Args:

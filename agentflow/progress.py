@@ -1,4 +1,4 @@
-"""How far long work is: told by what does the work, drawn by whoever asked for it."""
+"""How far long work is: reported by the code that does it, drawn by whoever asked for it."""
 
 from __future__ import annotations
 

@@ -34,7 +34,8 @@ class Found:
 
 
 class OneJump(Jumping):
-    """Jumping with a single trial: a tenth of the time, and terms that tell near machines apart."""
+    """Jumping with a single trial: a tenth of the time, and terms that distinguish near
+    machines."""
 
     count = 1
 

@@ -36,7 +36,7 @@ from agentflow.machine.tree import ROOT, Machine
 from agentflow.search.concurrency import work_in_order
 
 PARTS = 4
-"""Local pool and Ray take turns this often, as other load changes."""
+"""Local pool and Ray alternate this often, because other load changes."""
 TASK = get_task("movement")
 EMPTY = Machine((ROOT,))
 THROWING = get_task("throwing")

@@ -254,8 +254,8 @@ def friction(kind: int, degrees: float, surface: float | None = None) -> float:
 
 
 def bounce(kind: int, drops: int = 8) -> float:
-    """Of a ball that falls onto a block; the mean, as steps end at different depths. A rebound may
-    take 0.1 s."""
+    """Of a ball that falls onto a block; the mean, because steps end at different depths. A rebound
+    may take 0.1 s."""
     ratios = []
     for drop in range(drops):
         ball = SceneObject(

@@ -4,7 +4,7 @@
 
 Runs the workflow `explore` as it is, and with MCTS in place of MAP-Elites: with the same first
 machines, emitters and rollouts, so that only the choice of the machine to expand differs. Under
-MCTS, refiners are told no niche to aim at. Every simulated machine counts, kept or not.
+MCTS, refiners get no niche to aim at. Every simulated machine counts, kept or not.
 Writes the table in docs/explanation/search.md from the seeds whose runs are all finished. Finished
 runs are in benchmarks/data/kinds.jsonl and never repeated, so an interrupted comparison can be
 continued.

@@ -198,7 +198,7 @@ def curves(found: Collection, pictures: Path, base: Path) -> list[str]:
     """A picture for each number: one line for each kind of GRPO, the mean of its seeds.
 
     Trainings without a cold start are left out: their scores stay 0, and their entropy is so high
-    that the others could not be told apart.
+    that the others could not be distinguished.
     """
     runs = by_name(found).items()
     learned = {name: records for name, records in runs if not records[0].config["fresh"]}

@@ -88,7 +88,8 @@ def script(machine: Machine, rng: Random) -> str:
 
 
 def row(name: str, works: list[Work], seconds: float, steps: float = 1.0) -> None:
-    """Print how many steps per CPU second these calls make in turn, and what dominates them."""
+    """Print how many steps per CPU second these calls make one after another, and what dominates
+    them."""
     count = 0
     works[0]()
     turn = cycle(works)

@@ -45,9 +45,11 @@ def counter() -> tuple[str, Callable[[str], int]]:
 
 
 def ten_blocks(brief: Brief) -> Machine:
-    """A frame with a mast, and the boulder on top if the task has one."""
+    """A frame with a mast, and the boulder on top if the task has one; without a motor where the
+    task allows none."""
     blocks = [(1, 0, 0), (1, 0, 1), (15, 1, 1), (15, 1, 3), (15, 2, 1), (15, 2, 3), (63, 0, 4)]
-    blocks += [(22, 7, 5), (36, 7, 0)] if 36 in brief.required else [(22, 7, 5), (63, 8, 3)]
+    motor = 22 if 22 in brief.blocks else 15
+    blocks += [(motor, 7, 5), (36, 7, 0) if 36 in brief.required else (63, 8, 3)]
     steps = [{"type": 0, "id": 0, "parent": -1, "face_id": -1}]
     for number, (kind, parent, face) in enumerate(blocks, start=1):
         steps.append({"type": kind, "id": number, "parent": parent, "face_id": face})

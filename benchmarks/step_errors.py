@@ -9,7 +9,7 @@ tests/machines, and writes the last machines that were the best of a climb. `mea
 at the default rate and at 480 Hz and prints the share of machines whose scores differ by at most 10
 %; machines that score 0 at both rates are left out. `cost` compares the CPU time of rollouts with
 that of rollouts in which no step is divided: reference machines on their levels, and machines of
-the procedural model and random machines on all levels in turn, as searches without a language model
+the procedural model and random machines on all levels, as searches without a language model
 simulate them; of a level with several trials, only the first.
 """
 

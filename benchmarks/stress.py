@@ -52,7 +52,8 @@ def stress(count: int, workers: int, seed: int, engine: str) -> int:
 
 
 def cases(count: int, seed: int = 0, engine: str = AUTO) -> Iterator[tuple[str, Task, Machine]]:
-    """Name, task and machine of each case: the tasks in turn, each machine from its own seed.
+    """Name, task and machine of each case: alternating between tasks, each machine from its own
+    seed.
 
     A task with ten trials only takes part in every tenth round, starting with the first, so every
     task takes about the same number of rollouts.

@@ -1,7 +1,7 @@
 """An agent program for the workflow `external`: it builds a cart and improves it with the tools.
 
-It runs in the folder of a stage, where `.mcp.json` tells how to reach the tools. It is no language
-model: it tries the changes of a list, and keeps those that score higher.
+It runs in the folder of a stage, where `.mcp.json` says how to reach the tools. It is not a
+language model: it tries the changes of a list, and keeps those that score higher.
 """
 
 import asyncio

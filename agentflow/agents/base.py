@@ -26,7 +26,7 @@ UNFINISHED: Mapping[str, tuple[str, str, str]] = {
     "length": (
         "truncated",
         "It was cut off at the length limit.",
-        "Send a shorter one: less thought, the whole format.",
+        "Send a shorter one: think less, but send the whole format.",
     ),
     "empty": ("empty_reply", "It was empty.", "Send the whole format."),
     "tool_calls": (
@@ -122,7 +122,7 @@ class Role(Prompt[In, Out]):
     model_role: ClassVar[str] = ""
     """Role whose model and sampling it uses; its own by default."""
     replies: ClassVar[Replies] = "answers"
-    """What refused replies are counted as. Calls of tools are recorded one by one, and counted in
+    """What refused replies are counted as. Tool calls are recorded one by one, and counted in
     place of the replies that hold them."""
     labels: ClassVar[tuple[str, ...]] = ()
     """The steps of people's designing that are its work, as docs/how-to/studies.md labels them. Its

@@ -158,5 +158,5 @@ def _key(name: str) -> str:
 
 
 def expectations(text: str) -> str:
-    """The sentences of a text that say what is expected, as agents have no field for it."""
+    """The sentences of a text that say what is expected, because agents have no field for it."""
     return " ".join(part for part in _SENTENCE.split(text) if _EXPECTED.search(part))

@@ -39,7 +39,7 @@ class Agent(Role[AgentInput, str]):
 
     @classmethod
     def prediction(cls, text: str) -> str:
-        """It may be anywhere, as there is no field for it."""
+        """It may be anywhere, because there is no field for it."""
         return expectations(text)
 
     def variables(self, given: AgentInput) -> Mapping[str, object]:

@@ -1,1 +1,1 @@
-"""Wires everything together, with one folder or module per thing that a user can do."""
+"""Wires everything together, with one folder or module per user action."""

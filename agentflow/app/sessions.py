@@ -74,7 +74,7 @@ class RunSession:
         await self._verify(run.directory.path)
 
     def _tell_failure(self, working: asyncio.Task[None]) -> None:
-        """Say why the run stopped, also if the client has left and cannot be told."""
+        """Say why the run stopped, also if the client has left and cannot be informed."""
         if working.cancelled():
             return
         try:
@@ -113,7 +113,7 @@ class RunSession:
         told = "without a valid machine" if score is None else f"with a score of {score:.2f}"
         return (
             f"The design is finished, {told}. It is in {path}; `agentflow show` and `agentflow "
-            "report` tell more. Connect again to begin another one."
+            "report` show more. Connect again to start another one."
         )
 
     @property
@@ -175,7 +175,7 @@ class ClientRuns:
     async def _verify(self, path: Path) -> None:
         """Verify a finished run, if that is configured, and wait a while for the result.
 
-        Runs take turns, so that clients which still design need not wait for many verifications.
+        The runs alternate, so that clients that still design need not wait for many verifications.
         """
 
         async def take_turn() -> None:

@@ -70,8 +70,8 @@ Trust = Annotated[
     bool,
     typer.Option(
         "--trust",
-        help="Send prompts and keys where the given file or directory says, and run the program "
-        "that it says, even if you have not named them.",
+        help="Send prompts and keys to the endpoints that the given file or directory names, and "
+        "run the program that it names, even if you have not named them yourself.",
     ),
 ]
 
@@ -90,8 +90,8 @@ Backend = Annotated[
     Where,
     typer.Option(
         "--backend",
-        help="Where to simulate: local (worker processes on this machine) or ray (a Ray cluster: "
-        "that at RAY_ADDRESS, else one on this machine).",
+        help="Where to simulate: local (worker processes on this computer) or ray (a Ray cluster: "
+        "the one at RAY_ADDRESS, else one on this computer).",
     ),
 ]
 

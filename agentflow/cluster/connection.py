@@ -77,14 +77,14 @@ def _require_answer(address: str) -> None:
     except OSError as error:
         raise ConfigError(
             f"no Ray cluster answers at {ADDRESS}={address} ({error.strerror or error}): check the "
-            f"address, or unset {ADDRESS} to use this machine alone"
+            f"address, or unset {ADDRESS} to use this computer alone"
         ) from None
 
 
 def refusal(address: str | None, error: Exception) -> ConfigError:
     """What to tell the user when Ray refuses with this error."""
     if address is None:
-        return ConfigError(f"cannot start Ray on this machine: {_first_line(error)}")
+        return ConfigError(f"cannot start Ray on this computer: {_first_line(error)}")
     cluster = f"the Ray cluster at {ADDRESS}={address}"
     lines = [line.strip() for line in str(error).splitlines()]
     found = [line for line in lines if line.startswith(("Ray: ", "Python: "))]
@@ -99,8 +99,8 @@ def refusal(address: str | None, error: Exception) -> ConfigError:
             "`ray get-auth-token` prints on its head"
         )
     return ConfigError(
-        f"{cluster} cannot be used from here: run agentflow on one of its nodes, which `ray start` "
-        f"makes of a machine ({_first_line(error)})"
+        f"{cluster} cannot be used from here: run agentflow on one of its nodes; `ray start` "
+        f"makes a computer a node ({_first_line(error)})"
     )
 
 

@@ -177,7 +177,7 @@ class RayPool(Pool):
     def _retry(self, batch: list[_Trial], hung: bool) -> None:
         """Run the trials of a lost worker again, each alone, or record what they did to it.
 
-        Of a batch, nobody knows which one it was.
+        In a batch, nobody knows which one it was.
         """
         for trial in batch:
             trial.deaths += not hung

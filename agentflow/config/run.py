@@ -47,7 +47,9 @@ class ModelConfig(BaseModel, frozen=True, extra="forbid", protected_namespaces=(
         PROCEDURAL, min_length=1, description="model name at the endpoint, or a model's folder"
     )
     label: str | None = Field(
-        None, min_length=1, description="name in results of a model in a folder, which tells it"
+        None,
+        min_length=1,
+        description="name in results of a model in a folder, which says its name",
     )
     base_url: str | None = Field(None, min_length=1, description="URL before /chat/completions")
     key_variable: str = Field(

@@ -1,4 +1,4 @@
-"""How a machine works: what drives it, what holds, and how it lets go.
+"""How a machine works: what drives it, what holds, and how it releases.
 
 The rules read the machine and the recorded rollout, up to the moment that decides the score
 (release, take-off, ...) or, without one, the end of the window. The limits are choices of ours.

@@ -23,7 +23,7 @@ PROPERTIES = {
 }
 """Properties and their column headings. Position and velocity are those of the centre."""
 MAX_ROWS = 30
-"""Most rows of a table; longer intervals are told without the samples between regular ones."""
+"""Most rows of a table; longer intervals are shown without the samples between regular ones."""
 EPSILON = 1e-6
 
 
@@ -61,7 +61,7 @@ def answer_queries(
         queries: Items like {"id": 3, "duration": [0, 1], "properties": ["position"]}, as a model
             wrote them; invalid items are answered with what is wrong.
         interval: Seconds between rows; the constants' by default. Rollouts with coarser samples are
-            told sample by sample, and around events all samples are told.
+            shown sample by sample, and around events all samples are shown.
     """
     every = constants()["sample_interval"] if interval is None else interval
     objects = rollout.trace.objects if rollout.trace is not None else ()
@@ -210,7 +210,7 @@ def _column(trace: Trace, body: int | str, name: str) -> Array:
 
 
 def _table(times: Array, columns: Mapping[str, Array]) -> list[str]:
-    """Rows by time; what stays the same to the shown digits is told once, above them."""
+    """Rows by time; what stays the same to the shown digits is stated once, above them."""
     digits = 1 if np.allclose(times, np.round(times, 1), atol=EPSILON) else 3
     cells = {name: [", ".join(map(number, row)) for row in rows] for name, rows in columns.items()}
     fixed = [name for name, column in cells.items() if len(column) > 1 and len(set(column)) == 1]

@@ -33,7 +33,7 @@ class Trace:
     position: Array
     """(T, N, 3) block origins (building points), m. Two-ended blocks: midpoint of their ends."""
     centre: Array
-    """(T, N, 3) box centres, m; the positions that designers are told."""
+    """(T, N, 3) box centres, m; the positions that designers see."""
     rotation: Array
     """(T, N, 4) quaternions x, y, z, w."""
     velocity: Array
@@ -115,7 +115,7 @@ class RolloutEvent:
 
 @dataclass(frozen=True)
 class Moment:
-    """The moment that decides a score: loads are told before and after it, energies at it."""
+    """The moment that decides a score: loads are reported before and after it, energies at it."""
 
     time: float
     name: str

@@ -116,7 +116,7 @@ async def score_on_others(
 ) -> list[dict[str, Any]]:
     """`engine`, `status` and `score` of a machine on every other engine that is installed.
 
-    They are no part of a verification, because engines differ by more than its variations.
+    They are not part of a verification, because engines differ by more than its variations.
 
     Args:
         run: Simulates the machine on the task that it gets: the `run` of a pool, with its other

@@ -92,7 +92,7 @@ class Document(Generic[_Model]):
         write_part(folder / self.name, content.model_dump_json(indent=1) + "\n")
 
     def begin(self, folder: Path, content: _Model, logs: Collection[str]) -> _Model:
-        """Begin work in a locked folder, or continue what was begun there.
+        """Begin work in a locked folder, or continue the work that was started there.
 
         Work that has recorded nothing so far, such as when its model could not be reached, may be
         begun again as something else.
@@ -123,7 +123,7 @@ class Document(Generic[_Model]):
         return content
 
     def differs(self, folder: Path, different: Difference) -> RunError:
-        """The error of work that is not what was begun in a folder."""
+        """The error of work that differs from the work started in a folder."""
         return RunError(
             f"{folder} holds {self.what} with another {different.key}: {different.before}, not "
             f"{different.now}; give the same options to continue it, or choose another folder with "

@@ -77,7 +77,7 @@ class LineFile:
 
 
 def damaged_line(file: Path, number: int, why: ValueError) -> RunError:
-    """The error of a line that cannot be read; it tells why if that is known in words."""
+    """The error of a line that cannot be read; it says why if that is known in words."""
     told = tell_fault(why, "the line")
     return RunError(f"{file} is damaged in line {number}{': ' * bool(told)}{told}")
 

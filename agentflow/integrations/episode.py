@@ -67,7 +67,7 @@ class DesignEpisode:
 
     @property
     def rules(self) -> str:
-        """How machines are built and changed, and the task, as designers are told it."""
+        """How machines are built and changed, and the task, as designers see it."""
         variables, prompts = RoleInput(self._brief).context(None), PromptSet()
         return prompts.render_parts((*RULES, *TASK), variables)
 

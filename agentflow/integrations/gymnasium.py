@@ -27,7 +27,7 @@ from agentflow.rewards.scoring import Sample, Scorer, read_knobs
 SUBMIT = "submit"
 """The action that ends an episode."""
 MOST_STEPS = 32
-"""Actions after which `gymnasium.make` truncates an episode, unless told otherwise."""
+"""Actions after which `gymnasium.make` truncates an episode by default."""
 LONGEST = 100_000
 """Most characters of an action or observation; a machine of 800 blocks has about 45,000."""
 CHARACTERS = string.digits + string.ascii_letters + string.punctuation + " \n\t"

@@ -22,7 +22,7 @@ def simulation_reward(
     workers: int | None = None,
     **_: object,
 ) -> list[float | None]:
-    """Score machines by simulation, a whole batch at once in worker processes.
+    """Score machines by simulation, a whole batch together in worker processes.
 
     `task`, `seed` and `knobs` are columns of the data set, or, with `functools.partial`, one value
     for all rows.

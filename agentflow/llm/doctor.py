@@ -21,12 +21,13 @@ UNUSABLE = {
     "calling at the server, or use another model",
     "length": "the reply was cut off at {tokens} tokens: use a model that reasons less, or raise "
     "the server's limit of output tokens",
-    "no_tool_call": "the reply calls no tool, although it was told to: the server may ignore "
+    "no_tool_call": "the reply calls no tool, although the prompt asked for it: the server may "
+    "ignore "
     "tools; switch on tool calling at the server, or use another model, or a workflow without "
     "tools",
     "content_filter": "the endpoint filtered the reply: use another model or endpoint",
 }
-"""Why a reply has no answer -> what it means and how to mend it."""
+"""Why a reply has no answer -> what it means and how to fix it."""
 
 
 class EndpointDiagnosis(BaseModel, frozen=True):
@@ -50,7 +51,7 @@ class EndpointDiagnosis(BaseModel, frozen=True):
     reply: str = ""
     """Text of the reply, or the arguments of its tool call."""
     problem: str = ""
-    """Why there is no usable reply, and how to mend it, in one line; empty on success."""
+    """Why there is no usable reply, and how to fix it, in one line; empty on success."""
 
 
 async def diagnose(

@@ -20,7 +20,7 @@ REST_LEVELS: Mapping[Group, float] = {"grabbers": 1.0}
 PRECISION = 3
 """Decimals of times (s) and levels: milliseconds are finer than the steps of physics."""
 NOT_DESIGNED = (
-    "this task switches all blocks by its own schedule, so a machine may not bring controls: write "
+    "this task switches all blocks by its own schedule, so a machine cannot bring controls: write "
     "it as a bare JSON list of blocks"
 )
 
@@ -54,8 +54,8 @@ def blocks_of(control: Control, driven: Mapping[int, Group]) -> tuple[int, ...]:
 def switches(machine: Machine) -> tuple[tuple[float, int, float], ...]:
     """When each block gets which level: (seconds, block, level), in order of time.
 
-    Of the controls of a block that hold at a time, the last one begun counts, and of those that
-    begin together the last in the program.
+    If several controls of a block hold at a time, the one that started last counts, and if they
+    started together, the last in the program.
     """
     driven = driven_blocks(machine)
     own: dict[int, list[Control]] = {}

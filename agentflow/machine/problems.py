@@ -12,7 +12,7 @@ from agentflow.machine.blocks.library import STARTING_BLOCK, library
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong with a machine."""
+    """One fault of a machine."""
 
     code: str
     """Machine-readable kind, for counting: overlap, face_not_found, ..."""

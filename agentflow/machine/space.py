@@ -61,8 +61,8 @@ def _duplicate_connections(geometry: Geometry) -> list[Problem]:
                 for parent, face in same[0].step.attachments
             )
             message = (
-                f"blocks {comma_list(ids)} ({same[0].name}) join the same two faces, {faces}; one "
-                "block of a type may join two faces: attach the others to other faces"
+                f"blocks {comma_list(ids)} ({same[0].name}) join the same two faces, {faces}; "
+                "only one block of a type may do so: attach the others elsewhere"
             )
             problems.append(Problem("duplicate_connection", ids, message))
     return problems

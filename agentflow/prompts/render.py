@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # Python 3.14 has it in importlib.resources.abc only, 3.10 he
     from importlib.abc import Traversable
 
 _ROOM = (1.0, 0.5, 0.25, 0.0)
-"""Shares of the usual space for long sections, tried in turn until a prompt fits."""
+"""Shares of the usual space for long sections, tried one after another until a prompt fits."""
 _FACTS, _FUNCTIONS = "facts.yaml", "block_functions.yaml"
 LATER_FUNCTIONS = "block_functions_later.yaml"
 """What blocks do that came later, which must not change the digests of runs without them."""

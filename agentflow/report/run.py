@@ -200,7 +200,7 @@ def usage(calls: Iterable[Mapping[str, Any]], cost: Cost) -> list[dict[str, Any]
 
 
 def tool_call(event: ToolEvent) -> dict[str, Any]:
-    """A call of a tool: its label, what the agent sent, and what it was told."""
+    """A call of a tool: its label, what the agent sent, and the answer."""
     given = event.arguments if isinstance(event.arguments, Mapping) else {}
     sent = "\n".join(f"{name}: {value}" for name, value in given.items())
     return {

@@ -237,7 +237,7 @@ class ToolEvent(RunEvent, kind="tool", needs=("call",), optional=("machine",)):
     """As the agent sent them, cut to a sane length."""
     refused: bool
     answer: str
-    """What the agent was told, cut to a sane length."""
+    """The answer to the agent, cut to a sane length."""
     code: str = ""
     """Kind of the first problem of a refused machine or edit, as in `AttemptEvent`."""
     machine: str | None = None

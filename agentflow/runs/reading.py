@@ -45,7 +45,7 @@ def read_document(path: Path) -> dict[str, Any]:
         raise RunError(f"{file} is damaged: its config is not a mapping")
     if not break_seal(document):
         raise RunError(
-            f"{file} was edited after the run began and no longer matches the record; restore "
+            f"{file} was edited after the run began and no longer matches the recording; restore "
             f"it, or start a new run with: agentflow design --config {quote(str(file))}"
         )
     return document
@@ -67,7 +67,7 @@ class Event:
 def read_events(path: Path) -> Iterator[Event]:
     """The recorded events in order, without a half-written last line.
 
-    Of events with the same kind and label, only the last one is yielded. Memory use does not grow
+    If events have the same kind and label, only the last one is yielded. Memory use does not grow
     with the number of events.
 
     Raises:

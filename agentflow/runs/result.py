@@ -163,7 +163,7 @@ class RunResult(RunFinding):
     model: str
     """Name of the models, or of who designed in their place."""
     engine: str | None = None
-    """Name and version of the physics engine; None in results that do not tell."""
+    """Name and version of the physics engine; None in results that do not name one."""
     calls: Count
     tokens: Count
     cost: Number | None = None

@@ -52,7 +52,7 @@ class BackedUp:
 
 @dataclass(frozen=True)
 class ArchiveOpened:
-    """An archive of elites was begun; `round` is 0."""
+    """An archive of elites was started; `round` is 0."""
 
     round: int
     axes: tuple[Axis, ...]

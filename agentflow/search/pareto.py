@@ -20,7 +20,7 @@ def ranks(points: Sequence[Point]) -> list[int]:
 
     This is non-dominated sorting (Deb et al. 2002, "A fast and elitist multiobjective genetic
     algorithm: NSGA-II", IEEE Transactions on Evolutionary Computation 6(2), section III.A), without
-    its bookkeeping, as searches have few nodes.
+    its bookkeeping, because searches have few nodes.
     """
     found = [0] * len(points)
     left, front = list(range(len(points))), 0

@@ -74,7 +74,8 @@ async def running(
 
 @asynccontextmanager
 async def _open_app(runs: Path) -> AsyncIterator[Starlette]:
-    """The application for a folder of runs; leaving the context ends everything that was begun."""
+    """The application for a folder of runs; leaving the context ends everything that was
+    started."""
     routes = _page_routes()  # first: says what to do if the page is missing
     folder = RunFolder(runs)
     async with (
@@ -92,7 +93,7 @@ async def _open_app(runs: Path) -> AsyncIterator[Starlette]:
 async def _not_found(_request: Request, error: Exception) -> Response:
     status = getattr(error, "status_code", 500)
     words = {404: "there is nothing at this address", 405: "this address has another method"}
-    return told(Refusal(status, words.get(status, "the studio failed; its terminal tells more")))
+    return told(Refusal(status, words.get(status, "the studio failed; its terminal shows more")))
 
 
 PLAIN = {404: _not_found, 405: _not_found, 500: _not_found}

@@ -40,7 +40,7 @@ class RunFolder:
         parts = PurePosixPath(name).parts
         plain = name == "/".join(parts) and 0 < len(name) <= LONGEST and name.isprintable()
         if not plain or any(part[0] in "./~" or set(part) & set(":\\") for part in parts):
-            raise UsageError(f"{name[:80]!r} is not the name of a run: name one of the list")
+            raise UsageError(f"{name[:80]!r} is not the name of a run: name one from the list")
         path = self.root
         for part in parts:
             path = path / part

@@ -111,7 +111,7 @@ class Access:
 
     @property
     def _name(self) -> str:
-        """Ports share cookies, so the name tells studios apart."""
+        """Ports share cookies, so the name distinguishes studios."""
         return f"agentflow-studio-{self.port}"
 
 

@@ -40,7 +40,7 @@ def find_clusters(sequences: Sequence[Sequence[str]]) -> list[int] | None:
     best, found = -np.inf, [1] * len(sequences)
     for wanted in range(2, len(sequences)):
         clusters = [int(number) for number in fcluster(tree, wanted, criterion="maxclust")]
-        if len(set(clusters)) < 2:  # equal distances cannot be told apart
+        if len(set(clusters)) < 2:  # equal distances cannot be distinguished
             continue
         fit = float(silhouette_score(square, clusters, metric="precomputed"))
         if fit > best + 1e-9:

@@ -27,7 +27,7 @@ MEANING: Mapping[Label, str] = {
     "Observe": "takes in what happened in a simulation, without explaining it",
     "Diagnose": "explains why a machine failed or fell short",
     "Revise": "changes a machine that was simulated, and keeps the way in which it works",
-    "Restructure": "changes the way in which the machine works, or begins anew",
+    "Restructure": "changes the way in which the machine works, or starts over",
     "Reflect": "looks back on the design as a whole, or on the way of working",
     "Query": "asks for information: about blocks, the task, or from a model",
 }

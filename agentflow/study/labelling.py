@@ -56,7 +56,8 @@ class LabelPrompt(Prompt[Window, Label]):
         for label in given.allowed:
             if answer == label:
                 return Parsed(label)
-        told = "It has no JSON object with a label" if answer is None else f"{answer!r:.60} is none"
+        missing = "It has no JSON object with a label"
+        told = missing if answer is None else f"{answer!r:.60} is not a label"
         problem = f'{told}: send {{"label": ...}} with one of {", ".join(given.allowed)}.'
         return Parsed(None, problem, "label", parsed=answer is not None)
 
@@ -131,7 +132,7 @@ def label_by_rules(session: Session, episodes: Sequence[Episode]) -> list[Episod
     """The episodes with their labels, by actions alone; breaks have none.
 
     * Building before the first trial is Build. Later it is Restructure if the types of moving
-      blocks change or the machine is begun anew, else Revise.
+      blocks change or the machine is started over, else Revise.
     * A pause or talk before anything is built is Plan. It is Reflect if only such follow.
     * Right after a trial or a look at one, it is Diagnose if the last trial failed, else Observe.
     * All others are Plan before the first trial, and Hypothesize later.

@@ -26,9 +26,9 @@ from agentflow.study.transcript import Utterance
 FOUNDATION = 2
 """Blocks that do not move which make a foundation, without the given ones; chosen."""
 SMALLEST = 4
-"""Blocks of the smallest machine that can be begun anew, without the given ones; chosen."""
+"""Blocks of the smallest machine that can be started over, without the given ones; chosen."""
 KEPT = 0.25
-"""Greatest share of these blocks that is left when a machine is begun anew; chosen."""
+"""Greatest share of these blocks that is left when a machine is started over; chosen."""
 
 
 def machine_at(session: Session, time: float) -> Machine:
@@ -68,7 +68,7 @@ def has_foundation(machine: Machine, given: Machine) -> bool:
 
 
 def count_restarts(sizes: Sequence[int]) -> int:
-    """How often a machine was begun anew.
+    """How often a machine was started over.
 
     Args:
         sizes: Its numbers of blocks in the order of time, without the given ones.
@@ -82,7 +82,7 @@ def count_restarts(sizes: Sequence[int]) -> int:
 
 
 def session_restarts(session: Session) -> int:
-    """How often the machine of a session was begun anew."""
+    """How often the machine of a session was started over."""
     given = len(session.machine(session.start))
     made = map(session.machine, session.of(Action))
     return count_restarts([len(machine) - given for machine in made])
@@ -91,7 +91,7 @@ def session_restarts(session: Session) -> int:
 def time_of_roles(episodes: Sequence[Episode]) -> dict[str, float]:
     """Role -> seconds of work like that of the role, by the first role whose label an episode has.
 
-    Episodes without a label are left out, and those of testing: simulation is no role's work.
+    Episodes without a label are left out, and those of testing: simulation is not any role's work.
     """
     found = dict.fromkeys(ROLES, 0.0)
     for episode in episodes:

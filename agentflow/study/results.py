@@ -41,9 +41,9 @@ from agentflow.tools.bench import TOOLS
 
 ABOUT = (
     "Best, final: scores. Foundation first: it stood, with 2 blocks or more, before the first "
-    "block that moves. Restarts: machines that were begun anew. Effort: of people, share of time; "
-    "of agents, of tokens. Cluster: similar sequences of labels. The other columns are those of "
-    "agentflow behaviour. docs/how-to/studies.md has the rules."
+    "block that moves. Restarts: machines that were started over. Effort: of people, share of "
+    "time; of agents, of tokens. Cluster: similar sequences of labels. The other columns are "
+    "those of agentflow behaviour. docs/how-to/studies.md has the rules."
 )
 LABEL_OF_TOOL = {tool.spec.name: tool.label for tool in TOOLS if tool.label}
 """Tool of a call -> label in the sequence of its run; others have none."""

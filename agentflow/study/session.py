@@ -114,7 +114,7 @@ class Pause(_Span):
 
     kind: Literal["pause"] = "pause"
     asked: bool = False
-    """Whether the person stopped the clock: this is no time at work."""
+    """Whether the person stopped the clock: this is not time at work."""
 
 
 class Note(_Event):
@@ -238,7 +238,7 @@ class SessionLog:
             UsageError: The session is over.
         """
         if self._finished:
-            raise UsageError("this session is over; begin another one")
+            raise UsageError("this session is over; start another one")
         if not isinstance(event, Note | Audio):
             if event.at - self._busy >= IDLE:
                 self._write(Pause(at=self._busy, seconds=round(event.at - self._busy, 3)))

@@ -77,7 +77,7 @@ class Bench:
         return tuple(self._spec_of(tool) for tool in self._tools.values())
 
     def _spec_of(self, tool: BenchTool) -> ToolSpec:
-        """A tool as clients are told about it: where machines bring controls, how to write them."""
+        """A tool as clients see it: where machines bring controls, also how to write them."""
         spec, controlled = tool.spec, self._workspace.host.brief.limits.controls is not None
         return replace(spec, description=spec.description + tool.with_controls * controlled)
 
@@ -93,7 +93,7 @@ class Bench:
 
     @property
     def brief_text(self) -> str:
-        """What the tool `brief` tells; reading it is no call."""
+        """The answer of the tool `brief`; reading it is not a call."""
         return self._workspace.brief_text
 
     @property
@@ -111,7 +111,8 @@ class Bench:
         await self._workspace.ended.wait()
 
     def end(self, reason: str = "") -> None:
-        """End the stage with what has been submitted; the reason is told where machines lack."""
+        """End the stage with what has been submitted; the reason is shown where machines are
+        missing."""
         self.reason = self.reason or reason
         self._workspace.ended.set()
 

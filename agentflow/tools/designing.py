@@ -101,7 +101,7 @@ async def edit(call: Call, machine: str, script: str) -> ToolResult:
         "id_map": {str(old): new for old, new in outcome.id_map.items()},
         "names": outcome.names,
     }
-    return ToolResult(f"{made.text}\nAgainst {known.name}: {_difference(outcome)}", data)
+    return ToolResult(f"{made.text}\nChanges from {known.name}: {_difference(outcome)}", data)
 
 
 async def history(call: Call) -> ToolResult:

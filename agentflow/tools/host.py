@@ -40,7 +40,7 @@ class BenchHost(Protocol):
 
     @property
     def brief_text(self) -> str:
-        """The task, the blocks and the rules as designers are told them."""
+        """The task, the blocks and the rules as designers see them."""
 
     def simulated(self, machine: Machine) -> Simulation | None:
         """The result of a finished simulation; None without one."""

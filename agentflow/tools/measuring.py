@@ -15,7 +15,7 @@ from agentflow.tools.workspace import Call, KnownMachine, Workspace, require_com
 
 
 class Query(BaseModel):
-    """What to show of a block or a moving thing of the scene."""
+    """What to show of a block or a moving object of the scene."""
 
     id: int | Annotated[str, Field(max_length=80)]
     duration: Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -35,7 +35,7 @@ async def simulate(call: Call, machine: str) -> ToolResult:
     known = workspace.machines.find(machine)
     before = workspace.result_of(known.machine)
     result = await _simulate(call, known.machine)
-    told = "It had been simulated before, so this cost nothing." if before else ""
+    told = "It was simulated before, so this cost nothing." if before else ""
     greatest = workspace.host.brief.greatest
     if greatest is not None and result.score is not None and result.score >= greatest:
         told = f"No machine can score higher; `submit` it. {told}"
@@ -51,7 +51,7 @@ async def query(
 
     Args:
         machine: Name of the machine.
-        queries: Each names a block id or a moving thing of the scene, an interval [from, to] in
+        queries: Each names a block id or a moving object of the scene, an interval [from, to] in
             seconds since t = 0, and properties.
     """
     known = _simulated(call.workspace, machine)
@@ -74,7 +74,7 @@ async def look(
     workspace = call.workspace
     looks = workspace.budget.looks
     if looks is None:
-        raise RefusedCall("there are no pictures in this run; `describe` tells positions")
+        raise RefusedCall("there are no pictures in this run; `describe` gives positions")
     known = workspace.machines.find(machine) if time is None else _simulated(workspace, machine)
     with looks.using():
         try:

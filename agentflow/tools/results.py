@@ -1,4 +1,4 @@
-"""What tools return, and what transports tell clients about a tool."""
+"""What tools return, and how transports describe a tool to clients."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class ToolSpec:
-    """A tool as clients are told about it."""
+    """A tool as clients see it."""
 
     name: str
     description: str

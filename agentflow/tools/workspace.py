@@ -56,7 +56,7 @@ class KnownMachines:
             name = machine.digest
         if name not in self._machines:
             if len(self) >= self._most:
-                raise RefusedCall(f"a run keeps at most {self._most} machines; go on with these")
+                raise RefusedCall(f"a run keeps at most {self._most} machines; continue with these")
             self._machines[name] = KnownMachine(name, machine, parent, script)
         return self._machines[name]
 
@@ -101,7 +101,7 @@ class Allowance:
     @classmethod
     def of_pictures(cls, total: int) -> Allowance:
         """An allowance of pictures, of which nothing is used yet."""
-        return cls("picture", "`describe` and `query` tell positions", total, total)
+        return cls("picture", "`describe` and `query` give positions", total, total)
 
     def take(self) -> None:
         """Use one, or refuse."""

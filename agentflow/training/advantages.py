@@ -25,7 +25,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def pass1(rewards: npt.ArrayLike, *, scale: bool = False) -> Floats:
-    """Reward less the mean of the group: raises the expected reward of one reply.
+    """Reward minus the mean of the group: raises the expected reward of one reply.
 
     Shao et al., "DeepSeekMath" (arXiv 2402.03300), with `scale`; without, as in Liu et al.,
     "Understanding R1-Zero-like training" (arXiv 2503.20783).

@@ -25,7 +25,7 @@ def digest_set(folder: Path) -> str:
 def digest_model(folder: Path) -> str:
     """Digest of the files of a model: configuration, tokenizer, weights.
 
-    Of an adapter, those of the model that it belongs to do not count.
+    For an adapter, those of the model that it belongs to do not count.
 
     Raises:
         ConfigError: The folder holds no model.

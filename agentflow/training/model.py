@@ -127,7 +127,7 @@ def read_base(name: str) -> ModelFolder:
     except (OSError, ValueError):
         raise ConfigError(
             f"cannot load the model {name!r} (model.name): it is neither a folder nor the name of "
-            "a model that is at hand here or at the Hugging Face hub"
+            "a model that is available here or on the Hugging Face hub"
         ) from None
     return ModelFolder(label=path.name)
 

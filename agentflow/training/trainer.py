@@ -19,7 +19,7 @@ from agentflow.training.record import TrainingRun
 OPTIMISERS = {"adamw": "adamw_torch", "adamw_8bit": "adamw_bnb_8bit"}
 """Our name of an optimiser -> the library's."""
 SHOWN = 6
-"""Most numbers of a step that the user is told."""
+"""Most numbers of a step that the user sees."""
 
 
 def require_one_device(config: TrainingConfig) -> None:
@@ -89,7 +89,7 @@ def train(trainer: Any, folder: ModelFolder, run: TrainingRun) -> dict[str, Any]
 
 
 class TrainingNotes(TrainerCallback):
-    """Writes what the trainer logs into the curves of a run, and tells the user."""
+    """Writes what the trainer logs into the curves of a run, and reports them to the user."""
 
     def __init__(self, run: TrainingRun, names: Mapping[str, str], notify: Notify) -> None:
         """`names`: the trainer's name of a number -> its name in the curves."""

@@ -40,7 +40,7 @@ class SimulationSummary:
     success: bool | None = None
     """Whether the task's criterion of success is met; None if it has none."""
     facts: Mapping[str, str] = field(default_factory=dict)
-    """What edit histories tell besides the score: name -> value."""
+    """What edit histories report besides the score: name -> value."""
 
 
 class Evaluator(Protocol):

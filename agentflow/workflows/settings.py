@@ -23,13 +23,15 @@ class ExternalSettings(BaseModel, frozen=True, extra="forbid"):
         "", description="program and arguments: a list, or one line, split at blanks as in a shell"
     )
     shell: bool = Field(
-        False, description="have a shell carry out the command, which is one line then"
+        False, description="let a shell run the command, which must then be one line"
     )
     limit_s: float = Field(
         1800.0, gt=0, allow_inf_nan=False, description="seconds until the program is stopped"
     )
     variables: tuple[str, ...] = Field(
-        (), description="environment variables that it gets besides the harmless ones: keys"
+        (),
+        description="environment variables that it gets in addition to the harmless ones, "
+        "such as keys",
     )
 
     @field_validator("command", mode="before")
@@ -74,7 +76,7 @@ class WorkflowSettings(BaseModel):
         True, description="ask for states of single blocks (with feedback active)"
     )
     feedback: Literal["active", "basic", "score_only"] = Field(
-        "active", description="what refiners are told about a simulation"
+        "active", description="what refiners see of a simulation"
     )
     history: bool = Field(True, description="show refiners the earlier edits")
     spatial: bool = Field(True, description="show designers and refiners 3D information")
@@ -91,13 +93,13 @@ class WorkflowSettings(BaseModel):
         None,
         ge=1,
         description="simulations of a run; default: 3 per trajectory (random-dsl), 24 (tools), as "
-        "many as a search of as many rounds can need (explore)",
+        "many as a search with that many rounds can need (explore)",
     )
     emitters: tuple[Emitter, ...] = Field(
         ("edit", "crossover"),
         min_length=1,
-        description="what makes new machines, each as often: edit (random), crossover, refiner "
-        "(explore)",
+        description="what makes new machines, each equally often: edit (random), crossover, "
+        "refiner (explore)",
     )
     candidates_per_stage: int = Field(
         8, ge=1, description="machines that an agent may submit in a stage (tools)"

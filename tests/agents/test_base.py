@@ -102,8 +102,8 @@ EMPTY = "a model's reply was refused. It was empty."
         (
             Reply(text="4", finish="length"),
             "truncated",
-            "It was cut off at the length limit. Send a shorter one: less thought, the whole "
-            "format.",
+            "It was cut off at the length limit. Send a shorter one: think less, but send the "
+            "whole format.",
         ),
         (Reply(text="", finish="empty"), "empty_reply", "It was empty. Send the whole format."),
         (Reply(text=" \n", finish="stop"), "empty_reply", "It was empty. Send the whole format."),

@@ -362,14 +362,14 @@ def test_numbers_are_those_of_the_simulation() -> None:
 def test_physics_names_what_differs_from_the_usual() -> None:
     _, user = _render(Designer(), DesignerInput(THROWING))
     told = _section(user, "Physics")
-    assert "bears 15000 N and 5000 N m; of Hinge, Brace, " in told
-    assert "Air slows blocks with 0.2 N for each kg and m/s; Brace, " in told
+    assert "bears 15000 N and 5000 N m; for Hinge, Brace, " in told
+    assert "Air drag on blocks is 0.2 N per kg and m/s; Brace, " in told
     assert "A Spring pulls with 600 N at a length of 1 m or more" in told
-    assert "300 N at 0.75 m, nothing from 0.5 m down" in told
+    assert "300 N at 0.75 m, 0 N at 0.5 m or less" in told
     assert "Wind" not in told
     windy = replace(THROWING, scene=("From t = 0 on a steady wind blows: 5 m/s towards x+.",))
     _, user = _render(Designer(), DesignerInput(windy))
-    wind = "Wind pushes every block, even behind others, with 0.6 N x area"
+    wind = "Wind pushes every block, even one behind others, with 0.6 N x area"
     assert wind in _section(user, "Physics")
 
 

@@ -118,9 +118,9 @@ def test_a_server_that_ignores_tools_ends_with_4(capsys: pytest.CaptureFixture[s
         options = ["--model", "m", "--base-url", server.base_url, "--role", "agent"]
         assert main(["doctor", *options]) == 4
     assert capsys.readouterr().err == (
-        f"agentflow: {server.base_url}, model 'm': the reply calls no tool, although it was told "
-        "to: the server may ignore tools; switch on tool calling at the server, or use another "
-        "model, or a workflow without tools\n"
+        f"agentflow: {server.base_url}, model 'm': the reply calls no tool, although the "
+        "prompt asked for it: the server may ignore tools; switch on tool calling at the server, "
+        "or use another model, or a workflow without tools\n"
     )
 
 

@@ -106,4 +106,4 @@ def test_only_levels_with_designed_controls_have_trials() -> None:
     level = recorded_level({**designed_level().record, "trials": 3}, "a level")
     brief = make_task(level).brief
     assert (brief.limits.trials, designed_task().brief.limits.trials) == (3, 1)
-    assert "A machine has 3 trials: " in brief.schedule[-1]
+    assert "A machine has 3 trials. " in brief.schedule[-1]

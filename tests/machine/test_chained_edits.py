@@ -177,7 +177,8 @@ def test_a_very_long_script_is_refused_as_a_whole() -> None:
     (step,) = outcome.steps
     assert (step.text, step.code) == ("", "too_many_commands")
     assert step.reason == (
-        f"the script has 10000 commands; the most is {MAX_COMMANDS}: send fewer, or a whole machine"
+        f"the script has 10000 commands; the maximum is {MAX_COMMANDS}: send fewer, or a whole "
+        "machine"
     )
 
 

@@ -161,7 +161,7 @@ def test_the_text() -> None:
     assert describe_text(build((1, 0, 3), (2, 1, 3), (9, 0, 0, 1, 0))) == "\n".join(
         (
             "x, y, z in m, y from the lowest corner. 'on 4.2 Left': on block 4, face 2, which is "
-            "a Left face. Free faces but those on the ground: facing, ids (position). a/b: one "
+            "a Left face. Free faces, except on the ground: facing, ids (position). a/b: one "
             "value each; 1-4, a..b: in even steps.",
             "Size (3,2,1.5), mass 2.15 kg, centre of mass (1,1,-0.3), NOT over the support "
             "polygon (x,z) (1,-1) (1,-0.5).",
@@ -181,7 +181,7 @@ def test_the_short_text() -> None:
     assert describe_text(build((1, 0, 3), (2, 1, 3)), short=True) == "\n".join(
         (
             "x, y, z in m, y from the lowest corner. 'on 4.2 Left': on block 4, face 2, which is "
-            "a Left face. Free faces but those on the ground: ids. a/b: one value each.",
+            "a Left face. Free faces, except on the ground: ids. a/b: one value each.",
             "Size (3,2,1.5), mass 1.75 kg, centre of mass (1,1,-0.4), NOT over the support "
             "polygon.",
             "Powered wheels on the ground drive the machine: 2 to x+.",

@@ -108,8 +108,8 @@ def test_two_ended_blocks_of_a_type_may_not_join_the_same_faces(
     name = {7: "Brace", 9: "Spring"}[kind]
     message = (
         f"blocks 5, 6 ({name}) join the same two faces, face 4 of block 0 (Starting Block) and "
-        "face 3 of block 2 (Small Wooden Block); one block of a type may join two faces: "
-        "attach the others to other faces"
+        "face 3 of block 2 (Small Wooden Block); only one block of a type may do so: "
+        "attach the others elsewhere"
     )
     assert told(machine) == [("duplicate_connection", (5, 6), message)]
     assert not check(machine).machine_valid

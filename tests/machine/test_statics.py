@@ -34,7 +34,7 @@ def test_a_machine_that_tips_over_and_what_gravity_bends() -> None:
     assert statics_text(machine) == (
         "Centre of mass (0.000,1.620,4.480), 3.980 m OUTSIDE the edge of the support "
         "polygon.\n"
-        "Gravity bends most: 1 on 0 by 919 N m (6.00 kg), 2 on 1 by 837 N m (5.00 kg), 3 "
+        "Greatest bending by gravity: 1 on 0 by 919 N m (6.00 kg), 2 on 1 by 837 N m (5.00 kg), 3 "
         "on 2 by 394 N m (4.00 kg)."
     )
 
@@ -42,8 +42,9 @@ def test_a_machine_that_tips_over_and_what_gravity_bends() -> None:
 def test_an_arm_with_a_boulder() -> None:
     """It stands upright: gravity does not turn it until it swings."""
     assert line_of(CATAPULT, 10) == (
-        "11-13: 7.50 kg with itself, inertia 167.983 kg m2 about its axis, reach 6.476 m (12); "
-        "gravity 0.000 N m, at most 1040 while it turns; motor, 13 to z-: 12 meets the ground "
+        "11-13: 7.50 kg including itself, inertia 167.983 kg m2 about its axis, reach 6.476 m "
+        "(12); gravity 0.000 N m, at most 1040 while it turns; motor, 13 to z-: 12 meets the "
+        "ground "
         "after 99.4 degrees."
     )
 
@@ -52,8 +53,9 @@ def test_a_hinge_turns_both_ways_up_to_its_stops() -> None:
     """A log on a hinge on a mast, and a log that sticks out of the top of the mast."""
     machine = build((63, 0, 4), (5, 1, 0), (63, 2, 0), (63, 1, 12))
     assert line_of(machine, 2) == (
-        "3: 1.50 kg with itself, inertia 7.292 kg m2 about its axis, reach 4.031 m (3); gravity "
-        "0.000 N m, at most 90 while it turns; 3 to z+: 3 meets 4 after 65.9 degrees; 3 to z-: "
+        "3: 1.50 kg including itself, inertia 7.292 kg m2 about its axis, reach 4.031 m (3); "
+        "gravity 0.000 N m, at most 90 while it turns; 3 to z+: 3 meets 4 after 65.9 degrees; 3 "
+        "to z-: "
         "free to 90 degrees."
     )
 
@@ -78,7 +80,7 @@ def test_a_joint_in_a_loop_is_not_told() -> None:
     assert 2 not in {load.bond.block for load in tree_loads(place(tied))}
     assert "Rotating Block" not in statics_text(tied)
     free = build((63, 0, 4), (22, 1, 0), (63, 2, 0), (9, 1, 5, 3, 5))
-    assert line_of(free, 2).startswith("3-4: 2.20 kg with itself")
+    assert line_of(free, 2).startswith("3-4: 2.20 kg including itself")
 
 
 def test_thrust_beside_the_centre_of_mass() -> None:

@@ -43,7 +43,7 @@ def test_an_edited_one_is_refused(run: Path, old: str, new: str) -> None:
     with pytest.raises(RunError) as caught:
         RunDirectory.resume(run)
     assert str(caught.value) == (
-        f"{file} was edited after the run began and no longer matches the record; restore it, "
+        f"{file} was edited after the run began and no longer matches the recording; restore it, "
         f"or start a new run with: agentflow design --config {file}"
     )
     assert file.read_text() == text.replace(old, new)

@@ -185,7 +185,7 @@ def test_a_catapult_with_springs_and_a_brace_is_built_tested_and_undone(
         for face in faces:
             attach(browser, face)
         blocks(browser, count)
-    assert find(browser, ".facts-panel .quiet").text == "None: it can be tested."
+    assert find(browser, ".facts-panel .quiet").text == "None: ready to test."
     keys(browser, "p")
     said(browser, "Trial 1: score")
     assert float(find(browser, ".strip b").text) > 5
@@ -266,7 +266,7 @@ def test_a_model_refines_a_machine_and_its_answer_can_be_undone(
     if model == "an endpoint":
         fill(form, model="some-model", base_url=stub_url)
     form.find_element(By.CSS_SELECTOR, "button").click()
-    take = "//button[text()='Take its answer']"
+    take = "//button[text()='Use this machine']"
     until(browser, lambda: browser.find_elements(By.XPATH, take))
     browser.find_element(By.XPATH, take).click()
     said(browser, "This is the model's machine")

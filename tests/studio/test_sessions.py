@@ -131,7 +131,7 @@ def test_a_link_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     os.symlink(tmp_path / "elsewhere", tmp_path / FOLDER)
     recorder = SessionRecorder(tmp_path)
-    with pytest.raises(UsageError, match="is a link; sessions are in a plain folder"):
+    with pytest.raises(UsageError, match="is a link; sessions must be in a plain folder"):
         recorder.begin(start())
     assert list(recorder.sessions()) == []
     assert list((tmp_path / "elsewhere").iterdir()) == []

@@ -96,7 +96,7 @@ def test_a_label_that_is_not_allowed_is_refused_and_asked_again(session: Session
     found = segment(session.path, None, CONFIG, client=client)
     assert found.episodes[0].label == "Reflect"
     second, third = (request.messages[-1].text for request in client.requests[1:3])
-    assert "'Build' is none: send" in second
+    assert "'Build' is not a label: send" in second
     assert "with one of Plan, Hypothesize, Observe, Diagnose, Reflect." in second
     assert "has no JSON object with a label" in third
 

@@ -40,6 +40,6 @@ def test_a_run_keeps_a_limited_number() -> None:
     known = KnownMachines(most=2)
     for face in (0, 1, 0):
         known.add(one(face))
-    with pytest.raises(RefusedCall, match=r"^a run keeps at most 2 machines; go on with these$"):
+    with pytest.raises(RefusedCall, match=r"^a run keeps at most 2 machines; continue with these$"):
         known.add(one(2))
     assert len(known) == 2

@@ -141,7 +141,7 @@ REFUSED = {
     ),
     "a thing that the scene lacks": (
         ("moves: {metres: 5, towards: z+}", "shifts: {thing: cargo, metres: 5}"),
-        "objective cart of FILE: test.shifts: unknown thing that moves in the scene 'cargo'; known:"
+        "objective cart of FILE: test.shifts: unknown moving object of the scene 'cargo'; known:"
         " none",
     ),
     "a block that the list lacks": (

@@ -65,9 +65,9 @@ async def test_each_revision_sees_the_best_trial_and_what_was_tried() -> None:
         tried.prompt(f"refiner/initial/traj-1/try-{number}/attempt-1") for number in (1, 2)
     )
     assert "The machine has had 1 of its 3 trials" in first
-    assert "this is for trial 2." in first
+    assert "This is for trial 2." in first
     assert "Rolled 0.1 m." in first
-    assert "this is for trial 3." in second
+    assert "This is for trial 3." in second
     assert "score 0.10 -> -0.50" in second
 
 

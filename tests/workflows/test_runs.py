@@ -240,7 +240,7 @@ async def test_a_node_expanded_again_knows_what_became_of_its_children() -> None
     assert run.labels == list(replies)
     second = run.prompt(f"{refiner}/round-1/node-0/try-3/attempt-1")
     earlier = second.partition("## Earlier attempts")[2].partition("## Your reply")[0]
-    assert "1.\n> Add 1 to 0 in 1\n> (accepted: make another change than this one)\n" in earlier
+    assert "1.\n> Add 1 to 0 in 1\n> (accepted: make a different change)\n" in earlier
     assert "2.\n> The script failed" in earlier
     history = run.prompt(f"{refiner}/round-2/node-0/try-1/attempt-1").partition("## Edit history")[
         2

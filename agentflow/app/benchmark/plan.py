@@ -51,7 +51,7 @@ def plan_benchmark(
         approve: Is asked about hosts and key variables that only the file names.
 
     Raises:
-        UsageError: A setting is not about the model; or it is no benchmark.
+        UsageError: A setting is not about the model, or the file is not a benchmark.
         ConfigError: The file is wrong.
     """
     settings = list(settings)

@@ -136,9 +136,9 @@ def pareto_objectives(machine: Machine, found: Evaluation) -> tuple[float, ...]:
 
 
 def decisive_facts(machine: Machine, rollout: Rollout) -> dict[str, str]:
-    """What edit histories tell besides the score: release or take-off, and the first break.
+    """What edit histories report besides the score: release or take-off, and the first break.
 
-    Blocks are told by type, because their ids change.
+    Blocks are named by type, because their ids change.
     """
     facts, data = {}, rollout.feedback.data
     if release := data.get("release"):

@@ -31,7 +31,7 @@ class Execution:
     result: WorkflowResult
     evaluator: PhysicsEvaluator
     verification: Verification | None
-    """Of the best machine; None without one, or if `config.verify` is off."""
+    """That of the best machine; None without one, or if `config.verify` is off."""
 
 
 async def execute(

@@ -276,7 +276,7 @@ def task_of_run(path: Path, document: Mapping[str, Any]) -> Task:
 
 
 def engine_of_run(document: Mapping[str, Any]) -> str:
-    """Name of the engine that a run began with; `AUTO` if its run.yaml does not tell."""
+    """Name of the engine that a run began with; `AUTO` if its run.yaml does not name one."""
     configured = build_config(document.get("config")).engine
     name, _, _ = str(document.get("engine", AUTO)).rpartition(" ")
     return name if configured == AUTO and name else configured

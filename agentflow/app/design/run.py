@@ -150,7 +150,7 @@ class DesignRun:
         plan = RunPlan.of_run(path, document)
         if changes := plan.changes_since(document):
             raise RunError(
-                f"{path} was started with different {changes}, so its record cannot be "
+                f"{path} was started with different {changes}, so its recording cannot be "
                 "continued; resume it with the version that started it"
             )
         plan.require_workflow()

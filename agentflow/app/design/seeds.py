@@ -47,7 +47,7 @@ def design_seeds(
         config: What to do; its seed is the first.
         out: Parent folder of the run directories.
         count: Number of seeds.
-        minutes: Time after which no further run begins; a run in progress is finished.
+        minutes: Time after which no more runs start; a run in progress is finished.
         options: How to do it.
         clock: The time, s.
 
@@ -97,6 +97,7 @@ def _failure(rows: list[dict[str, Any]], faults: list[AgentflowError]) -> Agentf
 
 
 def _rank(result: RunResult) -> tuple[float, ...]:
-    """Verified score, then score; runs without one come last. Of equal runs, the first counts."""
+    """Verified score, then score; runs without one come last. Among equal runs, the first
+    counts."""
     found = (result.verified_score, result.score)
     return tuple(float("-inf") if score is None else score for score in found)

@@ -33,7 +33,7 @@ class Facing(Diagnostic):
     name: ClassVar[str] = "facing"
 
     def questions(self, size: int, seed: int) -> list[Question]:
-        """`size` valid machines, random ones and designs in turn."""
+        """`size` valid machines, alternating between random ones and designs."""
         rng = Random(f"diagnose/facing/{seed}")
         machines = (next(source) for source in cycle((_random(rng), _designs(rng))))
         return [

@@ -35,7 +35,7 @@ def draw_design(rng: Random, level: str) -> Machine:
 
 @cache
 def _prompt(level: str) -> PromptContent:
-    """What a designer is told, as the built-in model reads it."""
+    """The prompt of a designer, as the built-in model reads it."""
     _, user = chat_prompt(Designer, get_task(level).brief)
     return read_prompt([Message(role="user", text=user["content"])])
 

@@ -28,7 +28,7 @@ class Overlap(Diagnostic):
     name: ClassVar[str] = "overlap"
 
     def questions(self, size: int, seed: int) -> list[Question]:
-        """Machines with `size` overlapping pairs in all: random ones and broken designs in turn."""
+        """Machines with `size` overlapping pairs in total, alternately random and broken."""
         rng = Random(f"diagnose/overlap/{seed}")
         sources = cycle((_random_machines, _broken_designs))
         found: list[Question] = []

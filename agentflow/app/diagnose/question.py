@@ -65,7 +65,7 @@ class Diagnosis(BaseModel, frozen=True, extra="forbid"):
     seed: int
     """Of the questions, and of the simulations."""
     size: int
-    """Overlapping pairs in all, or questions."""
+    """Total number of overlapping pairs, or of questions."""
     asked: str
     """Content hash of the questions: results of models that were asked the same can be compared."""
     sampling: Sampling

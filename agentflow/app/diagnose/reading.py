@@ -52,8 +52,8 @@ def read_pairs(text: str) -> list[Pair] | None:
 
     A JSON pair is a list of two ids, an object with two ids, or a text such as "3-5". In prose, it
     is two ids in brackets, else "block 3 and block 5", else "3-5", else a line that begins with two
-    ids. Of several JSON lists,
-    fenced ones count before others, then the last. Ids may be wrong, but not their form.
+    ids. Among several JSON lists, fenced ones count before others, then the last. Ids may be wrong,
+    but not their form.
 
     Returns:
         Each pair once, ascending; [] if the reply says that there are none; None if it says

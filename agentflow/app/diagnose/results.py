@@ -89,7 +89,7 @@ def _outcome(results: Mapping[str, Any]) -> Layout:
         for verb in (STAND, *TESTS, ALL)
         for own in [results[verb]]
     ]
-    about = "Yes: share of machines that do it; half of them, so a guess is right half the time."
+    about = "Yes: share of machines that do it. It is half, so a guess is right half the time."
     return ("right", INTERVAL, "machines", "yes", "said yes"), rows, about
 
 

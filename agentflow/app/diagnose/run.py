@@ -61,7 +61,7 @@ def diagnose(
     Args:
         name: The diagnostic: a key of `DIAGNOSTICS`.
         config: Model, sampling, seed, prompts, engine and workers; the rest is not used.
-        size: Overlapping pairs in all for `overlap`, questions for the others.
+        size: Total number of overlapping pairs for `overlap`, questions for the others.
         out: Directory of the diagnosis; created if missing.
         client: Answers in place of the configured model.
         notify: Receives remarks for the user.

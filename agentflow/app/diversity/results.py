@@ -87,7 +87,7 @@ def measure_sources(
         say: Told the number of pairs done, and of all pairs.
 
     Raises:
-        RunError: A path is no source, or is damaged.
+        RunError: A path is not a source, or is damaged.
     """
     sources = [source for path in paths for source in read_sources(path, valid)]
     drawn = [_draw(source.machines, most, seed) for source in sources]

@@ -26,11 +26,11 @@ from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
 
 ABOUT = (
-    "Mispredicted: edits that failed, of those that were predicted to succeed. Surface: edits that "
-    "keep the mechanism, of those of a machine that had failed. Local: edits that keep it, of all. "
-    "Size: mean tree edit distance, blocks. Error, bias: median size and median of predicted minus "
-    "simulated score. Roles: share of the tokens of all replies. The rules are in "
-    "docs/reference/behaviour.md."
+    "Mispredicted: share of the edits predicted to succeed that failed. Surface: share of the "
+    "edits of failed machines that keep the mechanism. Local: share of all edits that keep it. "
+    "Size: mean tree edit distance, in blocks. Error, bias: median size and median of predicted "
+    "minus simulated score. Roles: share of the tokens of all replies. The rules are "
+    "in docs/reference/behaviour.md."
 )
 
 

@@ -27,7 +27,7 @@ WORDS = (
 def unfollowed_rationales(run: Path) -> frozenset[str]:
     """Labels of the accepted designs that have fewer blocks of a type than their rationale counts.
 
-    Of designs built structure by structure, only those of the last structure are judged, each as a
+    For designs built structure by structure, only those of the last structure are judged, each as a
     whole machine.
     """
     designs = _whole_designs(run)

@@ -122,7 +122,7 @@ def _mechanism(machine: Machine, rollout: Rollout | None) -> str | None:
 
 
 def _files(machine: Machine, shapes: Shapes) -> dict[str, tuple[int, int]]:
-    """Name -> place of the files of a machine; plates are no blocks of the game."""
+    """Name -> place of the files of a machine; plates are not blocks of the game."""
     formats = (".json", ".glb") if plate_of(machine[0].type) else (".json", ".bsg", ".glb")
     name = f"machine-{machine.digest}"
     written = {suffix: FORMATS[suffix].write(machine, None)[0] for suffix in formats}

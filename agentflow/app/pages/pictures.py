@@ -58,7 +58,7 @@ def render_file(
 ) -> dict[str, str]:
     """Draw or film the machine of a file, depending on the suffix of `out`; both without one.
 
-    An invalid machine is only drawn, with the blocks that overlap in red; `notify` is told why.
+    An invalid machine is only drawn, with the blocks that overlap in red; `notify` gets the reason.
     """
     report = check(read_source(source, tuple(library())))
     if report.machine is None:

@@ -31,7 +31,7 @@ CHARTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("Divergence from the first model", "nats per token", ("kl",)),
     ("Length of replies", "tokens", ("length",)),
     (
-        "Seconds of a step",
+        "Seconds per step",
         "s",
         ("seconds_generation", "seconds_simulation", "seconds_update"),
     ),
@@ -47,7 +47,7 @@ EVALUATED: tuple[tuple[str, str, tuple[str, ...]], ...] = (
         ("diversity.chamfer", "diversity.hausdorff"),
     ),
     (
-        "Diversity: likeness, the less the more diverse",
+        "Diversity: similarity (lower is more diverse)",
         "at most 1",
         ("diversity.iou", "diversity.graph_similarity"),
     ),

@@ -33,9 +33,9 @@ def mechanisms_table(result: SweepResult) -> Table:
         tuple(rows),
         notes=(
             *result.notes,
-            "Classes say what drives / what holds / how it lets go. Of runs of explore, all "
-            "machines count; of other runs, the best machine. runs is how many runs have such a "
-            "machine, mean the mean over them of its highest score.",
+            "Classes say what drives / what holds / how it releases. For runs of explore, all "
+            "machines count; for other runs, only the best machine. runs: number of runs with "
+            "such a machine. mean: mean of its highest score over these runs.",
         ),
     )
 
@@ -43,7 +43,7 @@ def mechanisms_table(result: SweepResult) -> Table:
 def classes_of(run: FinishedRun) -> dict[str, float]:
     """Mechanism class -> highest score of its machines.
 
-    A run that kept an archive recorded the classes of all its machines. Of other runs, only the
+    A run that kept an archive recorded the classes of all its machines. For other runs, only the
     best machine is known, by its stored rollout; nothing if there is none, or if it is from before
     work was measured.
     """

@@ -1,4 +1,4 @@
-"""The runs of a sweep: each begun or resumed, in this process or on a node of a cluster."""
+"""The runs of a sweep: each started or resumed, in this process or on a node of a cluster."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ async def _carry_out(
     """Carry out a run in the folder of its sweep, and link its files to those of the store.
 
     Args:
-        run: The run, possibly begun by an earlier process.
+        run: The run, possibly started by an earlier process.
         folder: The sweep's folder.
         store: Simulates its machines.
         limiters: Shared with the other runs.

@@ -38,8 +38,8 @@ OWN_SCALE = (
 OF_VERIFIED_RUNS = (
     "Means over the best machines of the verified runs: their score, and the median (verified), "
     "lowest and highest score in simulations with a finer time step and slightly different masses, "
-    "friction and motor torque. The share is that of the verified score in the greatest "
-    "possible score or, if there is none, in the verified score of the best known machine."
+    "friction and motor torque. The share is the verified score divided by the greatest possible "
+    "score or, if there is none, by the verified score of the best known machine."
 )
 
 

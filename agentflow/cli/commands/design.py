@@ -38,7 +38,7 @@ def design(
     ] = None,
     minutes: Annotated[
         float | None,
-        typer.Option(min=0, help="With --seeds: begin no further run after this many minutes."),
+        typer.Option(min=0, help="With --seeds: start no more runs after this many minutes."),
     ] = None,
     start: Annotated[
         str | None,
@@ -143,7 +143,7 @@ def design(
 
 @commands.command(epilog="Example: agentflow replay runs/recorded-throwing")
 def replay(run: options.Run) -> None:
-    """Replay a run from its record; print `identical` or the first difference."""
+    """Replay a run from its recording; print `identical` or the first difference."""
     from agentflow.app.design.replay import replay as repeat
     from agentflow.cli.display.live import print_remark
 

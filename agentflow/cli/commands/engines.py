@@ -23,7 +23,7 @@ def engines(
 
     The best known machine of every level is simulated on each engine: score, first connection to
     break, difference. Then machines of the procedural model are ranked by their scores on each
-    engine. The rank correlation (Spearman's) is 1 if both rank them alike, and 0 if the one ranking
+    engine. The rank correlation (Spearman's) is 1 if both rank them alike, and 0 if one ranking
     says nothing about the other.
     """
     from agentflow.app.subjects.engines import compare_engines

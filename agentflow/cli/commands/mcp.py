@@ -54,11 +54,11 @@ def mcp(
     """Give coding agents the tools to design a machine, over the Model Context Protocol (MCP).
 
     Agents such as Claude Code, Codex and VS Code start this command themselves: see
-    docs/reference/tools.md. What an agent does is a run, like those of `agentflow design`.
+    docs/reference/tools.md. The work of an agent is a run, like those of `agentflow design`.
     """
     if (http is None) != (token_file is None):
         raise UsageError(
-            "--http and --token-file need each other: agents over HTTP must send a token, and "
+            "--http and --token-file go together: agents over HTTP must send a token, and "
             "those over stdin and stdout need none"
         )
     with needs_extra("mcp"):
@@ -80,8 +80,8 @@ def mcp(
     config = load_config(None, [*ours, *defaults, *(settings or ())], keys)
     if (config.workflow, config.model.name) != ("tools", PROCEDURAL):
         raise UsageError(
-            "with agentflow mcp, the agent designs, without a workflow or a model of ours; remove "
-            "workflow and model.name from --set"
+            "with agentflow mcp, the agent designs, so there is no workflow and no model to set; "
+            "remove workflow and model.name from --set"
         )
     address = None if http is None else HttpAddress.parse(http)
     token = "" if token_file is None else read_token(token_file)

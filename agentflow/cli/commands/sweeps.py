@@ -106,12 +106,12 @@ def table(
         options.ViewName,
         typer.Option(
             help="View. published: columns as in the published table. scores: means with "
-            "intervals; of a sweep, also Best@N (expected best score of N machines). "
-            "Of a sweep only: usage (calls, tokens, time); human (best score divided by the "
+            "intervals; for a sweep, also Best@N (expected best score of N machines). "
+            "For a sweep only: usage (calls, tokens, time); human (best score divided by the "
             "mean score of experienced players); expansions (best score by number of new "
             "machines); verified (scores of best machines and their verified scores); mechanisms "
-            "(how many runs found machines of each mechanism class, and how good). Of "
-            "evaluations and training runs only: transfer (scores beside the tasks of training); "
+            "(how many runs found machines of each mechanism class, and how good). For "
+            "evaluations and training runs only: transfer (scores next to the tasks of training); "
             "best (Best@N, also by step of training); curves (every number logged in training, "
             "by step)."
         ),

@@ -28,8 +28,8 @@ def verify(
     masses, friction and motor torque changed by +2 % and -2 %, one at a time. The verified score is
     the median of the eight scores.
 
-    A run stands for its best machine. Without --task, the run's own task, knobs and seed are used,
-    and the result is stored in the run unless it has one already.
+    For a run, its best machine is used. Without --task, the run's own task, knobs and seed are
+    used, and the result is stored in the run unless it has one already.
     """
     from agentflow.app.subjects.subject import resolve
     from agentflow.app.subjects.verify import verify as simulate_again

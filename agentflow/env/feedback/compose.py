@@ -1,4 +1,4 @@
-"""Puts feedback together: score, the family's lines, what is told of every rollout, then paths."""
+"""Puts feedback together: score, the family's lines, the lines of every rollout, then paths."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
 from agentflow.machine.tree import Machine
 
 LEAST_WORK = 50.0
-"""Less work than this is not told, J."""
+"""Less work than this is not reported, J."""
 MOST_CONTACTS = 4
 """Most contacts in the text; the data holds all."""
 LEAST_SHARE = 0.1
-"""Hits with a smaller share of the hardest hit's impulse are not told."""
+"""Hits with a smaller share of the hardest hit's impulse are not reported."""
 AT_END = 0.2
 """How long before the end bodies must have touched to count as touching at the end, s."""
 HELD = 0.5
 """How long they must have touched for that, s."""
 APART = 0.05
-"""How much later than the first touch the hardest hit is told apart, s."""
+"""How much later than the first touch the hardest hit is reported separately, s."""
 MOST_BREAKAGES = 5
 """Most breakages that get their own line of text; the data holds all."""
 TELLING, TELLING_AFTER, LEAST_LOAD = 0.3, 0.5, 0.05
-"""Load over strength above which peaks up to the decisive moment are told, those after it, and the
-highest one in any case."""
+"""Load over strength above which peaks up to the decisive moment are reported, those after it, and
+the highest one in any case."""
 _SETTLING = " (while it settled, before t = 0)"
 
 
@@ -147,7 +147,7 @@ def _holds(contact: Contact, end: float) -> bool:
 
 
 def contact_line(contacts: Sequence[Contact], end: float) -> list[str]:
-    """One line; [] if no contact tells anything."""
+    """One line; [] without contacts to report."""
     parts = "; ".join(_contact_text(each, end) for each in contacts)
     return [f"Contacts (impulse in N s, place): {parts}"] if parts else []
 

@@ -14,7 +14,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 SHARES = (0.1, 0.5, 1.0)
-"""When to tell forces, as shares of the recorded time."""
+"""When to report forces, as shares of the recorded time."""
 
 
 def flight_lines(machine: Machine, trace: Trace) -> list[str]:

@@ -17,7 +17,7 @@ from agentflow.machine.tree import Machine
 
 V = TypeVar("V")
 TURNED = 1.0
-"""Least rotation at t = 0 that is told, degrees."""
+"""Least rotation at t = 0 that is reported, degrees."""
 
 
 def orientation_runs(trace: Trace) -> list[tuple[str, float, float]]:

@@ -15,11 +15,11 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 SIDEWAYS = 2.0
-"""Least angle between the horizontal direction and z+ that is told, degrees."""
+"""Least angle between the horizontal direction and z+ that is reported, degrees."""
 MOST_LENGTHS = 4
-"""Most different lengths of springs that are told one by one."""
+"""Most different lengths of springs that are listed one by one."""
 SQUARE = 45.0
-"""Angle to z+ from which on the nearest axis is told instead, degrees."""
+"""Angle to z+ from which on the nearest axis is reported instead, degrees."""
 PULLING = ("spring", "rope")
 
 

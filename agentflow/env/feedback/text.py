@@ -14,7 +14,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 MAX_SAMPLES = 11
-"""Most samples of a series; queries tell more."""
+"""Most samples of a series; queries return more."""
 AXES = ("x+", "x-", "y+", "y-", "z+", "z-")
 
 

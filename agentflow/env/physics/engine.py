@@ -63,7 +63,7 @@ class Power(NamedTuple):
 
     springs: float = 0.0
     motors: float = 0.0
-    """Motors of joints, winches and thrusters. The air drives blades, so their work is no part."""
+    """Motors of joints, winches and thrusters. The air drives blades, so their work is left out."""
 
 
 class World(Protocol):

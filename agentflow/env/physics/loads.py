@@ -18,7 +18,7 @@ from agentflow.machine.geometry.mobility import JAMMED
 NEAR = 0.05
 """How near to its strength, as a share of it, the load of a marginal connection comes."""
 SAFE = (1.0 - NEAR) ** 2 / 3
-"""Three squares of at most this are no marginal load."""
+"""Three squares of at most this are not a marginal load."""
 
 
 class _Plan(NamedTuple):
@@ -115,7 +115,7 @@ class Loads:
 
         Where an impact overloads several joints along one load path, only the one furthest from the
         root breaks. It relieves those between it and the root, so this step is not counted for
-        them. Of joints that share load, the most loaded breaks; from the next step on the others
+        them. Among joints that share load, the most loaded breaks; from the next step on the others
         share its load.
 
         Args:

@@ -21,8 +21,8 @@ class Settling:
     A machine that is about to tip over is slow as well, but like an inverted pendulum it moves
     exponentially: further in each interval than in the one before. A machine that rests, creeps on
     its contacts, sags or rolls to a stop speeds up little or not at all. So the distances that each
-    block moved in the last intervals tell the two apart at any speed. Boulders that roll about in a
-    container are ignored.
+    block moved in the last intervals distinguish the two at any speed. Boulders that roll about in
+    a container are ignored.
     """
 
     def __init__(self, machine: Machine, world: World, rate: float, physics: Constants) -> None:

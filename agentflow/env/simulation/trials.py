@@ -95,7 +95,7 @@ def _feedback(played: Sequence[Rollout], score: float, index: int) -> Feedback:
 
 
 def _trial_lines(outcomes: Sequence[str]) -> list[str]:
-    """One line for all trials whose outcomes differ only in numbers, which are told as ranges."""
+    """One line for all trials whose outcomes differ only in numbers, which are shown as ranges."""
     alike: dict[str, list[int]] = {}
     for index, outcome in enumerate(outcomes):
         alike.setdefault(FIGURE.sub("#", outcome), []).append(index)

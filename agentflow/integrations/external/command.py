@@ -31,7 +31,7 @@ def command_words(settings: ExternalSettings) -> list[str]:
     """The program, by its absolute path, and its arguments.
 
     Raises:
-        ConfigError: There is none, it is not found, or it may not be run.
+        ConfigError: There is none, it is not found, or it is not executable.
     """
     words = _split(settings)
     if not words:
@@ -68,7 +68,7 @@ def _find(program: str) -> str:
     if os.path.dirname(program):
         if Path(program).is_file():
             raise ConfigError(
-                f"external.command: {program} may not be run; make it executable (chmod +x), or "
+                f"external.command: {program} is not executable; run chmod +x on it, or "
                 "put its interpreter before it"
             )
         raise ConfigError(f"external.command: there is no program {program}; check its path")

@@ -35,7 +35,7 @@ class Assignment:
 
     stage: StageName
     task: str
-    """The task, the blocks, the rules and the budget as the tool `brief` tells them."""
+    """The task, the blocks, the rules and the budget, as the tool `brief` returns them."""
     tools: Sequence[ToolSpec]
     limit: float
     """Seconds until the program is stopped."""
@@ -169,7 +169,7 @@ def _content(path: Path) -> tuple[bytes, str]:
 
 
 def _kind_problem(status: os.stat_result) -> str:
-    """What is wrong with a file that is no plain file with a single name; "" if it is one."""
+    """What is wrong with a file that is not a plain file with a single name; "" if it is one."""
     if stat.S_ISLNK(status.st_mode) or (stat.S_ISREG(status.st_mode) and status.st_nlink > 1):
         return "it is a link; write the machine itself"
     if stat.S_ISDIR(status.st_mode):

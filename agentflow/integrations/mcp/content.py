@@ -15,8 +15,8 @@ TEXT, JSON, LINES = "text/plain", "application/json", "application/jsonl"
 READING = frozenset({"brief", "describe", "query", "look", "history"})
 """Tools that change nothing."""
 INSTRUCTIONS = (
-    "Design a machine for the task that the tool `brief` tells. Write a machine and `check` it, "
-    "`simulate` it, `edit` what fell short, and `submit` the best machine at the end."
+    "Design a machine for the task that the tool `brief` describes. Write a machine and `check` "
+    "it, `simulate` it, `edit` what fell short, and `submit` the best machine at the end."
 )
 REFINE = (
     "Improve the machine {} with the tools of this server: `simulate` it, `edit` what fell short, "

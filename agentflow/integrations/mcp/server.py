@@ -40,7 +40,7 @@ class ClientSession(Protocol):
 
     @property
     def farewell(self) -> str:
-        """What a client is told once there is no further bench."""
+        """The message to a client once there are no more benches."""
 
     @property
     def events(self) -> str:
@@ -202,7 +202,7 @@ class _Answers:
 async def _call(
     session: ClientSession, name: str, arguments: object, on_change: Callable[[], Awaitable[None]]
 ) -> ToolResult:
-    """Call a tool at the session's bench; a call that ends the stage also tells what follows.
+    """Call a tool at the session's bench; a call that ends the stage also says what follows.
 
     Args:
         session: Where the call came.

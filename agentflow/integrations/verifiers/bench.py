@@ -35,7 +35,7 @@ class DesignData(vf.TaskData):
 
 
 class DesignState(vf.State):
-    """What the tools tell the reward."""
+    """What the reward learns from the tools."""
 
     machine: str = ""
     """The submitted machine as JSON text."""

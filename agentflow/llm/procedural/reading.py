@@ -27,7 +27,7 @@ _LISTED = re.compile(
     re.MULTILINE,
 )
 _CONTROL = re.compile(r"^\d{1,2}\. (Control .+)$", re.MULTILINE)
-_WINDOW = re.compile(r"ends by t = (\d{1,3}(?:\.\d{1,3})?) s")
+_WINDOW = re.compile(r"must end by t = (\d{1,3}(?:\.\d{1,3})?) s")
 _ROW = re.compile(r"^\| *([0-9]{1,6}) *\|", re.MULTILINE)
 _REQUIRED = re.compile(r"exactly (\w{1,9}) [^()\n]*\(type (\d{1,6})\)")
 _MOST_BLOCKS = re.compile(r"at most (\d{1,3}) blocks? \(")
@@ -100,7 +100,7 @@ def value_of(text: str, key: str) -> str:
 
 def _read_brief(task: str, types: frozenset[int], controls: str) -> Brief:
     """Read the task's name, objective, required blocks, most blocks and the window of controls; the
-    size is the default unless the task tells it."""
+    size is the default unless the task states it."""
     most, window = _MOST_BLOCKS.search(task), _WINDOW.search(controls)
     room = _ROOM.search(task)
     size = (SIZE_LIMIT[0], float(room[2]), float(room[1])) if room else SIZE_LIMIT

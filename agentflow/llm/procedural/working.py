@@ -35,13 +35,13 @@ TURNS = 40  # replies after which it only submits
 
 @dataclass
 class SeenMachine:
-    """A named machine, as far as the conversation tells about it."""
+    """A named machine, as far as the conversation describes it."""
 
     machine: Machine | None = None
     score: float | None = None
     simulated: bool = False
     feedback: str = ""
-    """What its simulation told in this conversation."""
+    """What its simulation reported in this conversation."""
     described: bool = False
     """Whether `machine` has been read, as far as it can be."""
     made: bool = False
@@ -54,7 +54,7 @@ class SeenMachine:
 
 @dataclass
 class Notes:
-    """What a conversation tells."""
+    """What a conversation has shown."""
 
     prompt: PromptContent
     tools: frozenset[str]

@@ -88,7 +88,7 @@ class JointType:
 
     @property
     def moves(self) -> bool:
-        """Whether the block can move against its parent while connected to it."""
+        """Whether the block can move relative to its parent while connected to it."""
         return self.kind not in ("fixed", "loose")
 
 

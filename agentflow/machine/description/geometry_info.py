@@ -146,7 +146,7 @@ def list_text(machine: Machine) -> str:
 
 def control_lines(machine: Machine, brief: Brief | None = None) -> list[str]:
     """The control program as the commands that write it, numbered from 0; a machine without one
-    is told of only if the task lets machines bring controls."""
+    gets a line only if the task lets machines bring controls."""
     if not machine.controls:
         allowed = brief is not None and brief.limits.controls is not None
         return ["No controls."] * allowed
@@ -185,9 +185,7 @@ def _legend(*, short: bool) -> str:
         if short
         else "facing, ids (position). a/b: one value each; 1-4, a..b: in even steps."
     )
-    return (
-        f"x, y, z in m, y from the lowest corner. {ON} Free faces but those on the ground: {free}"
-    )
+    return f"x, y, z in m, y from the lowest corner. {ON} Free faces, except on the ground: {free}"
 
 
 def _budget_lines(machine: Machine, brief: Brief | None) -> list[str]:

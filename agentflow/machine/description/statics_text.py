@@ -13,11 +13,11 @@ from agentflow.machine.geometry.vectors import Vec3, cross, dot, length, scale, 
 from agentflow.machine.tree import Machine
 
 BENDING, MOST_BENT = 250.0, 3
-"""Least moment of gravity at a connection that is told, N m (5 % of what wood bears), and how many
-connections are told at most."""
+"""Least moment of gravity at a connection that is reported, N m (5 % of what wood bears), and how
+many connections are reported at most."""
 LEGEND = (
-    "Joints, without springs and motors; loose blocks count with their parent. '8 to y+': block 8 "
-    "first moves that way. Angles are turned from the machine as built."
+    "Joints, ignoring springs and motors; loose blocks count with their parent. '8 to y+': block 8 "
+    "first moves that way. Angles are measured from the machine as built."
 )
 AROUND = 360.0
 """degrees."""
@@ -66,8 +66,8 @@ def _joint_line(geometry: Geometry, load: Load) -> str:
     placed = geometry[load.bond.block]
     carried = ranges(sorted(load.blocks - {placed.id}))
     parts = [
-        f"{placed.id} {placed.name} carries {carried}: {load.mass:.2f} kg with itself, inertia "
-        f"{_three(load.inertia)} kg m2 about its axis, reach {_three(load.reach)} m "
+        f"{placed.id} {placed.name} carries {carried}: {load.mass:.2f} kg including itself, "
+        f"inertia {_three(load.inertia)} kg m2 about its axis, reach {_three(load.reach)} m "
         f"({load.farthest})"
     ]
     parts.append("partly on the ground" if load.standing else _gravity_text(geometry, load))
@@ -129,7 +129,7 @@ def _bending_lines(loads: Iterable[Load]) -> list[str]:
         for moment, load in worst
         if moment >= BENDING
     ]
-    return [f"Gravity bends most: {', '.join(told)}."] if told else []
+    return [f"Greatest bending by gravity: {', '.join(told)}."] if told else []
 
 
 def _thrust_lines(geometry: Geometry) -> list[str]:

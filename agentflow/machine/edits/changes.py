@@ -80,7 +80,7 @@ class Mending:
     """Changes of one machine at a task, each of the machine as it is.
 
     A change is legal if it brings no problem that the machine does not have already: a machine with
-    problems, such as an imported one, can be mended step by step.
+    problems, such as an imported one, can be repaired step by step.
     """
 
     machine: Machine

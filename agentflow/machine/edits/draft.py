@@ -98,8 +98,8 @@ class Program:
         for number, control in self._entries.items():
             if isinstance(control.target, str) and any(entry_problems(number, control, steps)):
                 reason = (
-                    f"control {number} drives {control.target}, of which block {removed} is the "
-                    f"last: first Uncontrol {number}"
+                    f"control {number} drives {control.target}, and block {removed} is the last "
+                    f"of them: first Uncontrol {number}"
                 )
                 raise RefusedEdit("control_group", reason)
 

@@ -24,7 +24,7 @@ from agentflow.machine.validity import check
 MAX_TRIES = 1000
 """Maximum number of machines that `random_machine` starts before it gives up."""
 BLOCKS = (5, 20)
-"""Least and most blocks of random machines, unless they are told otherwise."""
+"""Least and most blocks of random machines, by default."""
 
 _T = TypeVar("_T")
 _U = TypeVar("_U")

@@ -18,7 +18,7 @@ Renumbering = Mapping[Ref, Text]
 def renumbering(
     machine: Machine, id_map: Mapping[int, int | None], names: Mapping[str, int | None]
 ) -> Renumbering:
-    """What an edit of a machine does to its ids; removed blocks are told in words.
+    """What an edit of a machine does to its ids; removed blocks are described in words.
 
     Args:
         machine: The machine before the edit.

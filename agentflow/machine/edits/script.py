@@ -43,7 +43,8 @@ class _Names:
     """Name -> id of the blocks that the script has named so far."""
 
     def __init__(self, commands: Sequence[Command | None]) -> None:
-        """Take all commands of the script, to tell names of later lines from unknown ones."""
+        """Take all commands of the script, to distinguish names of later lines from unknown
+        ones."""
         self.given: dict[str, int] = {}
         self._all = {command.name for command in commands if isinstance(command, Add)} - {""}
 
@@ -161,14 +162,15 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
 
 def _too_long(count: int) -> StepVerdict:
     reason = (
-        f"the script has {count} commands; the most is {MAX_COMMANDS}: send fewer, or a whole "
+        f"the script has {count} commands; the maximum is {MAX_COMMANDS}: send fewer, or a whole "
         "machine"
     )
     return StepVerdict("", "Error", "too_many_commands", reason)
 
 
 def _bad_format(*more: str) -> RefusedEdit:
-    """The refusal of a line that is no command; `more` are the commands besides those for all."""
+    """The refusal of a line that is not a command; `more` are the commands besides those for
+    all."""
     commands = "; ".join((*GRAMMAR, *more))
     return RefusedEdit("bad_format", f"not a command; the commands are: {commands}; {NAMING}")
 

@@ -24,7 +24,8 @@ REACH = 0.05
 TRIES = 4
 """Random directions of motion; more than one, as several motions may branch off at rest."""
 PASSES = 40
-"""Of Newton's method. It halves what is no motion in each, and closes other loops in about five."""
+"""Of Newton's method. It halves what is not a motion in each, and closes other loops in about
+five."""
 MOVED = 1e-5
 """rad or m: joints that move do so by at least the square of `REACH`."""
 CLOSED = 1e-9
@@ -136,7 +137,7 @@ def _closure(screws: Sequence[_Screw], loops: Sequence[Loop], place: Array) -> t
             shift = turn @ own_shift + shift
             turn = turn @ own_turn
         # The skew part of a rotation by a small angle is that angle's vector: (R21 - R12) / 2, and
-        # so on in turn.
+        # so on.
         gap[row : row + 3] = (turn[[2, 0, 1], [1, 2, 0]] - turn[[1, 2, 0], [2, 0, 1]]) / 2.0
         gap[row + 3 : row + 6] = shift
     return gap, rates

@@ -17,8 +17,8 @@ def agent_edits(events: Iterable[RunEvent | Event]) -> Iterator[Edit]:
     """The edits of an agent, in the order of their simulations.
 
     An agent may change a machine several times before it simulates it, so an edit leads from the
-    nearest simulated ancestor. Machines that it wrote anew have no ancestor, and are no edits.
-    Edits are left out if a simulation of one of their machines crashed or timed out.
+    nearest simulated ancestor. Machines that it wrote from scratch have no ancestor and are not
+    edits. Edits are left out if a simulation of one of their machines crashed or timed out.
     """
     family, turn = _Family(), Location()
     for event in events:

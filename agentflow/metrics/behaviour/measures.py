@@ -15,7 +15,7 @@ from agentflow.runs.locations import INITIAL, Location
 from agentflow.runs.record import RunRecord
 
 MARGIN = 0.02
-"""Relative loss of score that is no failure yet; chosen, as that of variations of physics."""
+"""Relative loss of score that is not yet a failure; chosen, as that of variations of physics."""
 
 NONE = Rate(0, 0)
 
@@ -29,7 +29,7 @@ class Edit:
     before: EvaluationEvent
     after: EvaluationEvent
     informed: bool
-    """Whether its author was told how the machine before it had done in the simulation."""
+    """Whether its author had seen how the previous machine did in the simulation."""
 
     @property
     def failed(self) -> bool:
@@ -98,7 +98,7 @@ class Behaviour:
     errors: tuple[float, ...] = ()
     """Predicted minus simulated score of each edit whose prediction names a score."""
     effort: Mapping[str, float] = field(default_factory=dict)
-    """Role -> tokens that its replies took, with reasoning, as reported by the endpoint. Of a
+    """Role -> tokens that its replies took, with reasoning, as reported by the endpoint. For a
     person, seconds of work like that of the role."""
 
     @property

@@ -6,7 +6,7 @@ import { el, section, formatNumber, revealHidden } from "./dom.js";
 export function kindsSection({ archive, classes = [] }, choose) {
   if (!archive && !classes.length) return null;
   return section("Kinds of machines", ...(archive ? archiveParts(archive, choose) : []),
-    classes.length ? el("h3", {}, "Best machine of each mechanism class: what drives / what holds / how it lets go") : null,
+    classes.length ? el("h3", {}, "Best machine of each mechanism class: what drives / what holds / how it releases") : null,
     el("div", { class: "cards" }, ...classes.map((item) => classCard(item, choose))));
 }
 

@@ -15,7 +15,7 @@ export function robustnessPage(data) {
 export function frontSection(front, choose) {
   if (!front?.length) return null;
   return section("Pareto front",
-    table("Machines that no other simulated machine beats in robust score, score, blocks and mass at once", ["Machine", "Robust score", "Score", "Blocks", "Mass, kg"],
+    table("Machines that no other simulated machine beats in robust score, score, blocks and mass together", ["Machine", "Robust score", "Score", "Blocks", "Mass, kg"],
       front.map(({ machine, robust, score, blocks, mass }) => [el("button", { class: "link", click: () => choose(machine) }, machine), robust, score, blocks, mass])));
 }
 

@@ -59,7 +59,7 @@ export function tools({ stages: rows, tools: calls }) {
   const uses = ({ calls, refused } = { calls: 0, refused: 0 }) => (refused ? `${calls} (${refused} refused)` : calls);
   const counts = names.map((name) => [name, ...rows.map((row) => uses(row.tools?.[name]))]);
   return section("Tools",
-    rows.length ? table("Calls of tools by stage", ["Tool", ...rows.map((row) => readable(row.name))], counts) : null,
+    rows.length ? table("Tool calls by stage", ["Tool", ...rows.map((row) => readable(row.name))], counts) : null,
     el("details", { class: "role" }, el("summary", {}, "Calls ", el("small", {}, `${calls.length}`)), ...calls.map(toolDetails)));
 }
 

@@ -26,7 +26,7 @@ export function trainingPage(data) {
       best ? chosen : null,
       data.charts.length ? section("Curves", ...data.charts.map(curve)) : el("p", { class: "quiet" }, "No step is logged yet."),
       data.zero.length ? el("p", { class: "quiet" }, `Always 0: ${data.zero.map(readable).join(", ")}.`) : null,
-      ...data.tasks.filter(({ charts }) => charts.length).map(({ task, charts }) => section(several ? `Samples in numbers: ${task}` : "Samples in numbers", ...charts.map(curve))),
+      ...data.tasks.filter(({ charts }) => charts.length).map(({ task, charts }) => section(several ? `Sample statistics: ${task}` : "Sample statistics", ...charts.map(curve))),
       data.steps.length ? samples(data.steps, several, choose) : null,
       section("Settings", el("dl", { class: "facts" }, ...data.facts.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])))),
   ];

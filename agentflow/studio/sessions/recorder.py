@@ -37,7 +37,7 @@ MOST_EVENTS = 20_000
 MOST_SOUND = 512 * 2**20
 """Most bytes of one recording; an hour of speech has about 60 MB."""
 Told = Action | StudioTest | Note
-"""What the page tells; this process writes everything else."""
+"""What the page reports; this process writes everything else."""
 _TOLD: TypeAdapter[Told] = TypeAdapter(Annotated[Told, Field(discriminator="kind")])
 
 
@@ -80,7 +80,7 @@ class SessionRecorder:
     """Writes sessions, one at a time; leaving the context ends the one that is open."""
 
     def __init__(self, runs: Path, clock: Callable[[], float] = monotonic) -> None:
-        """`runs` is the directory of the runs; `clock` tells seconds since any moment."""
+        """`runs` is the directory of the runs; `clock` gives seconds since any moment."""
         self._folder, self._clock = runs / FOLDER, clock
         self._open: _Open | None = None
 
@@ -91,9 +91,9 @@ class SessionRecorder:
             UsageError: One is open already, or its folder cannot be written.
         """
         if self._current() is not None:
-            raise UsageError("a session is open in this studio; end it before another one begins")
+            raise UsageError("a session is open in this studio; end it before you start another")
         if self._folder.is_symlink():
-            raise UsageError(f"{self._folder} is a link; sessions are in a plain folder")
+            raise UsageError(f"{self._folder} is a link; sessions must be in a plain folder")
         task = re.sub(r"[^A-Za-z0-9_-]", "-", start.task)
         name = f"{datetime.now():%Y%m%d-%H%M%S}-{task}-{token_hex(2)}"
         log = SessionLog.begin(self._folder / name, start, self._clock)

@@ -108,7 +108,7 @@ class Sessions:
         try:
             sound = base64.b64decode(given.data, validate=True)
         except binascii.Error:
-            raise UsageError("the sound is not base64; send it so") from None
+            raise UsageError("the sound must be base64") from None
         self._recorder.hear(given.session, sound, given.first)
         return {}
 

@@ -95,7 +95,7 @@ def require_possible(form: NewDesign) -> None:
         or Path(name or "-").is_absolute()
         or Path(name or "-").is_dir()
     ):
-        raise UsageError("the studio starts no models in folders; use agentflow design --model")
+        raise UsageError("the studio cannot start models in folders; use agentflow design --model")
     start = {} if form.machine is None else {"settings.start": form.machine}
     config = load_config(None, (), {**form.options, **start})
     if urls_with_credentials(config):

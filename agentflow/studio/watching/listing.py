@@ -76,7 +76,7 @@ class Listing:
         self._known: dict[Path, _Known] = {}
 
     def rows(self) -> list[Row]:
-        """Every run as `run_list` tells it, by name, and its sweep, start, and best over time."""
+        """Every run as `run_list` lists it, by name, and its sweep, start, and best over time."""
         if not self._folder.root.is_dir():
             return []
         runs = list(find_runs(self._folder.root))
@@ -138,7 +138,7 @@ def _signature(path: Path) -> Signature:
 
 
 async def as_stream(news: AsyncIterator[News]) -> AsyncIterator[str]:
-    """News as text of server-sent events; what goes wrong is told in the last one."""
+    """News as text of server-sent events; an error is reported in the last one."""
     quiet = 0
     try:
         async for item in news:

@@ -82,7 +82,7 @@ class BuildPage {
     task.addEventListener("toggle", () => task.open && editor.record("ask"));
     return el("div", { class: "more" },
       el("details", {}, el("summary", {}, "Open and save"), file, save, el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build.")),
-      el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Hand the machine to a model and take its answer."), form, told),
+      el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Let a model improve this machine, and use the result."), form, told),
       task,
       el("details", {}, el("summary", {}, "Keys"), el("p", { class: "quiet" }, "B blocks · F faces · T tree · V view · arrows and digits move in lists · Enter chooses · Esc ends · P tests · E film or machine · ",
         Object.keys(this.actions).map((name) => name.split("|").reverse().join(" ").toLowerCase()).join(" · "))));
@@ -95,7 +95,7 @@ class BuildPage {
     this.stop = follow({ run }, async ({ state, best, problem }) => {
       const score = best === null || best === undefined ? "" : `, best ${formatNumber(best)}`;
       const stop = el("button", { click: () => send("/api/designs/stop", { run }).catch((error) => this.editor.say(error.message, true)) }, "Stop");
-      const take = el("button", { class: "play", click: () => this.takeAnswer(run) }, "Take its answer");
+      const take = el("button", { class: "play", click: () => this.takeAnswer(run) }, "Use this machine");
       told.replaceChildren(link, problem ? ` ${problem}` : ` ${state}${score} `, state === "running" ? stop : state === "done" ? take : "");
     });
   }

@@ -13,7 +13,7 @@ const number = (hint, least = 1) => el("input", { type: "number", min: least, st
 
 /** @param start what the server offers
  *  @param fixed fields that are given already, such as the machine to start from
- *  @param begun is told the run; by default its page opens */
+ *  @param begun gets the run; by default its page opens */
 export function designForm(start, fixed = () => ({}), begun = (run) => { location.hash = address("run", { run }); }) {
   const given = fixed();
   const tasks = el("select", {}, ...start.tasks.map(({ name, title }) => el("option", { value: name, selected: name === "throwing" ? "" : null }, `${name} · ${title}`)));
@@ -28,9 +28,9 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     field("seed", "Seed", number("0", 0)),
     field("trajectories", "Trajectories", number("8")),
     field("rounds", "Search rounds", number("5", 0)),
-    field("calls", "Most calls", number("no limit")),
-    field("tokens", "Most tokens", number("no limit")),
-    el("p", { class: "quiet wide" }, `${start.model === "procedural" ? "Without a model, procedural answers: rules and random choices, no language model. " : ""}The key of an endpoint is read from ${start.key_variable}, where the studio was started.`),
+    field("calls", "Max calls", number("no limit")),
+    field("tokens", "Max tokens", number("no limit")),
+    el("p", { class: "quiet wide" }, `${start.model === "procedural" ? "Without a model, procedural answers: rules and random choices, not a language model. " : ""}The key of an endpoint is read from ${start.key_variable}, where the studio was started.`),
     el("p", { class: "wide" }, button), told);
 
   async function begin() {

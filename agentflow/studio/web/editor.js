@@ -115,7 +115,7 @@ export class Editor extends EventTarget {
     this.tell("spots");
     if (!this.aim) return;
     const legal = this.spots.filter((spot) => !spot.why_not).length;
-    this.say(`${this.spots.length ? `${legal} of ${this.spots.length} free faces fit` : "No face is free"}${this.aim.first ? " the second end" : ""}: choose one by click, or in the list.`);
+    this.say(`${this.spots.length ? `${legal} of ${this.spots.length} free faces fit` : "No face is free"}${this.aim.first ? " the second end" : ""}: click one or pick it from the list.`);
   }
 
   /** Do what was aimed at on a face, or say why it is not possible. */

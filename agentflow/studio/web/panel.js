@@ -81,7 +81,7 @@ export function facts(editor) {
       el("h2", {}, "Problems"),
       problems.length + warnings.length ? el("ul", { class: "problems" }, ...[...problems, ...warnings].map((item) =>
         el("li", {}, el("button", { class: problems.includes(item) ? "bad" : "warned", click: () => item.blocks.length && editor.choose(item.blocks.at(-1)) }, item.message))))
-        : el("p", { class: "quiet" }, "None: it can be tested."),
+        : el("p", { class: "quiet" }, "None: ready to test."),
       el("h2", {}, "Balance"),
       el("dl", { class: "facts" }, ...rows.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])));
   });

@@ -10,7 +10,7 @@ const LAST = 60; // seconds from which the time left is red
 
 export class Recorder {
   /** @param editor what the person builds with
-   *  @param session as the server tells it */
+   *  @param session as the server describes it */
   constructor(editor, session) {
     this.editor = editor;
     this.name = session.session;
@@ -83,7 +83,7 @@ export class Recorder {
   /** Stop the clock and hide the machine, or go on. */
   async hold(stop) {
     this.stopped = stop;
-    this.pause.textContent = stop ? "Go on" : "Pause";
+    this.pause.textContent = stop ? "Resume" : "Pause";
     this.pause.setAttribute("aria-pressed", stop);
     this.element.parentElement?.classList.toggle("paused", stop);
     await this.sending;
@@ -91,7 +91,7 @@ export class Recorder {
       const { left_s: left } = await send("/api/session/pause", { session: this.name, paused: stop });
       if (!stop) this.set(left);
       else this.clock.textContent = "paused";
-      this.said.textContent = stop ? "The clock stands. Your machine comes back when you go on." : "";
+      this.said.textContent = stop ? "Clock paused. Your machine reappears when you resume." : "";
     } catch (error) {
       this.said.textContent = error.message;
       this.check();

@@ -8,7 +8,7 @@ const MOST = 200; // rows shown at first
 const [WIDTH, HEIGHT] = [110, 22]; // of a curve, CSS pixels
 const COLUMNS = [
   ["Run", "run"], ["State", "state"], ["Best over time", ""], ["Score", "score"], ["Verified", "verified"],
-  ["Task", "task"], ["Workflow", "workflow"], ["Model", "model"], ["Calls", "calls"], ["Begun", "begun"],
+  ["Task", "task"], ["Workflow", "workflow"], ["Model", "model"], ["Calls", "calls"], ["Started", "begun"],
 ];
 const NUMBERS = new Set(["score", "verified", "calls", "begun"]);
 
@@ -47,7 +47,7 @@ class RunList {
     this.draw();
   }
 
-  /** Take in what a stream tells. */
+  /** Take in news from a stream. */
   hear({ rows, gone }) {
     for (const row of rows ?? []) this.rows.set(row.run, row);
     for (const name of gone ?? []) this.rows.delete(name);

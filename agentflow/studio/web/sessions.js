@@ -6,7 +6,7 @@ import { ask, send } from "./api.js";
 import { field } from "./design.js";
 
 // What a guided session shows unless the person who leads the study writes something else.
-const RATIONALE = "Begin with what carries the rest. Say what you expect before each test. Change one thing at a time, and ask what the film shows about why the score changed.";
+const RATIONALE = "Start with the parts that carry the rest. Say what you expect before each test. Change one thing at a time, and ask what the film shows about why the score changed.";
 
 export async function sessionsPage() {
   const [start, open, sessions] = await Promise.all([ask("/api/start"), ask("/api/session"), ask("/api/sessions")]);
@@ -40,7 +40,7 @@ function form(start) {
       told.textContent = error.message;
     }
   } }, field("task", "Task", tasks), field("minutes", "Time limit, minutes", minutes), field("mode", "Mode", mode), rationale,
-  el("p", { class: "wide" }, el("button", { type: "submit", class: "play" }, "Begin the session")), told);
+  el("p", { class: "wide" }, el("button", { type: "submit", class: "play" }, "Start the session")), told);
 }
 
 function list(sessions) {
@@ -49,7 +49,7 @@ function list(sessions) {
   const rows = whole.map(({ session, task, mode, began, seconds, actions, trials, best }) =>
     [session, task, mode, new Date(1000 * began).toLocaleString("en-GB", { dateStyle: "short", timeStyle: "short" }), seconds / 60, actions, trials, best]);
   return section("Recorded sessions",
-    rows.length ? table("", ["Session", "Task", "Mode", "Begun", "Minutes", "Actions", "Tests", "Best score"], rows) : "",
+    rows.length ? table("", ["Session", "Task", "Mode", "Started", "Minutes", "Actions", "Tests", "Best score"], rows) : "",
     ...sessions.filter(({ problem: fault }) => fault).map(({ problem: fault }) => problem(fault)),
     el("p", { class: "quiet" }, "agentflow study metrics, segments and elan read these folders."));
 }

@@ -43,7 +43,7 @@ class AnswerPlan(BaseModel, frozen=True, extra="forbid"):
     samples: int
     """Answers to each objective."""
     limit: int | None
-    """Most answers in all; they are spread over the objectives."""
+    """Maximum number of answers; they are spread over the objectives."""
     variants: float
     """Machines made by random edits for each answer with a valid machine, on average."""
     questions: tuple[ObjectivePrompt, ...]

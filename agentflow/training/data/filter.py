@@ -72,7 +72,7 @@ def filter_answers(
         engine: Name of the physics engine.
         licence: Of the set; by default ours for the procedural model, else unknown.
         workers: Processes that simulate.
-        show: Is told how many machines are judged, of how many.
+        show: Called with how many machines are judged, of how many.
         open_pool: Opens a pool of these processes.
 
     Raises:

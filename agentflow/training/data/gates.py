@@ -38,7 +38,8 @@ Gate = Literal[
 GATES: Mapping[Gate, str] = MappingProxyType(
     {
         "objective": "the objective's text is not too near the brief of a level",
-        "original": "it is no variant of a machine that another gate dropped, duplicates apart",
+        "original": "it is not a variant of a machine that another gate dropped (except as a "
+        "duplicate)",
         "parse": "the reply holds a machine",
         "validity": "the machine meets the rules of space and of the task",
         "evaluation": "the machine is in no evaluation and no record of a level",

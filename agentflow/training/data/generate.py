@@ -56,7 +56,7 @@ def plan_answers(
         objectives: What to ask for.
         config: Its model, prompt set and seed count.
         samples: Answers to each objective.
-        limit: Most answers in all.
+        limit: Maximum number of answers.
         variants: Machines made by random edits for each answer with a valid machine, on average.
 
     Raises:

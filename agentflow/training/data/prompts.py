@@ -19,7 +19,7 @@ DATA_SOURCE = "agentflow"
 
 
 def prompt_rows(tasks: Sequence[str], count: int, engine: str) -> list[dict[str, Any]]:
-    """Rows for the rewards in `integrations`: the tasks take turns, each row has its own seed.
+    """Rows for the rewards in `integrations`, alternating between tasks, each with its own seed.
 
     `task` and `seed` are for TRL, the rest but `prompt` is for verl.
 

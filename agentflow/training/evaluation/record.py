@@ -106,7 +106,7 @@ class EvaluationFolder:
 def open_evaluation(path: Path, about: EvaluationRecord) -> Iterator[EvaluationFolder]:
     """Begin an evaluation in a new or empty folder, or continue the one that is there.
 
-    One without any reply, such as of a model that could not be reached, is begun again.
+    One without any reply, such as of a model that could not be reached, is started again.
 
     Raises:
         RunError: The folder holds something else, or another evaluation; it is damaged, in use by

@@ -38,7 +38,7 @@ class AdvantageConfig(ConfigGroup):
     @classmethod
     def _begins(cls, k: int | dict[int, int]) -> int | dict[int, int]:
         if isinstance(k, dict) and 0 not in k:
-            raise ValueError("a schedule of k must say what k is from step 0 on, as in {0: 8}")
+            raise ValueError("a schedule of k must start at step 0, as in {0: 8}")
         return k
 
     @model_validator(mode="after")
@@ -74,7 +74,7 @@ class GrpoConfig(TrainingConfig):
     fresh: bool = Field(
         False, description="begin with random weights of the model's form: no cold start"
     )
-    tasks: tuple[str, ...] = Field(("throwing",), min_length=1, description="levels, in turn")
+    tasks: tuple[str, ...] = Field(("throwing",), min_length=1, description="levels, alternating")
     engine: str = Field("auto", description="physics engine; auto is the first that is installed")
     workers: int = Field(2, ge=1, description="processes for simulations")
     reward: Literal["performance", "shaped"] = "performance"
@@ -134,8 +134,9 @@ class GrpoConfig(TrainingConfig):
             )
         if self.model.name is None:
             raise ValueError(
-                "model must name the folder of a model, as train sft leaves one; give --model"
+                "model must name a folder with a model, such as one that train sft writes; give "
+                "--model"
             )
         if self.fresh and self.kl:
-            raise ValueError("kl must be 0 with fresh: random weights are no model to stay near")
+            raise ValueError("kl must be 0 with fresh: random weights are not a model to stay near")
         return self

@@ -54,7 +54,9 @@ class Objective(BaseModel, frozen=True, extra="forbid"):
     @classmethod
     def _check_name(cls, name: str) -> str:
         if not re.fullmatch(r"[a-z][a-z0-9-]*", name):
-            raise ValueError("must start with a small letter and go on with those, digits or '-'")
+            raise ValueError(
+                "must start with a lower-case letter, followed by lower-case letters, digits or '-'"
+            )
         return name
 
     @field_validator("text")
@@ -226,8 +228,8 @@ def _check(objective: Objective) -> None:
         named = [body for body in test.bodies if isinstance(body, str)]
         types = [body for body in test.bodies if not isinstance(body, str)]
         _expect(name, "allowed block type", types, objective.blocks)
-        _expect(name, "thing that moves in the scene", named, moving)
-        _expect(name, "thing of the scene", test.obstacles, objects)
+        _expect(name, "moving object of the scene", named, moving)
+        _expect(name, "object of the scene", test.obstacles, objects)
 
 
 def _expect(test: str, kind: str, wanted: Iterable[object], known: Collection[object]) -> None:

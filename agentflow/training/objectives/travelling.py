@@ -100,7 +100,7 @@ class Turns(FunctionTest):
     @property
     def phrase(self) -> str:
         names = " or ".join(library()[kind].name for kind in self.types)
-        what = names or "block that is no wheel"
+        what = names or "block that is not a wheel"
         who = f"at least {self.count} blocks ({what}) turn" if self.count > 1 else f"a {what} turns"
         fast = f", at {self.speed:g} rad/s or more over one second" if self.speed else ""
         return f"{who} {self.revolutions:g} times or more relative to its Starting Block{fast}"
@@ -136,7 +136,8 @@ class Jumps(FunctionTest):
     @property
     def phrase(self) -> str:
         return (
-            f"all of its parts are at once at least {self.metres:g} m above where its lowest part "
+            f"all of its parts are at the same time at least {self.metres:g} m above where its "
+            "lowest part "
             "was at t = 0"
         )
 

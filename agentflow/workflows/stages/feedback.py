@@ -40,7 +40,7 @@ class Revision:
     history: History = field(default=History(), compare=False)
     """Edits that led to the machine that was refined, in its numbering."""
     label: str = field(default="", compare=False)
-    """Label of the attempt that made it; tells revisions of the same machine apart."""
+    """Label of the attempt that made it; distinguishes revisions of the same machine."""
 
     @property
     def is_edited(self) -> bool:
@@ -96,7 +96,7 @@ class Trajectory:
         self.first = FirstAttempt()
         """How far the first attempt of the search got."""
         self.brief = run.brief
-        """The task as refiners are told it; a search may set an aim of its own."""
+        """The task as refiners see it; a search may set an aim of its own."""
         self._run, self._blueprint, self._model_role = run, blueprint, model_role
         self._number = number
         self._queried: dict[int, str] = {}
@@ -118,7 +118,7 @@ class Trajectory:
     async def expand(
         self, node: Node[Revision], labels: Sequence[str], earlier: Sequence[Attempt[Revision]]
     ) -> list[Attempt[Revision]]:
-        """Ask refiners once about a node; they are shown the results of earlier requests."""
+        """Ask refiners once about a node; they see the results of earlier requests."""
         self._evaluations[node.candidate.machine] = node.evaluation
         if not earlier:
             self._history = self._history_of(node)
@@ -202,10 +202,10 @@ class Trajectory:
 
 
 def _verdict(attempt: Attempt[Revision]) -> str:
-    """The result of an attempt, as later attempts of the same expansion are told."""
+    """The result of an attempt, as later attempts of the same expansion see it."""
     if attempt.candidate is None:
         return attempt.note
-    return f"{attempt.note}\n(accepted: make another change than this one)"
+    return f"{attempt.note}\n(accepted: make a different change)"
 
 
 def _feedback(node: Node[Revision]) -> str:

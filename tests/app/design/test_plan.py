@@ -90,7 +90,7 @@ def test_resuming_with_another_engine_is_refused(tmp_path: Path) -> None:
         resume(run.path)
     assert str(caught.value) == (
         f"{run.path} was started with different engine (pybullet 0.0.1, now {now}), so its "
-        "record cannot be continued; resume it with the version that started it"
+        "recording cannot be continued; resume it with the version that started it"
     )
 
 

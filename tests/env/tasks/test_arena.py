@@ -27,8 +27,8 @@ def test_four_ramps_rise_outward_from_the_walls() -> None:
 
 def test_the_ramps_are_told() -> None:
     assert (
-        "Ramps surround them on all four sides: they start on the ground 11.4 m from x = z = 0 "
-        "and rise outward at 20 degrees over 20 m, to a height of 6.8 m; touching one counts as "
+        "Ramps surround the walls on all four sides: they start on the ground 11.4 m from x = z = "
+        "0 and rise outward at 20 degrees over 20 m, to a height of 6.8 m; touching one counts as "
         "landing."
     ) in get_task("throwing/2").brief.scene
 

@@ -86,7 +86,7 @@ def test_a_program_that_may_not_be_run(tmp_path: Path) -> None:
     agent = tmp_path / "agent.py"
     agent.touch()
     assert refusal(f"command={agent}") == (
-        f"external.command: {agent} may not be run; make it executable (chmod +x), or put its "
+        f"external.command: {agent} is not executable; run chmod +x on it, or put its "
         "interpreter before it"
     )
 

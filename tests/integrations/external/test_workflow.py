@@ -198,7 +198,7 @@ def test_a_flood_of_output_leaves_a_small_log(tmp_path: Path) -> None:
     [
         ({"command": ""}, "external.command is empty"),
         ({"command": "no-such-agent"}, "no program 'no-such-agent' is on the PATH"),
-        ({"command": str(CAR)}, "car.json may not be run"),
+        ({"command": str(CAR)}, "car.json is not executable"),
         ({"variables": ["NO_SUCH_KEY"]}, "external.variables names NO_SUCH_KEY"),
     ],
 )

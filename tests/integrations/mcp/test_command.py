@@ -18,10 +18,10 @@ def test_says_what_is_wrong_with_options(
     token = tmp_path / "token"
     for options, words in (
         (["--task", "walking"], "unknown task 'walking'"),
-        (["--http", "127.0.0.1:8000"], "--http and --token-file need each other"),
-        (["--token-file", str(token)], "--http and --token-file need each other"),
+        (["--http", "127.0.0.1:8000"], "--http and --token-file go together"),
+        (["--token-file", str(token)], "--http and --token-file go together"),
         (["--http", "8000", "--token-file", str(token)], "--http takes HOST:PORT"),
-        (["--http", "0.0.0.0:0"], "--http and --token-file need each other"),
+        (["--http", "0.0.0.0:0"], "--http and --token-file go together"),
     ):
         assert main(["mcp", *options]) == 2
         assert words in capsys.readouterr().err

@@ -67,7 +67,7 @@ def test_k_may_follow_a_schedule() -> None:
             "advantage={name: pkpo, k: {0: 4, 9: 0}, scale: false}",
             "advantage.k must be 1 to 16 for pkpo",
         ),
-        ("advantage.k={5: 4}", "a schedule of k must say what k is from step 0 on"),
+        ("advantage.k={5: 4}", "a schedule of k must start at step 0"),
         ("samples=1", "samples: must be at least 2, not 1"),
         ("device_batch=48", r"prompts \* samples \(64\) must be a multiple of device_batch \(48\)"),
         ("reward=points", "reward: expected 'performance' or 'shaped', not 'points'"),
@@ -105,5 +105,5 @@ def test_the_command_says_what_is_missing(
 def test_a_model_must_be_named() -> None:
     with pytest.raises(ConfigError, match="model is missing"):
         read_config(GrpoConfig, TINY, (), {})
-    with pytest.raises(ConfigError, match="model must name the folder of a model"):
+    with pytest.raises(ConfigError, match="model must name a folder with a model"):
         read_config(GrpoConfig, TINY, ["model={tiny: {}}"], {})

@@ -55,14 +55,14 @@ def diagnose(
             "centres are. outcome: will the machine stand, drive or throw; judged by simulation.",
         ),
     ],
-    out: Annotated[
-        Path, typer.Option(help="Directory of the diagnosis; given again, it is continued.")
-    ],
+    out: Annotated[Path, typer.Option(help="Directory of the diagnosis; resumed if it exists.")],
     model: options.ModelName = None,
     base_url: options.BaseUrl = None,
     pairs: Annotated[
         int | None,
-        typer.Option(min=1, help="Overlapping pairs in all, for overlap.", show_default=str(PAIRS)),
+        typer.Option(
+            min=1, help="Total number of overlapping pairs, for overlap.", show_default=str(PAIRS)
+        ),
     ] = None,
     questions: Annotated[
         int | None,
@@ -76,7 +76,7 @@ def diagnose(
     workers: options.Workers = 2,
     as_json: options.Json = False,
 ) -> None:
-    """Ask a model what it knows of machines: their geometry, and what will become of them.
+    """Ask a model what it knows about machines: their geometry, and how they will behave.
 
     The machines are random ones and designs of the built-in model. Replies without an answer count
     as wrong.

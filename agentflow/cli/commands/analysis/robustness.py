@@ -32,13 +32,13 @@ def robustness(
 
     The world: masses, friction, motor speed and strength of connections changed by +10 % and
     -10 %, one at a time, and time steps half as long. The robust score is the 10 % quantile of
-    these scores and the plain one; scores on other engines are shown beside it.
+    these scores and the plain one; scores on other engines are also shown.
 
     The design: its neighbours are all legal machines one edit away. Blocks and faces whose edits
     lower the score most are the most sensitive.
 
-    A run stands for its best machine. Without --task, the run's own task, knobs and seed are used,
-    and the result is kept in the run, whose report then shows it.
+    For a run, its best machine is used. Without --task, the run's own task, knobs and seed are
+    used, and the result is kept in the run, whose report then shows it.
     """
     from agentflow.app.pages.robustness import page_writer
     from agentflow.app.subjects.robustness import measure_robustness

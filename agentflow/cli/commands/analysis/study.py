@@ -73,7 +73,7 @@ def elan(
 ) -> None:
     """Write a session as a file for the annotation program ELAN.
 
-    Labels, episodes, speech, notes, actions, trials and pauses have a tier each.
+    Labels, episodes, speech, notes, actions, trials and pauses each have a tier.
     """
     from agentflow.study.session import read_session
 

@@ -42,7 +42,7 @@ def generate(
     samples: Annotated[int, typer.Option(min=1, help="Answers to each objective.")] = 250,
     limit: Annotated[
         int | None,
-        typer.Option(min=1, help="Most answers in all, spread over the objectives."),
+        typer.Option(min=1, help="Maximum number of answers, spread over the objectives."),
     ] = None,
     variants: Annotated[
         float,
@@ -65,7 +65,7 @@ def generate(
 ) -> None:
     """Ask a model for machines for design objectives, and record its answers.
 
-    The same command again continues: answers that are recorded are never asked for again.
+    Run the same command again to continue: recorded answers are never requested again.
     """
     from agentflow.app.design.config import load_config
     from agentflow.cli.display.live import print_remark
@@ -106,7 +106,8 @@ def filter(
 ) -> None:
     """Keep the answers whose machines work, are new, and are not in the evaluation.
 
-    Writes train.jsonl, dev.jsonl and a card (card.md, card.json). The same command again continues.
+    Writes train.jsonl, dev.jsonl and a card (card.md, card.json). Run the same command again to
+    continue.
     """
     from agentflow.app.pools import pools_on
     from agentflow.training.data.filter import filter_answers
@@ -158,7 +159,7 @@ def prompts(
     tasks: Annotated[
         str, typer.Option(help="Tasks, such as throwing,movement/3.")
     ] = "throwing,movement",
-    count: Annotated[int, typer.Option(min=1, help="Rows; the tasks take turns.")] = 512,
+    count: Annotated[int, typer.Option(min=1, help="Rows, alternating between tasks.")] = 512,
     engine: options.Engine = None,
     as_json: options.Json = False,
 ) -> None:

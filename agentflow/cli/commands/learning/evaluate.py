@@ -25,9 +25,7 @@ def evaluate(
             "procedural."
         ),
     ],
-    out: Annotated[
-        Path, typer.Option(help="Directory of the evaluation; given again, it is continued.")
-    ],
+    out: Annotated[Path, typer.Option(help="Directory of the evaluation; resumed if it exists.")],
     task: options.Task = None,
     tasks: Annotated[
         str | None,
@@ -42,7 +40,7 @@ def evaluate(
     top_p: Annotated[
         float | None,
         typer.Option(
-            help="Sample only from the most likely tokens with this total share (default: 1)."
+            help="Sample only from the most likely tokens with this total probability (default: 1)."
         ),
     ] = None,
     name: Annotated[

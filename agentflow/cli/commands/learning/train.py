@@ -79,8 +79,8 @@ def grpo(
     model: Annotated[
         str | None,
         typer.Option(
-            help="Model to begin with: a folder, such as the one that train sft leaves, or a name "
-            "at a hub (key model.name)."
+            help="Model to start from: a folder, such as one that train sft writes, or a name on "
+            "a hub (key model.name)."
         ),
     ] = None,
     settings: TrainingSettings = None,

@@ -4,7 +4,7 @@ Engines measure reactions in spanning trees, in which connections that close loo
 The real loads are statically indeterminate: here parts are rigid and connections elastic, each as
 stiff as the square of its strength, so the loads are those of least strain energy (least sum of
 squared load over strength). They are linear in the reactions of the tree, by a matrix computed once
-per spanning tree. What a motor exerts along the free axis of its joint is no load on that joint.
+per spanning tree. What a motor exerts along the free axis of its joint is not a load on that joint.
 
 All arithmetic is elementwise in a fixed order, without BLAS, so the bits do not depend on the
 processor. Axes are in the order x, z, y of a right-handed frame; another order of summation would

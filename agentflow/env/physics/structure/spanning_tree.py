@@ -1,8 +1,8 @@
 """Spanning trees of joints: which joints carry the machine and which close loops.
 
 Rigid joints are taken first, so a moving joint that rigid ones bridge is locked, as it would be in
-the real machine. Then moving joints that others hold (`machine.geometry.mobility`) are rigid. Of
-parallel ones, one is in the tree or closes a loop and stands for all.
+the real machine. Then moving joints that others hold (`machine.geometry.mobility`) are rigid. One
+of several parallel ones is in the tree or closes a loop and represents all.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ class Bridge(Family):
             schedule=(
                 "Before t = 0 the machine settles with the empty cargo until it comes to rest.",
                 f"From t = 0 to t = {load.until:g} s the cargo's load grows evenly from 0 to "
-                f"{load.most:g} kg; then it stays.",
+                f"{load.most:g} kg; then it stays constant.",
                 f"The window ends at t = {self.window:g} s; nothing can be switched or steered "
                 "during it.",
             ),
@@ -144,8 +144,8 @@ class Bridge(Family):
                 f"It carries the load until the cargo's centre is below y = {gap.depth - DROP:g} m "
                 f"or more than {ASIDE:g} m from z = 0, the cargo touches anything but the machine, "
                 "or any block, even one that broke off, touches the floor of the gap.",
-                "The score is 0 if that is so at t = 0, or if then a block whose centre is above "
-                "the cargo's centre touches the cargo.",
+                "The score is 0 if the load is not carried at t = 0, or if at t = 0 a block whose "
+                "centre is above the cargo's centre touches the cargo.",
                 f"The run is a success if the machine carries the growing load for {HOLD:g} s, up "
                 f"to {load.most * min(1.0, HOLD / load.until):.0f} kg.",
             ),

@@ -28,7 +28,7 @@ BLOCKS = (0, 1, 2, 7, 9, 15, 16, 22, 26, 35, 41, 55, 63)
 FLYING_BLOCK = 14
 """Allowed only in mode `marks`: in mode `altitude`, one block alone would climb forever."""
 ALOFT = 0.5
-"""Height above which the greatest height is told as decisive, m."""
+"""Height above which the greatest height is reported as decisive, m."""
 COST = 1.0
 """Points lost per metre from the next hoop's centre."""
 WAVES = ((0.5, 2.0), (0.3, 1.1), (0.2, 0.6))
@@ -219,9 +219,9 @@ def _hoop_sentences(hoops: tuple[Ring, ...]) -> Iterator[str]:
     if hoops:
         places = ", ".join("({:g}, {:g}, {:g})".format(*hoop.centre) for hoop in hoops)
         yield (
-            f"Upright hoops ({len(hoops)} of them) of inner radius {hoops[0].radius:g} m stand "
-            f"across the path, with their centres at (x, y, z) = {places} m; their rims "
-            f"are solid, {THICK:g} m thick."
+            f"Upright hoops ({len(hoops)}) of inner radius {hoops[0].radius:g} m stand across the "
+            f"path, with their centres at (x, y, z) = {places} m; their rims are solid, "
+            f"{THICK:g} m thick."
         )
 
 
@@ -230,6 +230,6 @@ def _gust_sentences(knobs: FlyingKnobs) -> Iterator[str]:
     if swing and mean:
         low, high = mean * (1 - swing), mean * (1 + swing)
         yield (
-            f"It blows in gusts around this mean, in the same direction: its speed "
-            f"changes within a second or two between {low:g} and {high:g} m/s."
+            f"It blows in gusts around this mean, in the same direction: its speed changes "
+            f"between {low:g} and {high:g} m/s within a second or two."
         )

@@ -226,9 +226,9 @@ def _plate_sentences(plate: Plate) -> tuple[str, ...]:
     middles = ", ".join(f"({u:g}, {v:g})" for u, v in plate.hole_centres)
     return (
         *sentences,
-        f"The plate has {plate.holes} square holes, {HOLE:g} m wide, with their middles at (x, z) "
-        f"= {middles}; nothing can be attached in a hole or on its rim (faces at most "
-        f"{HOLE / 2:g} m from its middle along both x and z). Cogs may extend over holes.",
+        f"The plate has {plate.holes} square holes, {HOLE:g} m wide, with their centres at (x, z) "
+        f"= {middles}. Nothing can be attached in a hole or on its rim (faces at most "
+        f"{HOLE / 2:g} m from its centre along both x and z). Cogs may extend over holes.",
     )
 
 
@@ -260,6 +260,6 @@ def _meshing_sentences() -> tuple[str, ...]:
         f"or {2 * large:g} m (both large) apart; they still mesh if offset "
         f"sideways by {GRID:g} m.",
         "Meshing cogs turn in opposite directions, so the direction changes with every mesh along "
-        "a train; if a closed loop of meshing cogs would force a cog to turn both ways, the whole "
+        "a train. If a closed loop of meshing cogs would force a cog to turn both ways, the whole "
         "train is locked.",
     )

@@ -33,7 +33,7 @@ RISE = 1.0
 HOLD = 1.0
 """Time that the object must stay lifted, s."""
 LEAST = 0.1
-"""Rise above which the object's greatest height is told as decisive, m."""
+"""Rise above which the object's greatest height is reported as decisive, m."""
 LOOSE = 0.2
 """Time without contact after which the machine no longer holds the object, s."""
 COLOR = (0.2, 0.45, 0.7, 1.0)

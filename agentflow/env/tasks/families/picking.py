@@ -272,7 +272,7 @@ def _schedule_sentences(times: PickingTimes, window: float) -> tuple[str, ...]:
         f"t = {times.lower:g} s they stop and hold still; at t = {times.back:g} s they start to "
         "turn backward.",
         f"At t = {times.lower:g} s decouplers release their parents and winches start to pay out "
-        f"rope; they stop at t = {times.grab:g} s.",
+        f"rope; the winches stop at t = {times.grab:g} s.",
         f"From t = {times.grab:g} s on grabbers grip and hold whatever their Front touches.",
         f"From t = {times.lift:g} s to t = {times.back:g} s winches reel in.",
         f"At t = {times.springs:g} s springs start to contract.",

@@ -38,7 +38,7 @@ SPAN = 0.5
 HIGH = 30.0
 """Height from which on a flight is a success, as the other public benchmark counts, m."""
 ALOFT = 1.0
-"""Height above which the greatest height is told as decisive, m."""
+"""Height above which the greatest height is reported as decisive, m."""
 
 
 class RocketKnobs(CommonKnobs):
@@ -81,7 +81,7 @@ class Rocket(Family):
                 *GROUND,
                 ANY_START,
                 *_engine_sentences(count),
-                "Air drag acts at each block's centre. The loads told leave it out, and it breaks "
+                "Air drag acts at each block's centre. Reported loads leave it out, and it breaks "
                 "nothing.",
                 *knobs.wind.sentences(),
             ),
@@ -174,7 +174,7 @@ class RocketReferee:
 
     @property
     def thrust(self) -> float:
-        """Upward force on the whole machine besides gravity, N; 0 if it stays on the ground."""
+        """Upward force on the whole machine without gravity, N; 0 if it stays on the ground."""
         if len(self._heights) < 3 or self._grounded:
             return 0.0
         low, middle, high = self._heights
@@ -232,7 +232,7 @@ _OBJECTIVES: dict[Aim, str] = {
 def _engine_sentences(count: int) -> Iterator[str]:
     yield (
         "Water cannons push to their Up; only as steam, with their middle in a torch's flame, do "
-        "they lift more than themselves."
+        "they lift more than their own weight."
     )
     if count:
         yield f"The machine has exactly {count} water cannons and {count} torches."
@@ -242,7 +242,7 @@ def _score_sentences(knobs: RocketKnobs, window: float) -> Iterator[str]:
     if knobs.aim == "thrust":
         yield (
             "Score: the thrust in N, measured as the machine flies off: the upward force on its "
-            f"centre of mass besides gravity, from t = {FREE:g} s to t = {FREE + SPAN:g} s."
+            f"centre of mass, excluding gravity, from t = {FREE:g} s to t = {FREE + SPAN:g} s."
         )
         yield f"It is 0 if the machine still touches the ground at t = {FREE:g} s."
         return
@@ -257,6 +257,6 @@ def _score_sentences(knobs: RocketKnobs, window: float) -> Iterator[str]:
         )
     if knobs.aim == "landing":
         yield (
-            "The score is 0 unless the machine comes down again, and as any of its blocks first "
-            f"touches the ground the Starting Block is no faster than {knobs.touchdown:g} m/s."
+            "The score is 0 unless the machine comes down again and, when any of its blocks first "
+            f"touches the ground, the Starting Block is no faster than {knobs.touchdown:g} m/s."
         )

@@ -31,7 +31,7 @@ BLOCKS = (0, 1, 2, 5, 7, 9, 15, 16, 22, 30, 35, 36, 41, 63)
 TARGET_POINTS, TARGET_COST = 10.0, 0.5
 """Points for landing on the target, and points lost per metre from it."""
 AFTER = 0.5
-"""How long after its landing the boulder's path is told, s."""
+"""How long after its landing the boulder's path is reported, s."""
 Mode = Literal["distance", "rl", "rings", "accuracy"]
 
 
@@ -260,8 +260,8 @@ def _ring_sentences(ring: Rings) -> tuple[str, ...]:
 def _distance(window: float) -> str:
     return (
         "the distance in metres along z+ from the boulder's position at t = 0 to where it first "
-        "touches the ground or a wall after free flight, or to where it is if it is still in free "
-        f"flight after {window:g} s"
+        "touches the ground or a wall after free flight, or to where it is after "
+        f"{window:g} s if it is still in free flight"
     )
 
 

@@ -39,7 +39,7 @@ from agentflow.machine.tree import Machine
 BLOCKS = (0, 1, 2, 5, 7, 13, 15, 16, 22, 28, 35, 40, 46, 50, 63)
 CARGO, ROOT_BLOCK = "cargo", 0
 POINTS = 10.0
-"""For coming close to the target, less the distance in metres; as many more for arriving."""
+"""For coming close to the target, minus the distance in metres; as many more for arriving."""
 THICK = 0.5
 """Thickness of the wall, m."""
 WIDE = 48.0
@@ -85,12 +85,12 @@ class TransportKnobs(CommonKnobs):
 
 @dataclass(frozen=True)
 class Transport(Family):
-    """Score: 10 less the final distance in metres from the target of what is to be moved (the
+    """Score: 10 minus the final distance in metres from the target of what is to be moved (the
     cargo, else the root block), and 10 more if it arrived and nothing broke.
 
-    The distance freezes when the cargo first touches anything but the machine. Of a way there and
-    back, half of what is left counts. A part of the way on which some block stayed where it was
-    does not count, so that arms and catapults earn nothing.
+    The distance freezes when the cargo first touches anything but the machine. On a way there and
+    back, half of the distance left counts. A part of the way on which some block stayed where it
+    was does not count, so that arms and catapults earn nothing.
     """
 
     family: ClassVar[str] = "transport"
@@ -117,8 +117,8 @@ class Transport(Family):
             scene=(
                 *GROUND,
                 *((ANY_START, *joint_sentences(self.allow(BLOCKS))) if knobs.cargo.mass else ()),
-                "Blocks collide where a joint or wheel lies between them, except it and its "
-                "parent: what turns needs room.",
+                "Blocks with a joint or wheel between them collide, so moving parts need room; a "
+                "joint or wheel never collides with its own parent.",
                 *_cargo_sentences(knobs.cargo),
                 target_sentence(knobs.target, _moved(knobs)),
                 *_wall_sentences(knobs.wall),
@@ -290,22 +290,24 @@ def _score_sentences(knobs: TransportKnobs) -> Iterator[str]:
     what, target = _moved(knobs), knobs.target
     if target.back:
         yield (
-            f"{what[0].upper()}{what[1:]} must come within {target.reach:g} m of the target, if "
-            "only in passing, and then back to where it was at t = 0. Score: 10 minus half the way "
-            f"in metres that is left after {knobs.window:g} s: straight to the target and back, "
-            "or, once the target was reached, straight to the start; never less than 0."
+            f"{what[0].upper()}{what[1:]} must come within {target.reach:g} m of the target, even "
+            "just in passing, and then back to where it was at t = 0. Score: 10 minus half the "
+            f"distance in metres left after {knobs.window:g} s (straight to the target and back "
+            "or, once the target was reached, straight to the start); never less than 0."
         )
     else:
         yield (
             f"Score: 10 minus the distance in metres of {what} from the target after "
             f"{knobs.window:g} s, never less than 0."
         )
-    yield f"10 more if it ends within {target.reach:g} m, and no connection broke."
+    yield f"10 more if it ends within {target.reach:g} m and no connection breaks."
     if knobs.cargo.mass:
-        yield "Once the cargo touches the ground or anything but the machine, its place is final."
+        yield (
+            "Once the cargo touches the ground or anything but the machine, its position is final."
+        )
     yield (
-        f"The whole machine must come along: a part of the way (there, or back) at the end of "
-        f"which any block is within {LEAST:g} m of where that block began it does not count."
+        f"The whole machine must come along: a leg of the way (there or back) does not count if at "
+        f"its end any block is within {LEAST:g} m of where that block began the leg."
     )
 
 

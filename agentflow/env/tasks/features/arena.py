@@ -57,7 +57,8 @@ def arena_sentences(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> Iterator[str]
     if ramps.angle:
         top = ramps.length * sin(radians(ramps.angle))
         yield (
-            f"Ramps surround them on all four sides: they start on the ground {_foot(arena):g} m "
+            f"Ramps surround the walls on all four sides: they start on the ground "
+            f"{_foot(arena):g} m "
             f"from x = z = 0 and rise outward at {ramps.angle:g} degrees over {ramps.length:g} m, "
             f"to a height of {top:.1f} m; touching one counts as landing."
         )

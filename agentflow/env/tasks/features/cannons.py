@@ -16,7 +16,7 @@ EVERY = 0.1
 MOST = 6
 """Most texts; cannons that fired alike share one."""
 LEAST = 0.05
-"""Shortest time that is told, s."""
+"""Shortest time that is reported, s."""
 
 
 class CannonWatch:

@@ -1,4 +1,4 @@
-"""Flights of a boulder: tells throws from boulders that are carried, pushed or rolled."""
+"""Flights of a boulder: distinguishes throws from boulders that are carried, pushed or rolled."""
 
 from __future__ import annotations
 
@@ -246,9 +246,9 @@ RULES = (
     "All distances are measured to the centre of the boulder.",
     f"Free flight means no contact with the machine for {FREE_FLIGHT:g} s: a boulder that is "
     "carried, rolls, is pushed along or never leaves the machine scores 0.",
-    "The throw counts only if, when the flight ends, the gap between it and the Starting Block "
-    f"is at least {NEAR:.0%} of the distance and the Starting Block has not moved farther along z+ "
-    "than the boulder since release: a boulder that rolls off while the machine drives on scores "
-    "0.",
+    "The throw counts only if, when the flight ends, the gap between boulder and Starting Block "
+    f"is at least {NEAR:.0%} of the distance and, since release, the Starting Block has not moved "
+    "farther along z+ than the boulder. So a boulder that rolls off while the machine drives on "
+    "scores 0.",
 )
 """The rules of `Flight` in words."""
