@@ -13,7 +13,7 @@ from functools import partial
 
 from agentflow.app.machines.files import list_blocks
 from agentflow.app.tasks import list_tasks
-from docs.make.markdown import code, table
+from docs.make.markdown import blocks, code, table
 from docs.make.pages import SECTIONS, pages_of
 
 _MARKED = re.compile(r"(?ms)^<!-- generated: (?P<name>.+?) -->$.*?^<!-- end of (?P=name) -->$")
@@ -46,15 +46,16 @@ def _blocks() -> str:
 
 
 def _levels() -> str:
-    rows = []
+    rows, engines = [], set()
     for level in list_tasks():
         record = level["record"]
         best = "" if level["greatest"] is None else f"{level['greatest']:g}"
-        found = (f"{record['verified']:.4g}", str(record["blocks"]), record["engine"])
+        found = (f"{record['verified']:.4g}", str(record["blocks"]))
         numbers = (f"{level['window']:g}", f"{level['good']:g}", best)
         rows.append((code(level["name"]), level["title"], *numbers, *found))
-    head = ("level", "title", "window, s", "good", "greatest", "record", "blocks", "engine")
-    return table(head, rows)
+        engines.add(record["engine"])
+    head = ("level", "title", "window, s", "good", "greatest", "record", "blocks")
+    return blocks(table(head, rows), f"Engine of the records: {', '.join(sorted(engines))}.")
 
 
 def _pages(folder: str) -> str:

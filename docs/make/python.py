@@ -200,7 +200,7 @@ def _attributes(item: griffe.Class) -> Iterator[tuple[str, str, str]]:
             if member.docstring is None and member.annotation is None:
                 continue  # overrides one of a base class, which describes it
             meaning = _one_line(_docstring(member).value)
-            yield code(name), code(_written(member.annotation)), meaning
+            yield code(name), code(_written(member.annotation).replace(" | ", " or ")), meaning
 
 
 def _methods(item: griffe.Class) -> Iterator[griffe.Function]:
