@@ -6,7 +6,7 @@ import json
 import shutil
 from pathlib import Path
 
-from docs.make.links import REPOSITORY, rewrite, show, site_path
+from docs.make.links import REPOSITORY, ROOT, rewrite, show, site_path
 from docs.make.pages import DOCS, SECTIONS, pages_of
 
 MAKE = Path(__file__).parent
@@ -65,12 +65,17 @@ def _stage_pages(target: Path) -> dict[str, str]:
         if source.suffix == ".md":
             text = rewrite(source, source.read_text(encoding="utf-8"), waiting.append)
             if place.is_relative_to(REPOSITORY):
-                documents[text.partition("\n")[0].removeprefix("# ")] = place.as_posix()
+                documents[_title(source, text)] = place.as_posix()
         else:
             text = UNSEARCHED + show(source)
         (target / place).parent.mkdir(parents=True, exist_ok=True)
         (target / place).write_text(text, encoding="utf-8")
     return documents
+
+
+def _title(source: Path, text: str) -> str:
+    """The first line of a document; README's is the name of the whole site."""
+    return "README" if source == ROOT / "README.md" else text.partition("\n")[0].removeprefix("# ")
 
 
 def _is_picture(path: Path) -> bool:
