@@ -10,7 +10,7 @@ from pathlib import Path
 
 import griffe
 
-from docs.make.markdown import anchor, blocks, code, fence, generated, table
+from docs.make.markdown import anchor, blocks, code, fence, generated, sentence, table
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = "agentflow"
@@ -199,11 +199,22 @@ def _attributes(item: griffe.Class) -> Iterator[tuple[str, str, str]]:
         if isinstance(member, griffe.Attribute) and not name.startswith("_"):
             if member.docstring is None and member.annotation is None:
                 continue  # overrides one of a base class, which describes it
-            meaning = _one_line(_docstring(member).value)
-            yield code(name), code(_written(member.annotation).replace(" | ", " or ")), meaning
+            kind = _written(member.annotation).replace(" | ", " or ")
+            yield code(name), code(kind), _meaning(member)
+
+
+def _meaning(attribute: griffe.Attribute) -> str:
+    """What its docstring says, or the description in its `Field`; "" if its name says it all."""
+    if attribute.docstring is not None:
+        return _one_line(attribute.docstring.value)
+    value = ast.parse(str(attribute.value or "None"), mode="eval").body
+    keywords = value.keywords if isinstance(value, ast.Call) else []
+    described = [item.value for item in keywords if item.arg == "description"]
+    return sentence(str(ast.literal_eval(described[0]))) if described else ""
 
 
 def _methods(item: griffe.Class) -> Iterator[griffe.Function]:
+    """Public methods; one without a docstring carries out what a base class describes."""
     for name, member in item.members.items():
-        if isinstance(member, griffe.Function) and not name.startswith("_"):
+        if isinstance(member, griffe.Function) and not name.startswith("_") and member.docstring:
             yield member

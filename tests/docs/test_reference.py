@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from typing import Any
 
+import griffe
 import pytest
 from pydantic import BaseModel, Field
 
@@ -80,6 +81,23 @@ def test_every_public_name_is_there(pages: dict[str, str]) -> None:
     for module, names in python.used_names().items():
         for name in names:
             assert python._find(module, name).path in paths, (module, name)
+
+
+def test_every_attribute_of_the_package_has_a_meaning() -> None:
+    for name, item in python.documented()["agentflow"].items():
+        if isinstance(item, griffe.Class):
+            for attribute, _, meaning in python._attributes(item):
+                assert meaning, (name, attribute)
+
+
+def test_fields_are_described_by_their_description() -> None:
+    item = python._find("agentflow.search.settings", "UcbSettings")
+    assert isinstance(item, griffe.Class)
+    assert next(python._attributes(item)) == (
+        "`c`",
+        "`float`",
+        "Exploration constant (published: 2).",
+    )
 
 
 def test_every_insert_is_on_one_page(pages: dict[str, str]) -> None:
