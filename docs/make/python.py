@@ -1,4 +1,4 @@
-"""The page on Python: every public name, read from the source without importing it."""
+"""The page on Python: every public name, with what its docstring in the source says."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import ast
 import re
 from collections.abc import Iterator, Mapping
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import griffe
@@ -200,17 +201,15 @@ def _attributes(item: griffe.Class) -> Iterator[tuple[str, str, str]]:
             if member.docstring is None and member.annotation is None:
                 continue  # overrides one of a base class, which describes it
             kind = _written(member.annotation).replace(" | ", " or ")
-            yield code(name), code(kind), _meaning(member)
+            doc = member.docstring
+            meaning = _one_line(doc.value) if doc is not None else _field_meaning(item, name)
+            yield code(name), code(kind), meaning
 
 
-def _meaning(attribute: griffe.Attribute) -> str:
-    """What its docstring says, or the description in its `Field`; "" if its name says it all."""
-    if attribute.docstring is not None:
-        return _one_line(attribute.docstring.value)
-    value = ast.parse(str(attribute.value or "None"), mode="eval").body
-    keywords = value.keywords if isinstance(value, ast.Call) else []
-    described = [item.value for item in keywords if item.arg == "description"]
-    return sentence(str(ast.literal_eval(described[0]))) if described else ""
+def _field_meaning(item: griffe.Class, name: str) -> str:
+    """The description of a field of a pydantic model; "" where the name says it all."""
+    fields = getattr(getattr(import_module(item.module.path), item.name), "model_fields", {})
+    return sentence(fields[name].description or "") if name in fields else ""
 
 
 def _methods(item: griffe.Class) -> Iterator[griffe.Function]:
