@@ -30,7 +30,8 @@ from difflib import get_close_matches
 class AgentflowError(Exception):
     """Base of all errors that a user can act on; shown without a traceback."""
 
-    exit_status = 2
+    exit_status: int = 2
+    """Exit status of the command line."""
 
 
 class UsageError(AgentflowError):

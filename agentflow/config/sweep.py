@@ -46,7 +46,9 @@ class TableLayout(BaseModel, frozen=True, extra="forbid"):
     columns: Literal["condition", "task"] = Field(
         "condition", description="heading of each group of columns; tasks are rows otherwise"
     )
-    published: tuple[PublishedSource, ...] = ()
+    published: tuple[PublishedSource, ...] = Field(
+        (), description="published tables to compare with"
+    )
 
     @model_validator(mode="after")
     def _check_rounds(self) -> TableLayout:
@@ -74,7 +76,9 @@ class SweepConfig(BaseModel, frozen=True, extra="forbid"):
     title: str = Field(min_length=1, description="title of the table")
     about: str = Field("", description="what the sweep shows, in a sentence or two")
     base: dict[str, Any] = Field({}, description="configuration shared by all runs")
-    seeds: tuple[Seed, ...] = Field((0,), min_length=1)
+    seeds: tuple[Seed, ...] = Field(
+        (0,), min_length=1, description="random seeds; every configuration runs once with each"
+    )
     axes: dict[str, Axis] = Field({}, description="what varies between runs")
     table: TableLayout
     benchmark: BenchmarkSettings | None = Field(None, description="for benchmarks only")

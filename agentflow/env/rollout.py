@@ -62,6 +62,7 @@ class Trace:
     regular: Flags
     """(T,) whether a sample is one of those at equal intervals; the others are around events."""
     measured: Measured = field(default_factory=Measured)
+    """What was measured at every step: see `measurements`."""
 
     def __getitem__(self, picks: slice | Flags) -> Trace:
         """The trace of some of its samples."""
@@ -131,9 +132,11 @@ class Verdict:
     """A task's score of a trace."""
 
     score: float
+    """The score, in the task's unit."""
     terms: Mapping[str, float | bool | str | None]
     """Every part of the score by name."""
     events: tuple[RolloutEvent, ...] = ()
+    """Events to report to designers."""
     moment: Moment | None = None
     """None: no moment decides more than the others."""
 
@@ -143,7 +146,9 @@ class Feedback:
     """Feedback to designers after a rollout: the same content as text and as data."""
 
     text: str
+    """The feedback as sentences."""
     data: Mapping[str, Any]
+    """The same content as JSON data."""
 
 
 @dataclass(frozen=True)
@@ -155,20 +160,29 @@ class Rollout:
     """
 
     status: Status
+    """How the simulation ended."""
     score: float | None
+    """The score, in the task's unit; None after a time-out or crash."""
     feedback: Feedback
+    """What designers are told."""
     terms: Mapping[str, float | bool | str | None] = field(default_factory=dict)
+    """Every part of the score by name."""
     problems: tuple[Mapping[str, Any], ...] = ()
     """Why it is invalid: code, blocks and message of each problem."""
     broken: tuple[Broken, ...] = ()
+    """The connections that broke, in order of time."""
     marginal: tuple[Marginal, ...] = ()
     """In order of time; of several trials, those of all."""
     events: tuple[RolloutEvent, ...] = ()
+    """Other events that designers are told, in order of time."""
     trace: Trace | None = None
+    """The recorded states; None if nothing was simulated or recorded."""
     digest: str | None = None
     """Hash of every recorded state: equal digests mean bitwise equal rollouts."""
     sim_seconds: float | None = None
+    """Simulated time."""
     wall_seconds: float | None = None
+    """Time that the simulation took."""
     constants: str | None = None
     """Hash of the physical constants."""
     scene: Scene | None = None

@@ -35,12 +35,17 @@ class SceneObject:
     """
 
     name: str
+    """Its name, different from those of the other things of the scene."""
     shape: Literal["box", "sphere", "cylinder", "cone"]
+    """Its shape."""
     size: Vec3
+    """Full extent, m."""
     position: Vec3
     """Centre."""
     rotation: Quat = IDENTITY
+    """Quaternion x, y, z, w."""
     mass: float = 0.0
+    """Mass in kg; 0 keeps it in place."""
     load: float = 0.0
     """Mass that it gains as the schedule's entry `loads` goes from 0 to 1, kg."""
     friction: float | None = None
@@ -53,6 +58,7 @@ class SceneObject:
     """From its centre to its centre of mass, along its own axes, m. If not 0, its inertia about its
     centre of mass is that of a uniform box of its size about the middle."""
     color: tuple[float, float, float, float] = (0.55, 0.57, 0.6, 1.0)
+    """Red, green, blue and opacity, each from 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -94,11 +100,13 @@ class Scene:
     """Flat ground at y = 0, objects on it, and wind that is the same everywhere."""
 
     objects: tuple[SceneObject, ...] = ()
+    """Everything in the scene but the machine and the ground."""
     wind: Vec3 = (0.0, 0.0, 0.0)
     """Mean velocity of the air from t = 0 on, m/s; still before."""
     gusts: tuple[Gust, ...] = ()
     """Changes in the wind's strength from t = 0 on; its direction stays."""
     start: Start = field(default_factory=Start)
+    """Where the machine starts."""
     friction: float | None = None
     """Of the ground; None: the value of the physical constants."""
 

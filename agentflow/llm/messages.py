@@ -91,7 +91,9 @@ class Message(_Recorded):
     optional_fields = frozenset({"tool_calls", "tool_call_id", "extra"})
 
     role: Literal["system", "user", "assistant", "tool"]
+    """Who speaks: `tool` answers a tool call."""
     text: Text
+    """What is said."""
     images: tuple[str, ...] = ()
     """PNG data URLs, of user and tool messages."""
     tool_calls: tuple[ToolCall, ...] = ()
@@ -105,21 +107,27 @@ class Message(_Recorded):
 class JsonSchema(_Frozen):
     """A JSON schema for replies; endpoints that do not support one are asked for a JSON object."""
 
-    name: str
-    content: Mapping[str, Any]
-    """The schema itself."""
+    name: str = Field(description="name of the schema")
+    content: Mapping[str, Any] = Field(description="the schema itself")
 
 
 class Sampling(_Frozen):
     """Sampling parameters."""
 
-    temperature: float = Field(0.7, ge=0, allow_inf_nan=False)
-    top_p: float = Field(0.95, gt=0, le=1)
-    max_tokens: int | None = None
-    """Maximum number of output tokens; None uses the endpoint's default."""
-    seed: int | None = None
-    stop: tuple[str, ...] = ()
-    response_format: Literal["text", "json_object"] | JsonSchema = "text"
+    temperature: float = Field(
+        0.7, ge=0, allow_inf_nan=False, description="0 always takes the likeliest token"
+    )
+    top_p: float = Field(
+        0.95, gt=0, le=1, description="sample from the likeliest tokens with this total probability"
+    )
+    max_tokens: int | None = Field(
+        None, description="maximum number of output tokens; None uses the endpoint's default"
+    )
+    seed: int | None = Field(None, description="random seed sent to the endpoint")
+    stop: tuple[str, ...] = Field((), description="texts that end a reply")
+    response_format: Literal["text", "json_object"] | JsonSchema = Field(
+        "text", description="text, json_object, or a JSON schema for replies"
+    )
 
 
 class Request(_Recorded):
@@ -132,10 +140,15 @@ class Request(_Recorded):
     optional_fields = frozenset({"tools", "tool_choice"})
 
     role: str
+    """Role that asks."""
     label: str
+    """What distinguishes the call from all others of the run."""
     messages: tuple[Message, ...]
+    """The conversation so far."""
     sampling: Sampling = Sampling()
+    """How the reply is sampled."""
     tools: tuple[Tool, ...] = ()
+    """Tools that the reply may call."""
     tool_choice: Literal["auto", "none", "required"] | NamedTool = "auto"
     """Whether the reply may call tools, must not, must, or must call this one."""
 
@@ -152,9 +165,13 @@ class Usage(_Frozen):
     """Token counts as the endpoint reports them; 0 where it reports none."""
 
     prompt: int = 0
+    """Tokens of the prompt, including cached ones."""
     completion: int = 0
+    """Tokens of the reply, including reasoning."""
     reasoning: int = 0
+    """Tokens of the reasoning."""
     cached: int = 0
+    """Tokens of the prompt that the endpoint had cached."""
 
     @property
     def total(self) -> int:
@@ -176,13 +193,19 @@ class Reply(_Recorded):
     optional_fields = frozenset({"tool_calls", "reasoning_field"})
 
     text: str
+    """The text of the reply, without reasoning."""
     finish: Finish = "stop"
+    """Why the reply ended."""
     reasoning: str = ""
+    """The reasoning, if the endpoint sends it."""
     usage: Usage = Usage()
+    """Tokens that the call took."""
     model: str = ""
     """Model name reported by the endpoint."""
     latency_s: float = 0.0
+    """Seconds from the request to the end of the reply."""
     retries: int = 0
+    """Attempts that failed before this one."""
     tool_calls: tuple[ToolCall, ...] = ()
     """Calls of the request's tools, perhaps beside a text."""
     reasoning_field: str = ""

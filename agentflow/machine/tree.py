@@ -97,6 +97,7 @@ class Machine:
     """
 
     steps: tuple[Step, ...]
+    """One step for each block, in order of id."""
     controls: tuple[Control, ...] = ()
     """Its own control program; without one, the task's schedule drives it."""
 

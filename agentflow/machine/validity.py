@@ -44,6 +44,7 @@ class Report:
     """The validity of one machine."""
 
     file_valid: bool
+    """Whether the machine can be read: format, ids, faces."""
     spatial_valid: bool | None
     """None if not file-valid."""
     machine_valid: bool

@@ -21,13 +21,13 @@ class ConfigGroup(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 class TinyModel(ConfigGroup):
     """A decoder made from scratch, with a tokenizer trained on the data."""
 
-    family: Literal["llama", "qwen"] = "llama"
+    family: Literal["llama", "qwen"] = Field("llama", description="architecture of the decoder")
     hidden: int = Field(192, ge=8, description="width of the hidden states")
-    layers: int = Field(4, ge=1)
+    layers: int = Field(4, ge=1, description="number of decoder layers")
     heads: int = Field(4, ge=1, description="attention heads; must divide hidden")
     feed_forward: int = Field(512, ge=8, description="width of the feed-forward layers")
-    positions: int = Field(512, ge=32, description="most tokens of prompt and reply together")
-    vocabulary: int = Field(512, ge=300, description="most tokens of the tokenizer")
+    positions: int = Field(512, ge=32, description="maximum tokens of prompt and reply together")
+    vocabulary: int = Field(512, ge=300, description="maximum tokens of the tokenizer")
 
     @model_validator(mode="after")
     def _heads_fit(self) -> TinyModel:
@@ -56,15 +56,15 @@ class ModelSource(ConfigGroup):
 class Lora(ConfigGroup):
     """Low-rank adapters on all linear layers."""
 
-    rank: int = Field(64, ge=1)
-    alpha: float = Field(64.0, gt=0, description="alpha / rank is the weight of the adapter")
-    dropout: float = Field(0.0, ge=0, lt=1)
+    rank: int = Field(64, ge=1, description="rank of the adapter's matrices")
+    alpha: float = Field(64.0, gt=0, description="the weight of the adapter is alpha / rank")
+    dropout: float = Field(0.0, ge=0, lt=1, description="share of inputs dropped while training")
 
 
 class Oft(ConfigGroup):
     """Orthogonal fine-tuning of all linear layers."""
 
-    block_size: int = Field(64, ge=2)
+    block_size: int = Field(64, ge=2, description="size of the orthogonal blocks")
 
 
 class Adapter(ConfigGroup):
@@ -83,11 +83,15 @@ class Adapter(ConfigGroup):
 class Optimiser(ConfigGroup):
     """How weights are updated."""
 
-    name: Literal["adamw", "adamw_8bit"] = "adamw"
-    learning_rate: float = Field(2e-3, gt=0)
-    schedule: Literal["cosine", "linear", "constant"] = "cosine"
+    name: Literal["adamw", "adamw_8bit"] = Field(
+        "adamw", description="adamw_8bit stores its state in 8 bits and needs bitsandbytes"
+    )
+    learning_rate: float = Field(2e-3, gt=0, description="learning rate after the warm-up")
+    schedule: Literal["cosine", "linear", "constant"] = Field(
+        "cosine", description="how the learning rate changes after the warm-up"
+    )
     warmup: float = Field(0.05, ge=0, lt=1, description="share of the steps; linear")
-    weight_decay: float = Field(0.01, ge=0)
+    weight_decay: float = Field(0.01, ge=0, description="decoupled weight decay")
     beta2: float = Field(0.98, gt=0, lt=1, description="memory of squared gradients")
     gradient_norm: float = Field(1.0, gt=0, description="longer gradients are shortened to this")
 
@@ -98,11 +102,15 @@ class TrainingConfig(ConfigGroup):
     model: ModelSource
     peft: Adapter | None = Field(None, description="None trains all weights")
     optimiser: Optimiser = Optimiser()
-    steps: int = Field(ge=1)
-    seed: int = Field(0, ge=0, lt=2**32)
-    precision: Literal["float32", "bfloat16"] = "float32"
-    device: Literal["auto", "cpu"] = Field("auto", description="auto takes a GPU if there is one")
-    threads: int | None = Field(None, ge=1, description="of the processor; None is all")
+    steps: int = Field(ge=1, description="number of updates")
+    seed: int = Field(0, ge=0, lt=2**32, description="random seed")
+    precision: Literal["float32", "bfloat16"] = Field(
+        "float32", description="number format of weights and activations"
+    )
+    device: Literal["auto", "cpu"] = Field(
+        "auto", description="device; auto takes a GPU if there is one"
+    )
+    threads: int | None = Field(None, ge=1, description="processor threads; None is all")
     log_every: int = Field(10, ge=1, description="steps between lines of the curves")
     save_every: int = Field(100, ge=1, description="steps between checkpoints")
     label: str | None = Field(None, min_length=1, description="name in results; None derives it")
@@ -132,7 +140,7 @@ class SftConfig(TrainingConfig):
     )
     max_tokens: int = Field(512, ge=16, description="longer pairs are left out")
     dev_every: int = Field(100, ge=1, description="steps between losses on dev.jsonl")
-    dev_pairs: int = Field(128, ge=1, description="most pairs of dev.jsonl to use")
+    dev_pairs: int = Field(128, ge=1, description="maximum pairs of dev.jsonl to use")
 
     @model_validator(mode="after")
     def _fits(self) -> SftConfig:

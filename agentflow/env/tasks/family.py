@@ -76,9 +76,13 @@ class CommonKnobs(Parameters):
     """Knobs that every family has."""
 
     window: float = knob(5, 1, 60, "s", "length of the scored window")
+    """Length of the scored window, s."""
     schedule: StartTimes = StartTimes()
+    """When motors, springs and steering hinges start."""
     wind: Wind = Wind()
+    """Wind and its gusts."""
     blocks: BlockBudget = BlockBudget()
+    """How many blocks, and which of them are withheld."""
 
     @property
     def control_schedule(self) -> Schedule:
@@ -225,6 +229,7 @@ class Family(Task):
     """
 
     knobs: ClassVar[type[CommonKnobs]]
+    """The class of its knobs."""
     drives: ClassVar[bool] = False
     """Whether its machines drive along z: powered wheels must then turn about x."""
     stays: ClassVar[bool] = False
@@ -242,6 +247,7 @@ class Family(Task):
     """A text whose TF-IDF cosine with a sentence of its briefs is this or more says the same:
     paraphrases of our briefs reach 0.52 to 0.83, our own design objectives at most 0.48."""
     parameters: CommonKnobs
+    """The values of the knobs of this task."""
 
     @property
     def limits(self) -> Limits:

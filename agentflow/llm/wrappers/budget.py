@@ -20,12 +20,13 @@ _MILLION = 1_000_000
 class Price(BaseModel, frozen=True, extra="forbid"):
     """Prices of one model per million tokens, in the currency of the budget."""
 
-    input: float = Field(ge=0)
-    """Price of prompt tokens."""
-    output: float = Field(ge=0)
-    """Price of completion tokens, including reasoning."""
-    cached: float | None = Field(default=None, ge=0)
-    """Price of cached prompt tokens; None uses the price of other prompt tokens."""
+    input: float = Field(ge=0, description="price of prompt tokens")
+    output: float = Field(ge=0, description="price of completion tokens, including reasoning")
+    cached: float | None = Field(
+        None,
+        ge=0,
+        description="price of cached prompt tokens; None uses the price of other prompt tokens",
+    )
 
     def of(self, usage: Usage) -> float:
         """Cost of one call; prompt tokens include cached ones."""
@@ -42,11 +43,15 @@ FREE = Price(input=0.0, output=0.0)
 class BudgetSettings(BaseModel, frozen=True, extra="forbid"):
     """Limits of a run; None is unlimited."""
 
-    calls: int | None = Field(default=None, ge=1)
-    tokens: int | None = Field(default=None, ge=1)
-    """Prompt and completion tokens together."""
-    money: float | None = Field(default=None, gt=0)
-    """Cost in the currency of the prices; requires a price for every model."""
+    calls: int | None = Field(None, ge=1, description="maximum number of calls")
+    tokens: int | None = Field(
+        None, ge=1, description="maximum tokens, prompt and completion together"
+    )
+    money: float | None = Field(
+        None,
+        gt=0,
+        description="maximum cost, in the currency of the prices; needs a price for every model",
+    )
 
 
 class Budget:

@@ -1,4 +1,5 @@
-// The gallery: machines with their scores, one player for all of them.
+// The gallery: machines with their scores, one player for all of them. The part of the address
+// after # chooses a machine: gallery.html#throwing/3.
 
 import { el, formatNumber } from "./dom.js";
 import { Player } from "./player.js";
@@ -19,7 +20,13 @@ export function galleryPage(data) {
     chosen.replaceChildren(el("h2", {}, `${card.task} · ${scoreText(card)}`), el("p", {}, [card.asked.title, card.run].join(" · ")),
       card.why ? problem(card.why) : "", taskDetails(card.asked));
   };
-  if (data.cards.length) choose(data.cards[0]);
+  const chooseByAddress = () => {
+    const wanted = decodeURIComponent(location.hash.slice(1));
+    const card = data.cards.find((item) => item.task === wanted) ?? data.cards[0];
+    if (card) choose(card);
+  };
+  addEventListener("hashchange", chooseByAddress);
+  chooseByAddress();
   return [
     el("aside", {}, player.element),
     el("main", {},

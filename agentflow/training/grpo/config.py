@@ -14,7 +14,7 @@ from agentflow.training.config import ConfigGroup, TrainingConfig
 class AdvantageConfig(ConfigGroup):
     """How the rewards of a group of replies become advantages."""
 
-    name: str = "pass1"
+    name: str = Field("pass1", description="formula of the advantage")
     k: int | dict[int, int] = Field(
         4,
         description="for pkpo and maxpo: replies of which the best counts; or a schedule, "
@@ -74,24 +74,34 @@ class GrpoConfig(TrainingConfig):
     fresh: bool = Field(
         False, description="begin with random weights of the model's form: no cold start"
     )
-    tasks: tuple[str, ...] = Field(("throwing",), min_length=1, description="levels, alternating")
+    tasks: tuple[str, ...] = Field(
+        ("throwing",), min_length=1, description="levels; steps alternate between them"
+    )
     engine: str = Field("auto", description="physics engine; auto is the first that is installed")
     workers: int = Field(2, ge=1, description="processes for simulations")
-    reward: Literal["performance", "shaped"] = "performance"
+    reward: Literal["performance", "shaped"] = Field(
+        "performance",
+        description="performance: the score, 0 for an invalid machine; shaped: "
+        "also a part for each step towards a valid machine",
+    )
     advantage: AdvantageConfig = AdvantageConfig()
     prompts: int = Field(4, ge=1, description="groups per step")
     samples: int = Field(16, ge=2, description="replies per group")
     device_batch: int | None = Field(
-        None, ge=1, description="most replies per device at a time in updates; None is all"
+        None, ge=1, description="maximum replies per device at a time in updates; None is all"
     )
     max_tokens: int = Field(260, ge=1, description="longer replies are cut off")
-    temperature: float = Field(1.0, gt=0)
-    top_p: float = Field(1.0, gt=0, le=1)
+    temperature: float = Field(1.0, gt=0, description="sampling temperature of the replies")
+    top_p: float = Field(
+        1.0, gt=0, le=1, description="sample from the likeliest tokens with this total probability"
+    )
     vllm: bool = Field(False, description="generate with vLLM, on the same GPU")
-    loss: Literal["grpo", "bnpo", "dr_grpo", "dapo"] = "dr_grpo"
+    loss: Literal["grpo", "bnpo", "dr_grpo", "dapo"] = Field(
+        "dr_grpo", description="how the losses of tokens are averaged, as TRL names it"
+    )
     kl: float = Field(0.0, ge=0, description="weight of the divergence from the first model")
-    clip: float = Field(0.2, gt=0, description="most that a token's probability ratio may fall")
-    clip_high: float = Field(0.28, gt=0, description="most that it may rise")
+    clip: float = Field(0.2, gt=0, description="greatest fall of a token's probability ratio")
+    clip_high: float = Field(0.28, gt=0, description="greatest rise of that ratio")
     log_every: int = Field(1, ge=1, description="steps between lines of the curves")
     save_every: int = Field(10, ge=1, description="steps between checkpoints")
     eval_every: int = Field(10, ge=1, description="steps between evaluations")

@@ -1,0 +1,1 @@
+"""Makes the generated reference and the static site; `scripts/docs` calls it."""
