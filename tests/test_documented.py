@@ -36,6 +36,8 @@ NEEDED = ("examples", "configs", "docs", "runs/recorded-throwing", "runs/languag
 """What commands may refer to, from the root of the repository."""
 WITH_PACKAGE = {"docs/tutorials/your-own-part.md": "examples/straight"}
 """Pages whose commands need a package of the examples."""
+ELSEWHERE = ("docs/tutorials/train-a-model.md",)
+"""Pages whose commands tests/training runs, with PyTorch."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,9 @@ def marks(page: str) -> list[pytest.MarkDecorator]:
     ]
 
 
-WITH_COMMANDS = [pytest.param(page, marks=marks(page)) for page in PAGES if shown(page)]
+WITH_COMMANDS = [
+    pytest.param(page, marks=marks(page)) for page in PAGES if shown(page) and page not in ELSEWHERE
+]
 ALL = [(page, command) for page in PAGES for command in understood(page)]
 
 
