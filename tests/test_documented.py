@@ -2,7 +2,8 @@
 
 `console` fences are carried out as they stand, with the built-in model; a command whose output is
 shown must print it. `sh` fences need what a test has not (an endpoint, an installation): their
-commands must be such as the command line understands.
+commands must be such as the command line understands. A fence with a `title` shows a file: an
+excerpt of one in the repository, or a new one, which is there before the commands are run.
 """
 
 from __future__ import annotations
@@ -32,6 +33,10 @@ PAGES = sorted(
 )
 NEEDED = ("examples", "configs", "docs", "runs/recorded-throwing", "runs/language-model-jumping")
 """What commands may refer to, from the root of the repository."""
+WITH_PACKAGE = {"docs/tutorials/your-own-part.md": "examples/straight"}
+"""Pages whose commands need a package of the examples."""
+ELSEWHERE = ("docs/tutorials/train-a-model.md",)
+"""Pages whose commands tests/training runs, with PyTorch."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,12 @@ class Command:
 def fences(page: str, language: str) -> list[str]:
     text = (ROOT / page).read_text()
     return re.findall(rf"(?ms)^```{language}\n(.*?)^```$", text)
+
+
+def titled(page: str) -> list[tuple[str, str]]:
+    """The fences with a title: name of the file, and text."""
+    text = (ROOT / page).read_text()
+    return re.findall(r'(?ms)^```\w+ title="([^"]+)"\n(.*?)^```$', text)
 
 
 def shown(page: str) -> list[Command]:
@@ -85,7 +96,9 @@ def marks(page: str) -> list[pytest.MarkDecorator]:
     ]
 
 
-WITH_COMMANDS = [pytest.param(page, marks=marks(page)) for page in PAGES if shown(page)]
+WITH_COMMANDS = [
+    pytest.param(page, marks=marks(page)) for page in PAGES if shown(page) and page not in ELSEWHERE
+]
 ALL = [(page, command) for page in PAGES for command in understood(page)]
 
 
@@ -118,21 +131,53 @@ def test_commands_run_as_written(
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
+    follow(page, tmp_path, monkeypatch, capfd)
+
+
+def follow(
+    page: str,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Do in a folder what a page says."""
     for name in NEEDED:
-        shutil.copytree(ROOT / name, tmp_path / name)
-    monkeypatch.chdir(tmp_path)
+        shutil.copytree(ROOT / name, folder / name)
+    for name, text in titled(page):
+        if not (ROOT / name).exists():
+            (folder / name).write_text(text)
+    monkeypatch.chdir(folder)
     for name in ("AGENTFLOW_MODEL", "OPENAI_BASE_URL", "OPENAI_API_KEY"):
         monkeypatch.delenv(name, raising=False)
+    package = WITH_PACKAGE.get(page)
+    if package:
+        offer(folder / package)
+        monkeypatch.setenv("PYTHONPATH", str(folder / package))
     for command in shown(page):
-        assert run(command.words) == 0, (command.line, capfd.readouterr().err)
-        printed = capfd.readouterr().out
+        status = run(command.words, in_process=package is None)
+        printed, complaints = capfd.readouterr()
+        assert status == 0, (command.line, complaints)
         assert command.output in ("", printed), command.line
 
 
-def run(words: list[str]) -> int:
-    """A command of ours, a Python script, or `echo TEXT > FILE`."""
-    if words[0] == "agentflow":
+def offer(package: Path) -> None:
+    """Have the entry points of a package found, as pip would, but without building a wheel."""
+    code = "import setuptools; setuptools.setup()"
+    command = [sys.executable, "-W", "ignore", "-c", code, "-q", "egg_info"]
+    subprocess.run(command, cwd=package, check=True)
+
+
+def run(words: list[str], *, in_process: bool = True) -> int:
+    """A command of ours, a Python script, or `echo TEXT > FILE`.
+
+    Registries of this process know only what was installed when it began; another process sees
+    what is on its path.
+    """
+    if words[0] == "agentflow" and in_process:
         return main(words[1:])
+    if words[0] == "agentflow":
+        code = "import sys; from agentflow.cli import main; sys.exit(main())"
+        words = ["python", "-c", code, *words[1:]]
     if words[0] == "python":
         return subprocess.run([sys.executable, *words[1:]], check=False).returncode
     echo, text, arrow, file = words
@@ -140,6 +185,13 @@ def run(words: list[str]) -> int:
     with Path(file).open({">": "w", ">>": "a"}[arrow]) as target:
         target.write(text + "\n")
     return 0
+
+
+@for_each(PAGES)
+def test_files_that_are_shown_are_those_of_the_repository(page: str) -> None:
+    for name, text in titled(page):
+        if (ROOT / name).exists():
+            assert text in (ROOT / name).read_text(), name
 
 
 FOREIGN = ("docs/how-to/libraries.md", "docs/reference/tools.md")

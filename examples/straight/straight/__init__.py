@@ -1,0 +1,1 @@
+"""Parts of one's own for agentflow; docs/tutorials/your-own-part.md explains them."""

@@ -1,0 +1,1 @@
+"""The default prompts and those of the namer."""
