@@ -1,4 +1,4 @@
-"""One thing of each kind from outside the package, used as ours are.
+"""One part of each kind from outside the package, used as ours are.
 
 tests/plugins holds a distribution as pip would leave it; it is on the path of the commands here.
 """

@@ -10,7 +10,7 @@ from agentflow.files.atomic import write_output
 from agentflow.study.episodes import MEANING
 from agentflow.study.labelling import describe_event
 from agentflow.study.segments import Segments, read_segments
-from agentflow.study.session import Action, Audio, Note, Pause, Session, Trial
+from agentflow.study.session import Action, Audio, Note, Pause, Session, StudioTest
 
 Span = tuple[float, float, str]
 """Begin and end, seconds since the start of the session, and a text."""
@@ -61,7 +61,7 @@ def _tiers(session: Session, segments: Segments) -> Iterator[tuple[str, Sequence
     yield "speech", [(one.begin, one.end, one.text) for one in segments.spoken]
     yield "notes", [(one.at, one.at + MARK, one.text) for one in session.of(Note)]
     yield "actions", [(one.at, one.at + MARK, describe_event(one)) for one in session.of(Action)]
-    yield "trials", [(one.at, one.end, describe_event(one)) for one in session.of(Trial)]
+    yield "trials", [(one.at, one.end, describe_event(one)) for one in session.of(StudioTest)]
     yield (
         "pauses",
         [(one.at, one.end, "break" if one.asked else "pause") for one in session.of(Pause)],

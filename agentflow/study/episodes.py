@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import BaseModel
 
-from agentflow.study.session import IDLE, Action, Pause, Session, Trial
+from agentflow.study.session import IDLE, Action, Pause, Session, StudioTest
 from agentflow.study.transcript import Utterance
 
 Coarse = Literal["building", "testing", "looking", "asking", "talking", "pause", "break"]
@@ -75,7 +75,7 @@ def cut(session: Session, said: Sequence[Utterance]) -> list[Episode]:
     for event in session.events:
         if isinstance(event, Pause) and not event.asked:
             begun += _cut_pause(event, said)
-        elif isinstance(event, Action | Trial | Pause):
+        elif isinstance(event, Action | StudioTest | Pause):
             begun.append((event.at, _coarse(event)))
     at_once = dict(sorted(begun, key=itemgetter(0)))  # of what begins at once, the last counts
     stretches = [(next(at), coarse) for coarse, at in groupby(at_once, at_once.__getitem__)]
@@ -87,8 +87,8 @@ def cut(session: Session, said: Sequence[Utterance]) -> list[Episode]:
     ]
 
 
-def _coarse(event: Action | Trial | Pause) -> Coarse:
-    if isinstance(event, Trial):
+def _coarse(event: Action | StudioTest | Pause) -> Coarse:
+    if isinstance(event, StudioTest):
         return "testing"
     if isinstance(event, Pause):
         return "break"

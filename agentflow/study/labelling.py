@@ -13,7 +13,7 @@ from agentflow.metrics.behaviour.measures import fails
 from agentflow.progress import Progress
 from agentflow.study.episodes import ALLOWED, MEANING, Episode, Label
 from agentflow.study.measures import count_restarts, edits_of, machine_at, result_of
-from agentflow.study.session import Action, Session, Trial
+from agentflow.study.session import Action, Session, StudioTest
 from agentflow.study.transcript import Utterance, words_in
 
 FOLDER = "_sessions"
@@ -109,15 +109,15 @@ def _row(
         "events": ", ".join(
             describe_event(event)
             for event in session.events
-            if isinstance(event, Action | Trial) and episode.begin <= event.at < episode.end
+            if isinstance(event, Action | StudioTest) and episode.begin <= event.at < episode.end
         ),
         "words": words_in(said, episode.begin, episode.end),
     }
 
 
-def describe_event(event: Action | Trial) -> str:
+def describe_event(event: Action | StudioTest) -> str:
     """An action or a trial in a few words."""
-    if isinstance(event, Trial):
+    if isinstance(event, StudioTest):
         score = event.status if event.score is None else f"score {event.score:.2f}"
         return f"simulate: {score}"
     kind = library().get(event.type) if event.type is not None else None
@@ -146,7 +146,7 @@ def label_by_rules(session: Session, episodes: Sequence[Episode]) -> list[Episod
 class _Rules:
     def __init__(self, session: Session, episodes: Sequence[Episode]) -> None:
         self._session, self._episodes = session, episodes
-        self._trials = session.of(Trial)
+        self._trials = session.of(StudioTest)
         self._worse = {edit.after.machine for edit in edits_of(session) if edit.failed}
 
     def label(self, number: int) -> Label | None:
@@ -178,9 +178,9 @@ class _Rules:
             return "Diagnose" if self._failed(trial) else "Observe"
         return "Hypothesize" if trial else "Plan"
 
-    def _last_trial(self, episode: Episode) -> Trial | None:
+    def _last_trial(self, episode: Episode) -> StudioTest | None:
         return next((one for one in reversed(self._trials) if one.at < episode.begin), None)
 
-    def _failed(self, trial: Trial) -> bool:
+    def _failed(self, trial: StudioTest) -> bool:
         result = result_of(self._session, trial)
         return trial.score is None or fails(result) or result.machine in self._worse

@@ -20,7 +20,7 @@ from agentflow.metrics.behaviour.measures import Behaviour, Edit, behaviour
 from agentflow.runs.events import EvaluationEvent
 from agentflow.runs.locations import Location
 from agentflow.study.episodes import Episode
-from agentflow.study.session import Action, Session, Trial
+from agentflow.study.session import Action, Session, StudioTest
 from agentflow.study.transcript import Utterance
 
 FOUNDATION = 2
@@ -138,7 +138,7 @@ def behaviour_of_session(
         said: Everything that was said or noted.
         effort: Role -> seconds of work like that of the role.
     """
-    trials = session.of(Trial)
+    trials = session.of(StudioTest)
 
     def prediction(place: Location) -> str:
         begin, end = trials[place.call - 1].end, trials[place.call].at
@@ -158,13 +158,13 @@ def edits_of(session: Session) -> Iterator[Edit]:
 
     Those are left out that changed nothing, or whose simulation crashed or timed out.
     """
-    results = [result_of(session, trial) for trial in session.of(Trial)]
+    results = [result_of(session, trial) for trial in session.of(StudioTest)]
     for number, (before, after) in enumerate(pairwise(results), start=1):
         if before.machine != after.machine and None not in (before.score, after.score):
             yield Edit((Location("trial", call=number),), before, after, informed=True)
 
 
-def result_of(session: Session, trial: Trial) -> EvaluationEvent:
+def result_of(session: Session, trial: StudioTest) -> EvaluationEvent:
     """A trial as the result of a simulation."""
     return EvaluationEvent(
         Location("trial"),

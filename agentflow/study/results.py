@@ -36,7 +36,7 @@ from agentflow.study.measures import (
     time_of_roles,
 )
 from agentflow.study.segments import everything_said, read_segments
-from agentflow.study.session import FILE, Session, Trial, read_session
+from agentflow.study.session import FILE, Session, StudioTest, read_session
 from agentflow.tools.bench import TOOLS
 
 ABOUT = (
@@ -130,14 +130,14 @@ def measure_session(session: Session) -> Measured:
     """What is measured in a session."""
     segments = read_segments(session)
     said = everything_said(session, segments)
-    scores = [trial.score for trial in session.of(Trial) if trial.score is not None]
+    scores = [trial.score for trial in session.of(StudioTest) if trial.score is not None]
     found = behaviour_of_session(session, said, time_of_roles(segments.episodes))
     return Measured(
         Result(str(session.path), 1, found),
         by="person",
         effort_in="seconds",
         task=session.start.task,
-        trials=len(session.of(Trial)),
+        trials=len(session.of(StudioTest)),
         best=max(scores, default=None),
         final=scores[-1] if scores else None,
         foundation_first=is_foundation_first(session),

@@ -96,7 +96,7 @@ class _Span(_Event):
         return self.at + self.seconds
 
 
-class Trial(_Span):
+class StudioTest(_Span):
     """The machine was simulated; the line is written when the result is there."""
 
     kind: Literal["trial"] = "trial"
@@ -140,7 +140,7 @@ class End(_Event):
     """The person finished, the time was up, or the studio was closed."""
 
 
-Event = Action | Trial | Pause | Note | Audio | End
+Event = Action | StudioTest | Pause | Note | Audio | End
 _EVENTS: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="kind")])
 _START: TypeAdapter[SessionStart] = TypeAdapter(SessionStart)
 _Kind = TypeVar("_Kind", bound=_Event)
@@ -169,10 +169,14 @@ class Session:
     @cached_property
     def machines(self) -> Mapping[str, Machine]:
         """Content hash -> machine, for every machine that was ever there."""
-        lines: list[SessionStart | Action | Trial] = [self.start, *self.of(Action), *self.of(Trial)]
+        lines: list[SessionStart | Action | StudioTest] = [
+            self.start,
+            *self.of(Action),
+            *self.of(StudioTest),
+        ]
         return {machine.digest: machine for machine in (self.machine(line) for line in lines)}
 
-    def machine(self, line: SessionStart | Action | Trial) -> Machine:
+    def machine(self, line: SessionStart | Action | StudioTest) -> Machine:
         """The machine of a line.
 
         Raises:
@@ -227,7 +231,7 @@ class SessionLog:
         """Seconds since the start, to the millisecond."""
         return round(self._clock() - self._zero, 3)
 
-    def append(self, event: Action | Trial | Pause | Note | Audio | End) -> None:
+    def append(self, event: Action | StudioTest | Pause | Note | Audio | End) -> None:
         """Write an event, after the pause before it if there was one.
 
         Raises:

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from tests.adding.places import EDITS, THINGS, TOUCHED
+from tests.adding.edits import ADDITIONS, EDITS, TOUCHED
 
 ROOT = Path(__file__).parents[2]
 CAR = ROOT / "examples" / "car.json"
@@ -60,7 +60,9 @@ def test_an_entry_names_the_places_that_adding_touches_and_no_others(name: str) 
 def test_there_is_an_addition_for_each_entry_and_no_other() -> None:
     assert list(entries()) == list(TOUCHED)
     every = {f"agentflow/{path}" for paths in TOUCHED.values() for path in paths}
-    files = {path.relative_to(THINGS).as_posix() for path in THINGS.rglob("*") if path.is_file()}
+    files = {
+        path.relative_to(ADDITIONS).as_posix() for path in ADDITIONS.rglob("*") if path.is_file()
+    }
     assert {path for path in files if "__pycache__" not in path} | set(EDITS) == every
 
 
@@ -70,7 +72,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("copy")
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "agentflow", root / "agentflow", ignore=ignored)
-    shutil.copytree(THINGS, root, ignore=ignored, dirs_exist_ok=True)
+    shutil.copytree(ADDITIONS, root, ignore=ignored, dirs_exist_ok=True)
     for path, edits in EDITS.items():
         text = (root / path).read_text(encoding="utf-8")
         for before, after in edits:
@@ -82,7 +84,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(copy: Path) -> dict[str, Any]:
-    """What came of each new thing."""
+    """What came of each new part."""
     environ = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (copy, ROOT)))}
     done = subprocess.run(
         [sys.executable, "-W", "error", str(Path(__file__).with_name("use.py")), str(CAR)],

@@ -84,7 +84,7 @@ async def weigh(car: str) -> str:
 
 
 def use(car: str) -> dict[str, Any]:
-    """What came of each new thing."""
+    """What came of each new part."""
     settings = [word for item in (*SET, *SEARCH) for word in ("--set", item)]
     result = json.loads(told(*DESIGN, *settings, "--quiet", "--json"))
     run = Path(result["run"])

@@ -13,7 +13,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
 
 from agentflow.app.inspect.overview import run_list
-from agentflow.study.session import Action, Trial, read_session
+from agentflow.study.session import Action, StudioTest, read_session
 from tests.report.browser import complaints
 from tests.studio.pages import (
     NASTY,
@@ -115,7 +115,7 @@ def test_a_session_is_recorded_while_a_person_builds(
     assert done == ["audio", "add", "note", "pause", "trial", "watch", "undo", "end"]
     assert (path / "speech-1.webm").read_bytes().startswith(b"\x1aE\xdf\xa3")  # as WebM does
     assert [len(action.machine) for action in found.of(Action)] == [2, 2, 1]
-    [trial] = found.of(Trial)
+    [trial] = found.of(StudioTest)
     assert (trial.status, len(trial.machine)) == ("ok", 2)
     assert (runs / trial.run / "events.jsonl").is_file()
     assert browser.execute_script("return window.owned ?? null") is None

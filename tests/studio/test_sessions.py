@@ -20,7 +20,7 @@ from agentflow.study.session import (
     Note,
     Pause,
     SessionStart,
-    Trial,
+    StudioTest,
     read_session,
 )
 from tests.machine.builders import CAR, build
@@ -77,7 +77,7 @@ def test_actions_tests_pauses_and_notes_are_recorded_with_their_times(
     assert found.events == (
         Action(at=2, **{key: value for key, value in ADDED.items() if key != "kind"}),
         Pause(at=3, seconds=5.5),
-        Trial(at=8.5, seconds=1.5, **trial),
+        StudioTest(at=8.5, seconds=1.5, **trial),
         Note(at=10, text="too slow"),
         End(at=11, reason="finished"),
     )

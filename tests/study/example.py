@@ -13,7 +13,7 @@ from agentflow.study.session import (
     Session,
     SessionLog,
     SessionStart,
-    Trial,
+    StudioTest,
     read_session,
 )
 from tests.machine.builders import build
@@ -54,7 +54,9 @@ def record(folder: Path, note: str = "It will go farther with four wheels.") -> 
         log.append(Action(at=at, do=do, machine=machine.to_json()))
 
     def test(at: float, seconds: float, machine: Machine, score: float) -> None:
-        found = Trial(at=at, seconds=seconds, machine=machine.to_json(), score=score, status="ok")
+        found = StudioTest(
+            at=at, seconds=seconds, machine=machine.to_json(), score=score, status="ok"
+        )
         log.append(found)
 
     act(10, "add", build(CHASSIS[0]))  # 0-10 pause, 10-17 building

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from agentflow.errors import UsageError
 from agentflow.study.episodes import ALLOWED, MEANING, cut
 from agentflow.study.labelling import label_by_rules
-from agentflow.study.session import Action, Pause, Session, SessionStart, Trial
+from agentflow.study.session import Action, Pause, Session, SessionStart, StudioTest
 from agentflow.study.transcript import Utterance, read_transcript
 from tests.machine.builders import build
 from tests.study.example import FOUR_WHEELS, HINGED, TRANSCRIPT, TWO_WHEELS, record
@@ -67,7 +67,7 @@ MACHINES = st.sampled_from([build(), TWO_WHEELS, FOUR_WHEELS, HINGED]).map(lambd
 EVENTS = st.one_of(
     st.builds(Action, at=TIMES, do=st.sampled_from(["add", "watch", "ask"]), machine=MACHINES),
     st.builds(
-        Trial,
+        StudioTest,
         at=TIMES,
         seconds=TIMES,
         machine=MACHINES,
@@ -82,7 +82,7 @@ SAID = st.builds(Utterance, begin=TIMES, end=st.just(30.0), text=st.just("so"))
 @pytest.mark.slow
 @given(st.lists(EVENTS, max_size=8), st.lists(SAID, max_size=3))
 def test_episodes_cover_any_session_and_have_allowed_labels(
-    events: list[Action | Trial | Pause], said: list[Utterance]
+    events: list[Action | StudioTest | Pause], said: list[Utterance]
 ) -> None:
     ordered = tuple(sorted(events, key=lambda event: event.at))
     start = SessionStart(task="movement", machine=build().to_json())

@@ -17,7 +17,7 @@ from agentflow.study.session import (
     Pause,
     SessionLog,
     SessionStart,
-    Trial,
+    StudioTest,
     read_session,
 )
 from tests.study.example import Clock
@@ -45,7 +45,7 @@ def test_a_session_is_read_as_it_was_written(log: SessionLog, clock: Clock) -> N
     clock.at += 2
     log.append(Audio(at=log.now, file="speech.webm"))
     log.append(Action(at=log.now, do="add", block=1, type=15, machine=TWO))
-    log.append(Trial(at=4.0, seconds=3.0, machine=TWO, score=1.5, status="ok", run="a/b"))
+    log.append(StudioTest(at=4.0, seconds=3.0, machine=TWO, score=1.5, status="ok", run="a/b"))
     log.append(Note(at=7.5, text="<b>short</b>"))
     clock.at += 6
     log.finish("finished")
@@ -68,7 +68,7 @@ def test_doing_nothing_for_five_seconds_is_a_pause_and_notes_do_not_end_it(
     log.append(Action(at=4.9, do="add", machine=TWO))  # no pause before it
     log.append(Note(at=8.0, text="thinking"))
     log.append(Action(at=10.9, do="watch", machine=TWO))
-    log.append(Trial(at=11.0, seconds=20.0, machine=TWO, score=None, status="timeout"))
+    log.append(StudioTest(at=11.0, seconds=20.0, machine=TWO, score=None, status="timeout"))
     log.append(End(at=36.0, reason="time"))
     pauses = read_session(log.path).of(Pause)
     assert [(pause.at, pause.seconds) for pause in pauses] == [(5.9, 5.0), (31.0, 5.0)]
@@ -76,7 +76,7 @@ def test_doing_nothing_for_five_seconds_is_a_pause_and_notes_do_not_end_it(
 
 def test_events_are_in_the_order_of_time(log: SessionLog) -> None:
     log.append(Action(at=3.0, do="add", machine=TWO))
-    log.append(Trial(at=1.0, seconds=4.0, machine=ROOT, score=0, status="ok"))
+    log.append(StudioTest(at=1.0, seconds=4.0, machine=ROOT, score=0, status="ok"))
     assert [event.at for event in read_session(log.path).events] == [1.0, 3.0]
 
 

@@ -26,7 +26,7 @@ from agentflow.study.session import (
     Session,
     SessionLog,
     SessionStart,
-    Trial,
+    StudioTest,
     read_session,
 )
 
@@ -36,7 +36,7 @@ MOST_EVENTS = 20_000
 """Most lines of one session."""
 MOST_SOUND = 512 * 2**20
 """Most bytes of one recording; an hour of speech has about 60 MB."""
-Told = Action | Trial | Note
+Told = Action | StudioTest | Note
 """What the page tells; this process writes everything else."""
 _TOLD: TypeAdapter[Told] = TypeAdapter(Annotated[Told, Field(discriminator="kind")])
 
@@ -124,7 +124,7 @@ class SessionRecorder:
             read = _TOLD.validate_python({**event, **timed, "at": max(at, 0.0)})
         except ValidationError as error:
             raise UsageError(tell_fault(error, "the event")) from None
-        if isinstance(read, Action | Trial):
+        if isinstance(read, Action | StudioTest):
             _require_machine(read.machine)
             found.machine = read.machine
         if found.events >= MOST_EVENTS:
@@ -228,13 +228,13 @@ def _require_machine(machine: MachineJson) -> None:
 
 
 def _numbers(session: Session) -> dict[str, Any]:
-    scores = [trial.score for trial in session.of(Trial) if trial.score is not None]
+    scores = [trial.score for trial in session.of(StudioTest) if trial.score is not None]
     return {
         "task": session.start.task,
         "mode": session.start.mode,
         "began": session.start.began.timestamp(),
         "seconds": session.seconds,
         "actions": len(session.of(Action)),
-        "trials": len(session.of(Trial)),
+        "trials": len(session.of(StudioTest)),
         "best": max(scores, default=None),
     }

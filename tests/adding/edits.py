@@ -1,11 +1,11 @@
-"""What an addition of each kind touches: new files, which `things` holds, and edits of files."""
+"""What an addition of each kind touches: new files, which `additions` holds, and edits of files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
 
-THINGS = Path(__file__).parent / "things"
+ADDITIONS = Path(__file__).parent / "additions"
 Edit = tuple[str, str]
 """A text that the file holds once, and what is to stand in its place."""
 
@@ -102,8 +102,8 @@ EDITS: Mapping[str, tuple[Edit, ...]] = {
     "agentflow/tools/bench.py": (
         ("import designing, measuring", "import designing, measuring, weighing"),
         (
-            "    Tool.of(measuring.simulate",
-            "    Tool.of(weighing.weigh),\n    Tool.of(measuring.simulate",
+            "    BenchTool.of(measuring.simulate",
+            "    BenchTool.of(weighing.weigh),\n    BenchTool.of(measuring.simulate",
         ),
     ),
     "agentflow/training/objectives/functions.py": (
@@ -164,7 +164,7 @@ EDITS: Mapping[str, tuple[Edit, ...]] = {
     "agentflow/cli/display/show_runs.py": (("def show_result(", SHOW_SIZE),),
     "agentflow/cli/__init__.py": (('    "studio",\n', '    "size",\n    "studio",\n'),),
 }
-"""File of the package -> edits that register new things, or add what has no file of its own."""
+"""File of the package -> edits that register new parts, or add what has no file of its own."""
 
 TOUCHED: Mapping[str, tuple[str, ...]] = {
     "Task family": (
