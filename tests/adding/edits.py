@@ -103,7 +103,7 @@ EDITS: Mapping[str, tuple[Edit, ...]] = {
         ("import designing, measuring", "import designing, measuring, weighing"),
         (
             "    BenchTool.of(measuring.simulate",
-            "    BenchTool.of(weighing.weigh),\n    Tool.of(measuring.simulate",
+            "    BenchTool.of(weighing.weigh),\n    BenchTool.of(measuring.simulate",
         ),
     ),
     "agentflow/training/objectives/functions.py": (

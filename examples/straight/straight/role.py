@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import RoleInput
-from agentflow.llm.procedural.reading import Prompt, Script
+from agentflow.llm.procedural.reading import PromptContent, Script
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
@@ -24,7 +24,7 @@ class NamerInput(RoleInput):
     machine: Machine
 
 
-def draw_name(prompt: Prompt, rng: Random) -> str:
+def draw_name(prompt: PromptContent, rng: Random) -> str:
     """How the procedural model plays the role."""
     return f"{rng.choice(('Swift', 'Steady', 'Bold'))} {len(prompt.machine)}"
 
