@@ -231,7 +231,7 @@ class Workspace:
         budget = self.budget
         left = budget.submissions - len(self.submitted)
         parts = [f"{left} of {budget.submissions} submissions left"]
-        parts.append(str(budget.simulations) if budget.simulations else "no simulation in this stage")
+        parts.append(str(budget.simulations or "no simulation in this stage"))
         if budget.pictures:
             parts.append(str(budget.pictures))
         return f"Stage {self.stage}: {', '.join(parts)}."
