@@ -1,4 +1,4 @@
-"""Writes the tables and pictures of docs/how-to/learning.md from the folders of `scripts/learn`.
+"""Writes the tables and pictures of docs/results/learning.md from the folders of `scripts/learn`.
 
 Measures nothing itself; `scripts/learn` runs all stages first.
 """
@@ -43,7 +43,7 @@ WIDTH, HEIGHT, LEFT, BOTTOM, TOP = 640, 300, 56, 36, 30
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=Path("learning"))
-    parser.add_argument("--page", type=Path, default=Path("docs/how-to/learning.md"))
+    parser.add_argument("--page", type=Path, default=Path("docs/results/learning.md"))
     parser.add_argument("--pictures", type=Path, default=Path("docs/pictures/learning"))
     given = parser.parse_args()
     pictures = given.pictures

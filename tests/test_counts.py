@@ -193,7 +193,7 @@ def test_levels_with_a_longer_window_are_named() -> None:
 
 
 def test_items_of_the_benchmark_are_listed() -> None:
-    text = page("benchmark.md")
+    text = page("how-to/benchmark.md")
     first = text.partition("\n## Scorecards")[0]
     shown = {cells[0]: cells[1] for cells in rows(first) if cells[0] in ITEMS}
     assert shown == {name: item["task"] for name, item in ITEMS.items()}

@@ -54,7 +54,7 @@ def mcp(
     """Give coding agents the tools to design a machine, over the Model Context Protocol (MCP).
 
     Agents such as Claude Code, Codex and VS Code start this command themselves: see
-    docs/reference/tools.md. The work of an agent is a run, like those of `agentflow design`.
+    docs/how-to/mcp.md. The work of an agent is a run, like those of `agentflow design`.
     """
     if (http is None) != (token_file is None):
         raise UsageError(

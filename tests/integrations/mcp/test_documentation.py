@@ -1,4 +1,4 @@
-"""The settings for MCP clients in docs/reference/tools.md start our command, and its code runs."""
+"""The settings for MCP clients in docs/how-to/mcp.md start our command, and its code runs."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from tests.test_documented import parse
 
 
 def section() -> str:
-    """The part of the page about MCP clients."""
-    page = (ROOT / "docs" / "reference" / "tools.md").read_text(encoding="utf-8")
-    return page.split("\n## Coding agents, over MCP\n")[1].partition("\n## ")[0]
+    """The part of the page that connects clients."""
+    page = (ROOT / "docs" / "how-to" / "mcp.md").read_text(encoding="utf-8")
+    return page.split("\n## Connect your client\n")[1].partition("\n## ")[0]
 
 
 def blocks(language: str) -> list[str]:
