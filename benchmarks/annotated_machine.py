@@ -19,7 +19,7 @@ from agentflow.env.drawing.raster import corners_of
 from agentflow.env.drawing.solids import SPOKE, MachineSolids
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import rotated_axes
-from agentflow.env.scene import Thing
+from agentflow.env.scene import SceneObject
 from agentflow.machine import ROOT, Machine, Step, place
 
 OUT = Path("docs/pictures/machine-annotated.svg")
@@ -73,8 +73,8 @@ def drawn() -> str:
     solids = MachineSolids(MACHINE)
     geometry = {block.id: block for block in place(MACHINE).blocks}
     lift = solids.rest.centre[0] - np.asarray(geometry[0].center)
-    things = [thing for thing in solids.things(solids.rest) if thing.color != SPOKE]
-    camera = look(things)
+    objects = [item for item in solids.objects(solids.rest) if item.color != SPOKE]
+    camera = look(objects)
 
     def seen(point: Sequence[float], ahead: Sequence[float] = (0, 0, 0)) -> Array:
         """A point of the machine in the picture."""
@@ -88,8 +88,8 @@ def drawn() -> str:
     marks += [("a", seen(spring.end_a)), ("b", seen(spring.end_b))]
     start, end = seen(wheel.origin), seen(wheel.origin, (1.5, 0, 0))
     middles = {block.id: seen(block.center) for block in geometry.values() if not block.two_ended}
-    built = [thing for thing in things if thing.name != f"block {NEXT}"]
-    (planned,) = (thing for thing in things if thing not in built)
+    built = [item for item in objects if item.name != f"block {NEXT}"]
+    (planned,) = (item for item in objects if item not in built)
     rod = (seen(spring.end_a) + seen(spring.end_b)) / 2
     labels = (
         label("Spring: joins two faces, a and b", (70, 24)) + lead((190, 30), rod),
@@ -113,7 +113,7 @@ def drawn() -> str:
     )
 
 
-def look(solids: Sequence[Thing]) -> Camera:
+def look(solids: Sequence[SceneObject]) -> Camera:
     """A camera with all solids in the picture."""
     view = View(back=EYE, size=(WIDTH, HEIGHT), fill=0.74)
     return camera_at(*fit(np.concatenate([corners_of(solid) for solid in solids]), view), view)
@@ -142,7 +142,7 @@ def compass(camera: Camera) -> Iterator[str]:
         yield label(words, (x + 6, y + 9) if "right" not in words else (x - 14, y + 17))
 
 
-def sides_of(solid: Thing) -> Iterator[Array]:
+def sides_of(solid: SceneObject) -> Iterator[Array]:
     """The polygons around a box or a cylinder (its axis is y), their corners in the world."""
     half = np.asarray(solid.size) / 2
     if solid.shape == "box":
@@ -158,12 +158,12 @@ def sides_of(solid: Thing) -> Iterator[Array]:
         yield polygon * half @ rotated_axes(solid.rotation) + solid.position
 
 
-def back_to_front(solids: Sequence[Thing], camera: Camera) -> list[Thing]:
+def back_to_front(solids: Sequence[SceneObject], camera: Camera) -> list[SceneObject]:
     """Farthest first, by their centres."""
     return sorted(solids, key=lambda s: -float(np.linalg.norm(np.subtract(s.position, camera.eye))))
 
 
-def drawn_solid(solid: Thing, camera: Camera) -> Iterator[str]:
+def drawn_solid(solid: SceneObject, camera: Camera) -> Iterator[str]:
     """Its sides that are turned to the eye, shaded."""
     for corners in sides_of(solid):
         middle = corners.mean(axis=0)
@@ -179,7 +179,7 @@ def drawn_solid(solid: Thing, camera: Camera) -> Iterator[str]:
             yield f'<polygon points="{path(corners, camera)}" fill="{paint}" stroke="{edge}"/>'
 
 
-def outline(solid: Thing, camera: Camera) -> str:
+def outline(solid: SceneObject, camera: Camera) -> str:
     """The rims of a wheel."""
     rims = [corners for corners in sides_of(solid) if len(corners) == SIDES]
     return "".join(f'<polygon class="next" points="{path(rim, camera)}"/>' for rim in rims)

@@ -20,7 +20,7 @@ NAME = r"""["']?agentflow(?![\w./-])"""
 TAKES = r"(?:pip3?|uv|pipx|conda|poetry|pdm) (?:\S+ )*?(?:install|add|download|--with|--from)|uvx"
 """What comes before the names of distributions."""
 WRONG = re.compile(
-    r"\bagentflow\["
+    r"\bagentflow\[(?=\w)"
     rf"|\b(?:{TAKES}) (?:[^`;&|#\n]* )?{NAME}"
     r"|\bagentflow ?(?:===?|~=|>=|<=?|!=) ?\d"
     r"""|^dependencies\b.*["']agentflow["']""",

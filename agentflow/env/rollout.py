@@ -164,7 +164,7 @@ class Rollout:
     score: float | None
     """The score, in the task's unit; None after a time-out or crash."""
     feedback: Feedback
-    """What designers are told."""
+    """The feedback for designers."""
     terms: Mapping[str, float | bool | str | None] = field(default_factory=dict)
     """Every part of the score by name."""
     problems: tuple[Mapping[str, Any], ...] = ()
@@ -174,7 +174,7 @@ class Rollout:
     marginal: tuple[Marginal, ...] = ()
     """In order of time; of several trials, those of all."""
     events: tuple[RolloutEvent, ...] = ()
-    """Other events that designers are told, in order of time."""
+    """Other events that the feedback reports, in order of time."""
     trace: Trace | None = None
     """The recorded states; None if nothing was simulated or recorded."""
     digest: str | None = None

@@ -35,7 +35,7 @@ class SceneObject:
     """
 
     name: str
-    """Its name, different from those of the other things of the scene."""
+    """Its name, different from those of the other objects of the scene."""
     shape: Literal["box", "sphere", "cylinder", "cone"]
     """Its shape."""
     size: Vec3

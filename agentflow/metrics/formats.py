@@ -38,6 +38,13 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
+def duration(seconds: float) -> str:
+    """A length of time that was estimated: `8 s`, `2.5 min`, `3.0 h`; at least one second."""
+    if seconds < 60:
+        return f"{max(seconds, 1):.0f} s"
+    return f"{seconds / 60:.1f} min" if seconds < 3600 else f"{seconds / 3600:.1f} h"
+
+
 def block_count(count: int, most: int | None) -> str:
     """The blocks of a machine, and the most that its task allows: "23 of 40 blocks"."""
     return f"{count} blocks" if most is None else f"{count} of {most} blocks"

@@ -68,7 +68,7 @@ class Bench:
 
     def _offers(self, tool: BenchTool) -> bool:
         budget = self._workspace.budget
-        charged = {"simulations": budget.rollouts, "pictures": budget.looks}
+        charged = {"simulations": budget.simulations, "pictures": budget.pictures}
         return not tool.needs or charged[tool.needs] is not None
 
     @property
@@ -201,8 +201,8 @@ class Bench:
         known = workspace.name(machine, *origin)
         if event.tool == measuring.submit.__name__:
             workspace.submit(known, given["last"])
-        elif event.tool == measuring.look.__name__ and workspace.budget.looks:
-            workspace.budget.looks.take()
+        elif event.tool == measuring.look.__name__ and workspace.budget.pictures:
+            workspace.budget.pictures.take()
 
     def _find(self, name: str) -> BenchTool:
         if name in self._tools:

@@ -72,11 +72,11 @@ async def look(
             it out to see the machine at rest, as built.
     """
     workspace = call.workspace
-    looks = workspace.budget.looks
-    if looks is None:
+    pictures = workspace.budget.pictures
+    if pictures is None:
         raise RefusedCall("there are no pictures in this run; `describe` gives positions")
     known = workspace.machines.find(machine) if time is None else _simulated(workspace, machine)
-    with looks.using():
+    with pictures.using():
         try:
             image = await workspace.host.look(known.machine, view, time)
         except UsageError as error:
@@ -99,7 +99,7 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
     workspace.require_submittable(known)
     require_complete(known.machine, workspace.host.brief)
     told = "."
-    if workspace.budget.rollouts is not None:
+    if workspace.budget.simulations is not None:
         told = f": {_result_text(await _simulate(call, known.machine), short=True)}"
     workspace.submit(known, last)
     number = f"submission {len(workspace.submitted)} of {workspace.budget.submissions}"
@@ -116,7 +116,7 @@ async def _simulate(call: Call, machine: Machine) -> Simulation:
 def _simulated(workspace: Workspace, name: str) -> KnownMachine:
     """A machine whose simulation this stage may know."""
     known = workspace.machines.find(name)
-    if workspace.budget.rollouts is None:
+    if workspace.budget.simulations is None:
         raise RefusedCall("this stage has no simulation, so there are no recorded states")
     if workspace.result_of(known.machine) is None:
         raise RefusedCall(f"machine {known.name} has not been simulated; `simulate` it first")

@@ -136,9 +136,9 @@ class StageBudget:
 
     submissions: int
     """Machines that it may submit; the last one ends the stage."""
-    rollouts: Allowance | None = None
+    simulations: Allowance | None = None
     """Simulations, shared by the stages of a run; None in a stage without simulation."""
-    looks: Allowance | None = None
+    pictures: Allowance | None = None
     """Pictures, shared by the stages of a run; None without vision."""
     stages_left: int = 0
     """Stages that follow, which start from the machines of this one."""
@@ -173,22 +173,22 @@ class Workspace:
 
     def result_of(self, machine: Machine) -> Simulation | None:
         """The simulation of a machine, as far as this stage may know it."""
-        return None if self.budget.rollouts is None else self.host.simulated(machine)
+        return None if self.budget.simulations is None else self.host.simulated(machine)
 
     async def simulate(self, machine: Machine, location: Location) -> Simulation:
         """Simulate a machine; a new one is charged to the budget unless every call is cancelled."""
-        rollouts = self.budget.rollouts
-        if rollouts is None:
+        simulations = self.budget.simulations
+        if simulations is None:
             raise RefusedCall("this stage has no simulation; submit what you think is best")
         if self.result_of(machine) is None and not self._waiting[machine]:
-            rollouts.take()
+            simulations.take()
         self._waiting[machine] += 1
         try:
             return await self.host.simulate(machine, location)
         finally:
             self._waiting[machine] -= 1
             if not self._waiting[machine] and self.result_of(machine) is None:
-                rollouts.give_back()
+                simulations.give_back()
 
     def require_submittable(self, known: KnownMachine) -> None:
         """Refuse a machine that has been submitted, and any once the stage has ended."""
@@ -218,7 +218,7 @@ class Workspace:
         budget = self.budget
         told = (
             "Submitting a machine that has not been simulated uses a simulation."
-            if budget.rollouts
+            if budget.simulations
             else "Machines that you submit are simulated once this stage is over."
         )
         more = f"{budget.stages_left} more stage{'s' * (budget.stages_left > 1)}"
@@ -231,9 +231,9 @@ class Workspace:
         budget = self.budget
         left = budget.submissions - len(self.submitted)
         parts = [f"{left} of {budget.submissions} submissions left"]
-        parts.append(str(budget.rollouts) if budget.rollouts else "no simulation in this stage")
-        if budget.looks:
-            parts.append(str(budget.looks))
+        parts.append(str(budget.simulations or "no simulation in this stage"))
+        if budget.pictures:
+            parts.append(str(budget.pictures))
         return f"Stage {self.stage}: {', '.join(parts)}."
 
     @property
@@ -243,6 +243,6 @@ class Workspace:
         return {
             "stage": self.stage,
             "submissions_left": budget.submissions - len(self.submitted),
-            "rollouts_left": budget.rollouts and budget.rollouts.left,
-            "looks_left": budget.looks and budget.looks.left,
+            "simulations_left": budget.simulations and budget.simulations.left,
+            "pictures_left": budget.pictures and budget.pictures.left,
         }

@@ -102,14 +102,14 @@ def test_a_dry_run_lists_runs_and_costs_and_writes_nothing(
         "baseline.seed-0: 49 calls, 16 rollouts and 7 for verification\n"
         "no_inspector.seed-0: 41 calls, 16 rollouts and 7 for verification\n"
         "2 runs to do: about 90 calls (excluding retries), at most 32 rollouts and 14 for "
-        "verification, about 0.1 min with 2 workers. No tokens and no cost, because the "
+        "verification, about 5 s with 2 workers. No tokens and no cost, because the "
         "procedural model is used.\n"
     )
     price = "model.prices={m: {input: 1, output: 2}}"
     assert main([*words, "--model", "m", "--set", price, "--workers", "4"]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == (
         "2 runs to do: about 90 calls (excluding retries), at most 32 rollouts and 14 for "
-        "verification, about 0.0 min with 4 workers, plus the time of the model calls. "
+        "verification, about 3 s with 4 workers, plus the time of the model calls. "
         "About 333280 tokens, excluding reasoning; cost 0.35."
     )
     assert main([*words, "--model", "m", "--json"]) == 0

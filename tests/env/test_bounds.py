@@ -100,11 +100,12 @@ async def test_a_rollout_over_its_wall_time_limit_leaves_the_others_alone() -> N
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 async def test_random_machines_give_sound_results_at_every_task(engine_spec: EngineSpec) -> None:
+    """`benchmarks/stress.py` tries two thousand."""
     async with RolloutPool(2) as pool:
 
         async def found(case: tuple[str, Task, Machine]) -> list[str]:
             name, task, tree = case
             return [f"{name}: {fault}" for fault in faults(await pool.run(tree, task))]
 
-        results = await asyncio.gather(*map(found, cases(150, 1, engine_spec.name)))
+        results = await asyncio.gather(*map(found, cases(60, 1, engine_spec.name)))
     assert [fault for result in results for fault in result] == []

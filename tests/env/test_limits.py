@@ -125,8 +125,8 @@ def test_a_moving_joint_that_closes_a_loop_counts_as_a_part(
 
 
 @pytest.mark.slow
-def test_check_and_engine_agree_on_500(engine: Engine, engine_spec: EngineSpec) -> None:
-    agreements(engine, engine_spec, 500)
+def test_check_and_engine_agree_on_200(engine: Engine, engine_spec: EngineSpec) -> None:
+    agreements(engine, engine_spec, 200)
 
 
 @pytest.mark.pybullet

@@ -6,6 +6,7 @@ from agentflow.metrics.formats import (
     block_count,
     change,
     counted,
+    duration,
     extents,
     interval_text,
     money,
@@ -32,3 +33,8 @@ def test_numbers_have_the_wanted_decimals() -> None:
 def test_counts_agree_with_their_noun() -> None:
     assert [counted(count, "run") for count in (0, 1, 2)] == ["0 runs", "1 run", "2 runs"]
     assert (block_count(23, None), block_count(23, 40)) == ("23 blocks", "23 of 40 blocks")
+
+
+def test_estimated_times_have_the_unit_that_fits() -> None:
+    shown = [duration(seconds) for seconds in (0.02, 59.4, 60, 3599, 5400)]
+    assert shown == ["1 s", "59 s", "1.0 min", "60.0 min", "1.5 h"]

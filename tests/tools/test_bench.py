@@ -35,13 +35,13 @@ async def test_a_whole_session() -> None:
 
         simulated = await bench.call("simulate", json.dumps({"machine": name}))
         assert simulated.data["status"] == "ok"
-        assert simulated.data["rollouts_left"] == 2
+        assert simulated.data["simulations_left"] == 2
         assert simulated.text.startswith(
             f"Machine {name}: score {simulated.data['score']:.2f} (ok)."
         )
         again = await bench.call("simulate", {"machine": name})
         assert "had been simulated before, so this cost nothing" in again.text
-        assert again.data["rollouts_left"] == 2
+        assert again.data["simulations_left"] == 2
 
         asked = [{"id": 0, "duration": [0, 1], "properties": ["position"]}]
         answer = await bench.call("query", {"machine": name, "queries": asked})
@@ -182,7 +182,7 @@ async def test_a_cancelled_simulation_frees_its_worker_and_is_not_charged() -> N
         done = await asyncio.gather(first, second, return_exceptions=True)
         assert [type(item) for item in done] == [asyncio.CancelledError] * 2
         result = await bench.call("simulate", {"machine": name})
-    assert result.data["rollouts_left"] == 0
+    assert result.data["simulations_left"] == 0
     assert result.data["status"] == "ok"
 
 

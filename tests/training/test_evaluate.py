@@ -241,7 +241,7 @@ async def test_without_any_reply_another_model_may_take_the_folder(tmp_path: Pat
 
 def begin(out: Path) -> None:
     config = load_config(None, (), {"model.name": "procedural"})
-    evaluate(config, ["movement", "throwing"], 33, out)
+    evaluate(config, ["movement", "throwing"], 17, out)
 
 
 @pytest.mark.slow
@@ -249,7 +249,7 @@ def test_an_evaluation_killed_at_any_moment_gives_the_same_result(tmp_path: Path
     begin(tmp_path / "undisturbed" / "it")
     expected = contents(tmp_path / "undisturbed" / "it")
     chance, context = random.Random(5), multiprocessing.get_context("spawn")
-    for number, lines in enumerate((0, 33, 50)):
+    for number, lines in enumerate((0, 17, 26)):
         out = tmp_path / str(number) / "it"
         process = context.Process(target=begin, args=(out,))
         process.start()

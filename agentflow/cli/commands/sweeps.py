@@ -13,7 +13,7 @@ import typer
 from agentflow.cli import options
 from agentflow.cli.display.text import escape_controls
 from agentflow.cli.root import PARTLY, allow, approve, commands, print_json, print_table
-from agentflow.metrics.formats import counted
+from agentflow.metrics.formats import counted, duration
 
 if TYPE_CHECKING:
     from agentflow.app.sweeps.estimates import Estimate
@@ -187,7 +187,7 @@ def _simulations_text(cost: Mapping[str, Any]) -> str:
 
 
 def _remaining_text(cost: Mapping[str, Any], runs: int, procedural: bool, workers: int) -> str:
-    minutes = cost["worker_seconds"] / workers / 60
+    lasts = duration(cost["worker_seconds"] / workers)
     tokens = cost["prompt_tokens"] + cost["completion_tokens"]
     if procedural:
         priced, answers = "No tokens and no cost, because the procedural model is used", ""
@@ -198,7 +198,7 @@ def _remaining_text(cost: Mapping[str, Any], runs: int, procedural: bool, worker
         answers = ", plus the time of the model calls"
     return (
         f"{counted(runs, 'run')} to do: about {cost['calls']} calls (excluding "
-        f"retries), at most {_simulations_text(cost)}, about {minutes:.1f} min with "
+        f"retries), at most {_simulations_text(cost)}, about {lasts} with "
         f"{counted(workers, 'worker')}{answers}. {priced}."
     )
 

@@ -83,7 +83,7 @@ async def work_in_stages(
     """
     settings, machines = run.settings, KnownMachines()
     rollouts = Allowance.of_simulations(count_rollouts(settings))
-    looks = Allowance.of_pictures(settings.max_pictures) if settings.vision else None
+    pictures = Allowance.of_pictures(settings.max_pictures) if settings.vision else None
     if settings.start_machine:
         run.begin_stage(INITIAL)
         run.end_stage(INITIAL, await simulate(run, INITIAL, await design_machines(run)))
@@ -95,7 +95,7 @@ async def work_in_stages(
             share = max(1, rollouts.left // (len(stages) - number))
             submissions = min(submissions, share)
         left = len(stages) - number - 1
-        budget = StageBudget(submissions, rollouts if stage == FEEDBACK else None, looks, left)
+        budget = StageBudget(submissions, rollouts if stage == FEEDBACK else None, pictures, left)
         bench = Bench(RunHost(run), stage, budget, machines)
         run.begin_stage(stage)
         await worker(bench, stage)

@@ -23,7 +23,7 @@ class Straight(Movement):
 
     @property
     def brief(self) -> Brief:
-        """What designers are told."""
+        """What prompts say about it."""
         return replace(
             super().brief,
             objective="Build a machine that drives far along z+, in a straight line.",

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from agentflow.workflows.stages.shared import design_machines
-
 from agentflow.runs.locations import INITIAL, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.stages.designs import design_machines
 from agentflow.workflows.stages.refinement import count_calls, count_rollouts, refine
 from agentflow.workflows.workflow import Workflow
 from straight.role import Namer, NamerInput

@@ -13,7 +13,7 @@ from agentflow.config.run import build_config
 from agentflow.env.simulation.simulate import simulate
 from agentflow.machine import read_machine
 
-SEEDS = range(3)
+SEEDS = range(2)
 LEAST_MEDIAN = {"throwing": 5.0, "movement": 30.0}
 """Metres."""
 

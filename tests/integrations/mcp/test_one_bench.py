@@ -107,8 +107,9 @@ async def test_a_cancelled_call_stops_the_simulation_and_costs_nothing() -> None
             await client.call_tool("simulate", {"machine": name}, progress_callback=cancel)
         assert scope.cancelled_caught
         told = await client.call_tool("brief", {})
-        assert data_of(told)["rollouts_left"] == 3
-        assert data_of(await client.call_tool("simulate", {"machine": name}))["rollouts_left"] == 2
+        assert data_of(told)["simulations_left"] == 3
+        simulated = data_of(await client.call_tool("simulate", {"machine": name}))
+        assert simulated["simulations_left"] == 2
 
 
 @pytest.mark.slow
