@@ -35,8 +35,8 @@ def page() -> str:
 
 
 def _commands(group: Any, above: str) -> Iterator[tuple[str, Any]]:
-    """Every command below a group with its path, in the order of the help."""
-    for name, command in group.commands.items():
+    """Every command below a group with its path, by name: the order of the help is that of imports."""
+    for name, command in sorted(group.commands.items()):
         path = f"{above} {name}"
         yield path, command
         if _is_group(command):

@@ -16,7 +16,7 @@ from tests.llm.foreign import ROOT
 SCRIPT = """
 import json, sys
 from agentflow.errors import NoScoreError
-from agentflow.integrations.episode import Episode
+from agentflow.integrations.episode import DesignEpisode
 from agentflow.rewards.scoring import Sample, Scorer
 from agentflow.integrations.trl import simulation_reward
 from agentflow.integrations.verl import compute_scores
@@ -28,7 +28,7 @@ try:
 except NoScoreError as error:
     refused = str(error)
 scorer = Scorer(workers=1)
-episode = Episode(scorer, Sample("faulty/2", ""))
+episode = DesignEpisode(scorer, Sample("faulty/2", ""))
 before = episode.machine, episode.score, episode.state
 outcome = episode.act(car)
 unchanged = before == (episode.machine, episode.score, episode.state)

@@ -40,7 +40,7 @@ async def test_a_whole_session() -> None:
             f"Machine {name}: score {simulated.data['score']:.2f} (ok)."
         )
         again = await bench.call("simulate", {"machine": name})
-        assert "had been simulated before, so this cost nothing" in again.text
+        assert "was simulated before, so this cost nothing" in again.text
         assert again.data["simulations_left"] == 2
 
         asked = [{"id": 0, "duration": [0, 1], "properties": ["position"]}]
@@ -58,7 +58,9 @@ async def test_a_whole_session() -> None:
         last = len(json.loads(CAR)) - 1
         edited = await bench.call("edit", {"machine": name, "script": f"Remove {last}"})
         assert edited.data["parent"] == name
-        assert f"Against {name}: {last} of {last + 1} blocks kept; removed {last}." in edited.text
+        assert (
+            f"Changes from {name}: {last} of {last + 1} blocks kept; removed {last}." in edited.text
+        )
 
         table = await bench.call("history", {})
         assert [row["machine"] for row in table.data["machines"]] == [name, edited.data["machine"]]

@@ -27,7 +27,7 @@ from agentflow.runs.record import RunRecord
 
 ABOUT = (
     "Mispredicted: share of the edits predicted to succeed that failed. Surface: share of the "
-    "edits of failed machines that keep the mechanism. Local: share of all edits that keep it. "
+    "edits of failed machines that keep the moving types. Local: share of all such edits. "
     "Size: mean tree edit distance, in blocks. Error, bias: median size and median of predicted "
     "minus simulated score. Roles: share of the tokens of all replies. The rules are "
     "in docs/reference/behaviour.md."

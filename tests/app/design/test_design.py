@@ -125,7 +125,7 @@ def test_resuming_under_other_conditions_is_refused(run: Path, tmp_path: Path, w
     document = yaml.safe_load((other / "run.yaml").read_text())
     assert len(document[what]) == 16
     (other / "run.yaml").write_text(document_text({**document, what: "0" * 16}))
-    with pytest.raises(RunError, match=f"was started with different {what}, so its record "):
+    with pytest.raises(RunError, match=f"was started with different {what}, so its recording "):
         resume(other)
 
 

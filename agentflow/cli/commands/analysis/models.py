@@ -35,8 +35,8 @@ def behaviour(
     """Show how the designers of runs behave: predictions, repairs, edits, effort.
 
     One row per source: edits that failed although success was predicted, repairs that keep the
-    mechanism of a failed machine, how large edits are, errors of predicted scores, and each role's
-    share of the tokens. The rules are in docs/reference/behaviour.md.
+    moving types of a failed machine, how large edits are, errors of predicted scores, and each
+    role's share of the tokens. The rules are in docs/reference/behaviour.md.
     """
     from agentflow.app.inspect.behaviour import format_results, observe
 
