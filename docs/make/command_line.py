@@ -35,7 +35,7 @@ def page() -> str:
 
 
 def _commands(group: Any, above: str) -> Iterator[tuple[str, Any]]:
-    """Every command below a group with its path, by name: the order of the help is that of imports."""
+    """Every command below a group with its path, by name."""
     for name, command in sorted(group.commands.items()):
         path = f"{above} {name}"
         yield path, command
