@@ -56,7 +56,7 @@ def test_an_address_where_nothing_answers(
         connect(2)
     assert str(error.value) == (
         f"no Ray cluster answers at RAY_ADDRESS={address} (Connection refused): check the address, "
-        "or unset RAY_ADDRESS to use this machine alone"
+        "or unset RAY_ADDRESS to use this computer alone"
     )
 
 
