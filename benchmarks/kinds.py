@@ -162,7 +162,7 @@ def tabulate(runs: Mapping[tuple[str, str], Mapping[str, Sequence[Found]]], roll
         (Column("", "coverage, %"), *(Column("", name) for name in NUMBERS[1:])),
         tuple(rows),
         notes=(
-            "Means over seeds with 95 % bootstrap intervals; differences are MAP-Elites less MCTS "
+            "Means over seeds with 95 % bootstrap intervals; differences are MAP-Elites minus MCTS "
             "with the same seed. An interval of a difference that includes 0 leaves open which is "
             "ahead.",
         ),

@@ -46,10 +46,11 @@ FURTHER = {
 HEAD = """\
 # Results of the shipped sweeps
 
-A *sweep* runs many configurations that differ only in the setting under study; [sweeps](sweeps.md)
-explains how. [Workflows and search](search.md) explains workflows, stages and search strategies,
-and [prompts and roles](prompts-and-roles.md) explains roles such as the refiner. Every row of the
-tables names the model that was used:
+A *sweep* runs many configurations that differ only in the setting under study;
+[sweeps](../how-to/sweeps.md) explains how. [Workflows and search](../explanation/search.md)
+explains workflows, stages and search strategies, and
+[prompts and roles](../explanation/prompts-and-roles.md) explains roles such as the refiner. Every
+row of the tables names the model that was used:
 
 * `procedural (no language model)` is the built-in model. It combines fixed rules with random
   choices, reads the same prompts as a language model, and writes replies in the same format. Its
@@ -61,7 +62,7 @@ tables names the model that was used:
 Tables headed "published" have the scores of other models in the game Besiege itself. They are
 taken from the paper, *Agentic Design of Compositional Machines*
 ([arXiv:2510.14980](https://arxiv.org/abs/2510.14980)), but for structures, whose note names another
-source. Compare their order with ours, not their values (see [physics](physics.md)).
+source. Compare their order with ours, not their values (see [physics](../explanation/physics.md)).
 
 Most sweeps use two seeds, to match the small number of runs behind the published tables. The
 machines of one run share a blueprint and are therefore similar, so intervals over pooled machines

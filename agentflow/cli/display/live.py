@@ -197,7 +197,8 @@ def _line(event: RunEvent | Event) -> str:
             f"mean {number(event.mean)}, best {number(event.max)}"
         )
     if isinstance(event, StageBeginEvent):
-        return f"stage {event.label} begins, {event.trajectories} trajectories"
+        noun = "trajectory" if event.trajectories == 1 else "trajectories"
+        return f"stage {event.label} begins, {event.trajectories} {noun}"
     if isinstance(event, VerificationEvent):
         return f"verified score {number(event.score)}"
     if isinstance(event, DrawingEvent):
