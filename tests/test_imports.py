@@ -135,6 +135,21 @@ def test_every_stated_rule_is_about_a_part_that_exists() -> None:
     assert set(WITHIN_APP) == inside - {"__init__", "__pycache__"}
 
 
+def test_every_module_in_the_tables_exists() -> None:
+    named = {name for allowed in ALLOWED.values() for name in allowed}
+    assert {name for name in named if f"{PACKAGE.name}.{name}" not in MODULES} == set()
+
+
+def test_the_drawn_layout_is_that_of_the_package() -> None:
+    drawn = CONTRIBUTING.read_text(encoding="utf-8").split("```text\nagentflow/\n", 1)[1]
+    above: list[str] = []
+    for line in drawn.partition("```")[0].splitlines():
+        found = re.match(r"((?:  )+)([a-z_]+(?:/|\.py)) ", line)
+        if found:
+            above[len(found[1]) // 2 - 1 :] = [found[2]]
+            assert PACKAGE.joinpath(*above).exists(), "/".join(above)
+
+
 @pytest.mark.parametrize("table", [ALLOWED, WITHIN_APP], ids=["parts", "app"])
 def test_the_tables_allow_no_circle(table: dict[str, set[str]]) -> None:
     """No part may import one that imports it, not even through others."""
