@@ -155,6 +155,7 @@ def found(pattern: str) -> Iterator[tuple[str, float]]:
             yield f"{path}:{line}: {match[0]}", value(match[1])
 
 
+@pytest.mark.slow
 @for_each(NUMBERS)
 def test_a_number_in_prose_is_that_of_the_code(pattern: str, number: float) -> None:
     places = dict(found(pattern))

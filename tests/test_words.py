@@ -66,7 +66,12 @@ def read(path: Path) -> str:
     return " ".join(joined.split())
 
 
-@pytest.mark.parametrize(("odd", "paths"), [(ODD, [*TEXTS, *PAGES]), (LITERAL, TEXTS)])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("odd", "paths"),
+    [(ODD, [*TEXTS, *PAGES]), (LITERAL, TEXTS)],
+    ids=["everywhere", "outside the documentation"],
+)
 def test_no_odd_phrase_is_left(odd: re.Pattern[str], paths: list[Path]) -> None:
     found = {
         f"{path.relative_to(ROOT)}: {match[0]}"

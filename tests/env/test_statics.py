@@ -282,6 +282,7 @@ def settle(
     return {pairs[i]: share for i, share in zip(sensed.connections, shares, strict=True)}, broken
 
 
+@pytest.mark.slow
 def test_braces_and_closed_frames_are_stronger_than_the_same_without(
     engine: Engine,
 ) -> None:
@@ -298,6 +299,7 @@ def test_braces_and_closed_frames_are_stronger_than_the_same_without(
     assert max(opened[pair] for pair in corners) > 3.0 * max(closed[pair] for pair in corners)
 
 
+@pytest.mark.slow
 def test_under_more_weight_the_same_without_breaks(make_engine: MakeEngine) -> None:
     """At 15 times the weight, the arm without its brace and the frame that is not closed break."""
     heavy = make_engine(constants().changed({"gravity": 15 * G}))
