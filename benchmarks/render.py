@@ -17,6 +17,7 @@ from cars import CAR, CATAPULT, PLAIN_CAR
 
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.gltf import rollout_glb
+from agentflow.env.drawing.look import look_at
 from agentflow.env.drawing.stills import render_png
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
@@ -34,7 +35,7 @@ CASES = (
 
 def main() -> None:
     """Print the table."""
-    columns = ("picture", "sheet", "gif per s", "mp4 per s", "glb")
+    columns = ("picture", "sheet", "look", "gif per s", "mp4 per s", "glb")
     print(f"{'machine':10}{'task':12}{'blocks':>7}" + "".join(f"{c:>11}" for c in columns))
     with tempfile.TemporaryDirectory() as folder:
         for name, machine, level in CASES:
@@ -43,7 +44,7 @@ def main() -> None:
 
 
 def measure(machine: Machine, level: str, folder: str) -> list[float]:
-    """Seconds for a picture, a sheet, one second of film as GIF and as MP4, and a .glb."""
+    """Seconds for a picture, a sheet, a look at a moment from the side, one second of film as GIF and as MP4, and a .glb."""
     task, still, film = get_task(level), Path(folder) / "x.png", Path(folder) / "x"
     rollout = simulate(machine, task, interval=1.0 / FPS)
     assert rollout.trace is not None, rollout.problems
@@ -52,6 +53,7 @@ def measure(machine: Machine, level: str, folder: str) -> list[float]:
     return [
         seconds(lambda: render_png(machine, still)),
         seconds(lambda: render_png(machine, still, view="sheet")),
+        seconds(lambda: look_at(machine, "side", rollout, (1.0,))),
         seconds(lambda: save(film.with_suffix(".gif"))) * share,
         seconds(lambda: save(film.with_suffix(".mp4"))) * share,
         seconds(lambda: rollout_glb(machine, rollout)),

@@ -201,8 +201,10 @@ class Bench:
         known = workspace.name(machine, *origin)
         if event.tool == measuring.submit.__name__:
             workspace.submit(known, given["last"])
-        elif event.tool == measuring.look.__name__ and workspace.budget.pictures:
-            workspace.budget.pictures.take()
+        elif event.tool == measuring.look.__name__:
+            pictures = workspace.budget.pictures
+            if pictures and (given["time"] is not None or given["moments"]):
+                pictures.take()
 
     def _find(self, name: str) -> BenchTool:
         if name in self._tools:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from agentflow.machine.brief import Brief
@@ -13,6 +14,19 @@ from agentflow.runs.locations import Location
 ViewDirection = Literal["front", "side", "top", "iso"]
 """Directions of pictures: from ahead (z+), from the right (x+), from above, from above at the right
 behind."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What a picture of a machine shows."""
+
+    view: ViewDirection = "iso"
+    times: tuple[float, ...] = ()
+    """Moments of its simulation, at most four, in seconds since t = 0; () for as built."""
+    follow: int | str | None = None
+    """Block or moving object of the scene that the camera follows; None: the root."""
+    within: float = 12.0
+    """How far from it blocks are in the frame, m."""
 
 
 class Simulation(Protocol):
@@ -51,11 +65,11 @@ class BenchHost(Protocol):
     async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> str:
         """Recorded states of a simulated machine, as tables."""
 
-    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
-        """A PNG picture of a machine as built, or at a time of its simulation.
+    async def look(self, machine: Machine, shot: Shot) -> bytes:
+        """A PNG picture of a machine.
 
         Raises:
-            UsageError: There is no such time.
+            UsageError: There is no such time, or nothing such to follow.
         """
 
     def save(self, machine: Machine) -> None:

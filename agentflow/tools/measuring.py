@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
 
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
-from agentflow.tools.host import Simulation, ViewDirection
+from agentflow.tools.host import Shot, Simulation, ViewDirection
 from agentflow.tools.results import RefusedCall, ToolResult
 from agentflow.tools.workspace import Call, KnownMachine, Workspace, require_complete
 
@@ -61,28 +62,42 @@ async def query(
 
 
 async def look(
-    call: Call, machine: str, view: ViewDirection = "iso", time: float | None = None
+    call: Call,
+    machine: str,
+    view: ViewDirection = "iso",
+    time: float | None = None,
+    moments: Annotated[list[float], Field(max_length=4)] = [],  # noqa: B006 - never changed
+    follow: int | Annotated[str, Field(max_length=80)] | None = None,
+    within: Annotated[float, Field(gt=0.0, le=100.0)] = 12.0,
 ) -> ToolResult:
-    """Look at a machine: a picture with axes, scale and block ids.
+    """Look at a machine: a picture with axes, scale and block ids; as built, it costs nothing.
 
     Args:
         machine: Name of the machine.
         view: front (from z+), side (from x+), top, or iso.
         time: A time of its simulation, in seconds since t = 0, in stages with simulations; leave
             it out to see the machine at rest, as built.
+        moments: Instead of `time`, up to four times, to see them side by side in one picture.
+        follow: Block that the camera follows, with all that is still connected to it, or a moving
+            object of the scene; leave it out for the root and all that is near it.
+        within: Leave blocks farther than this from it out of the frame, m; small for a close view.
     """
     workspace = call.workspace
     pictures = workspace.budget.pictures
     if pictures is None:
         raise RefusedCall("there are no pictures in this run; `describe` gives positions")
-    known = workspace.machines.find(machine) if time is None else _simulated(workspace, machine)
-    with pictures.using():
+    times = tuple(moments) if time is None else (time, *moments)[:4]
+    known = _simulated(workspace, machine) if times else workspace.machines.find(machine)
+    shot = Shot(view, times, follow, within)
+    with pictures.using() if times else nullcontext():
         try:
-            image = await workspace.host.look(known.machine, view, time)
+            image = await workspace.host.look(known.machine, shot)
         except UsageError as error:
             raise RefusedCall(str(error)) from None
-    when = "at rest, as built" if time is None else f"the recorded state nearest to {time:g} s"
-    data = {"machine": known.name, "view": view, "time": time}
+    seconds = ", ".join(f"{each:g}" for each in times)
+    states = f"state{'s' * (len(times) > 1)} nearest to {seconds} s"
+    when = f"the recorded {states}" if times else "at rest, as built"
+    data = {"machine": known.name, "view": view, "time": time, "moments": list(times)}
     told = _counted(workspace, f"Machine {known.name}, {view} view, {when}.", data)
     return ToolResult(told.text, told.data, image)
 
@@ -125,7 +140,8 @@ def _simulated(workspace: Workspace, name: str) -> KnownMachine:
 
 def _result_text(result: Simulation, *, short: bool = False) -> str:
     score = "no score" if result.score is None else f"score {result.score:.2f}"
-    return f"{score} ({result.status})." + ("" if short else f"\n{result.feedback}")
+    ended = "" if result.status == "ok" else f" ({result.status})"
+    return f"{score}{ended}." + ("" if short else f"\n{result.feedback}")
 
 
 def _counted(workspace: Workspace, text: str, data: Mapping[str, object]) -> ToolResult:

@@ -101,7 +101,7 @@ class Allowance:
     @classmethod
     def of_pictures(cls, total: int) -> Allowance:
         """An allowance of pictures, of which nothing is used yet."""
-        return cls("picture", "`describe` and `query` give positions", total, total)
+        return cls("picture", "`look` without a time costs nothing", total, total)
 
     def take(self) -> None:
         """Use one, or refuse."""

@@ -12,7 +12,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt, RunEvent
 from agentflow.runs.locations import StageName
 from agentflow.search.node import Evaluation, SearchCost
-from agentflow.tools.host import ViewDirection
+from agentflow.tools.host import Shot
 
 GREATEST: Final = "greatest score"
 """Why a search or a run ended: a machine has the greatest possible score of the task."""
@@ -55,11 +55,11 @@ class Evaluator(Protocol):
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Pictures of a machine as built, as PNG data URLs; always the same bytes."""
 
-    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
-        """A PNG picture with axes, scale and block ids, as built or at a time in s.
+    async def look(self, machine: Machine, shot: Shot) -> bytes:
+        """A PNG picture with axes, scale and block ids.
 
         Raises:
-            UsageError: The machine's rollout has no such time.
+            UsageError: The machine's rollout has no such time, or nothing such to follow.
         """
 
 

@@ -30,7 +30,7 @@ from agentflow.runs.events import (
 from agentflow.runs.locations import Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
-from agentflow.tools.host import ViewDirection
+from agentflow.tools.host import Shot
 from agentflow.workflows.base import (
     GREATEST,
     AskContexts,
@@ -225,9 +225,9 @@ class WorkflowContext:
         """Pictures of a machine for a refiner; none if vision is switched off."""
         return await self._evaluator.views(machine) if self.settings.vision else ()
 
-    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
-        """A picture of a machine as built, or at a time of its simulation, as PNG."""
-        return await self._evaluator.look(machine, view, time)
+    async def look(self, machine: Machine, shot: Shot) -> bytes:
+        """A picture of a machine, as PNG."""
+        return await self._evaluator.look(machine, shot)
 
     def prompts_of(self, role: Role[In, Out], given: In) -> tuple[str, str]:
         """The system and the user prompt of a role."""

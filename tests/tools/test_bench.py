@@ -37,7 +37,7 @@ async def test_a_whole_session() -> None:
         assert simulated.data["status"] == "ok"
         assert simulated.data["simulations_left"] == 2
         assert simulated.text.startswith(
-            f"Machine {name}: score {simulated.data['score']:.2f} (ok)."
+            f"Machine {name}: score {simulated.data['score']:.2f}.\nScore: "
         )
         again = await bench.call("simulate", {"machine": name})
         assert "was simulated before, so this cost nothing" in again.text
@@ -47,13 +47,21 @@ async def test_a_whole_session() -> None:
         answer = await bench.call("query", {"machine": name, "queries": asked})
         assert answer.text.startswith("Block 0 (Starting Block), 0 to 1 s:")
 
-        for time in (None, 1.0):
-            seen = await bench.call("look", {"machine": name, "view": "side", "time": time})
+        for given, size, left in (
+            ({"view": "side"}, (640, 480), 2),
+            ({"view": "side", "time": 1.0, "follow": 3, "within": 2}, (640, 480), 1),
+            ({"moments": [0, 1, 2, 3]}, (960, 720), 0),
+            ({}, (640, 480), 0),
+        ):
+            seen = await bench.call("look", {"machine": name, **given})
             assert seen.image is not None
-            assert Image.open(BytesIO(seen.image)).size == (640, 480)
-        spent = await bench.call("look", {"machine": name})
+            assert Image.open(BytesIO(seen.image)).size == size
+            assert seen.data["pictures_left"] == left
+        spent = await bench.call("look", {"machine": name, "time": 1})
         assert spent.refused
-        assert spent.text.startswith("all 2 pictures are used; the other tools still work")
+        assert spent.text.startswith(
+            "all 2 pictures are used; the other tools still work, and `look` without a time costs"
+        )
 
         last = len(json.loads(CAR)) - 1
         edited = await bench.call("edit", {"machine": name, "script": f"Remove {last}"})

@@ -24,7 +24,7 @@ from agentflow.prompts.render import PromptSet
 from agentflow.runs.events import RunEvent
 from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.node import Evaluation
-from agentflow.tools.host import ViewDirection
+from agentflow.tools.host import Shot
 from agentflow.workflows.base import SimulationSummary, WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
@@ -230,8 +230,8 @@ class Shelf:
     async def views(self, found: Machine) -> tuple[str, ...]:
         return (f"data:image/png;base64,{found.digest}",)
 
-    async def look(self, found: Machine, view: ViewDirection, time: float | None) -> bytes:
-        return f"{found.digest} {view} {time}".encode()
+    async def look(self, found: Machine, shot: Shot) -> bytes:
+        return f"{found.digest} {shot}".encode()
 
 
 class Notes:

@@ -122,7 +122,8 @@ async def test_a_spent_budget_keeps_what_was_submitted() -> None:
 async def test_pictures_go_back_to_the_model() -> None:
     def answer(turn: int, _stage: str) -> Calls:
         look = ("look", {"machine": NAME, "view": "top"})
-        return (("check", {"machine": CART}), look, look) if turn == 1 else ()
+        late = ("look", {"machine": NAME, "view": "top", "time": 1})
+        return (("check", {"machine": CART}), look, late) if turn == 1 else ()
 
     run = Run(saying(answer), {"vision": True, "max_pictures": 1, "candidates_per_stage": 1})
     result = await run("tools")
@@ -130,7 +131,8 @@ async def test_pictures_go_back_to_the_model() -> None:
     assert [message.tool_call_id for message in answers] == ["call-0", "call-1", "call-2"]
     assert [len(message.images) for message in answers] == [0, 1, 0]
     assert answers[1].images[0].startswith("data:image/png;base64,")
-    assert answers[2].text.startswith("all 1 pictures are used")
+    assert "1 of 1 pictures left" in answers[1].text
+    assert answers[2].text.startswith("this stage has no simulation")
     assert result.stages[0].tools["look"] == {"calls": 2, "refused": 1}
 
 

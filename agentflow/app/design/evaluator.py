@@ -26,7 +26,7 @@ from agentflow.machine.geometry.balance import mass
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
-from agentflow.tools.host import ViewDirection
+from agentflow.tools.host import Shot
 from agentflow.workflows.base import SimulationSummary
 from agentflow.workflows.settings import Objective
 
@@ -118,10 +118,12 @@ class PhysicsEvaluator:
             self._pictures[machine.digest] = asyncio.ensure_future(drawing)
         return (await asyncio.shield(self._pictures[machine.digest]),)
 
-    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
-        """Draw a machine in a thread: as built, or at a time of its rollout."""
-        rollout = None if time is None else self.rollouts[machine.digest]
-        return await asyncio.to_thread(look_at, machine, view, rollout, time)
+    async def look(self, machine: Machine, shot: Shot) -> bytes:
+        """Draw a machine in a thread: as built, or at times of its rollout."""
+        rollout = self.rollouts[machine.digest] if shot.times else None
+        return await asyncio.to_thread(
+            look_at, machine, shot.view, rollout, shot.times, shot.follow, shot.within
+        )
 
 
 def pareto_objectives(machine: Machine, found: Evaluation) -> tuple[float, ...]:

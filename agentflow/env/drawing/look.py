@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from io import BytesIO
+from math import dist
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -19,16 +21,19 @@ from agentflow.env.drawing.cameras import (
     project,
 )
 from agentflow.env.drawing.film import objects_at
-from agentflow.env.drawing.raster import corners_of
+from agentflow.env.drawing.raster import CORNERS, corners_of
 from agentflow.env.drawing.solids import MachineSolids, Pose
 from agentflow.env.drawing.stills import INK, caption, render_image
-from agentflow.env.rollout import Array, Rollout
-from agentflow.env.scene import SceneObject
+from agentflow.env.rollout import Array, Rollout, Trace
+from agentflow.env.scene import Body, SceneObject
 from agentflow.errors import UsageError
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import Machine
 
 SIZE: Size = (640, 480)
+PANEL, COLUMNS = (480, 360), 2
+"""Size of each picture of several moments, and how many are in a row."""
+MOST_MOMENTS = 4
 DIRECTIONS: dict[str, Vec3] = {
     "front": VIEWS["front"],
     "side": VIEWS["right"],
@@ -39,50 +44,74 @@ DIRECTIONS: dict[str, Vec3] = {
 FIELD_OF_VIEW = 12.0
 """Vertical, degrees: narrow, so that lengths hardly depend on how far away they are."""
 NEAR = 12.0
-"""Blocks farther than this from the root are left out of the frame, m."""
+"""Blocks farther than this from what the camera follows are left out of the frame, m."""
+AROUND = 4.0
+"""Side of the cube around the centre of what it follows that is in the frame at least, m."""
 SCALES = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 """Possible lengths of the scale bar, m."""
 AXES = {"x": (200, 40, 30), "y": (30, 130, 40), "z": (30, 70, 200)}
-ARROW, CORNER = 34, (52, 428)
-"""Length of the arrows of the axes, and where they start, in pixels."""
+ARROW, CORNER = 34, (52, 52)
+"""Length of the arrows of the axes, and where they start, in pixels from the lower left corner."""
+
+
+@dataclass(frozen=True)
+class _Moment:
+    """What a picture shows."""
+
+    said: str
+    pose: Pose
+    broken: Collection[int] = ()
+    moving: Sequence[SceneObject] = ()
+    fixed: Sequence[SceneObject] = ()
+    connected: Collection[tuple[int, int]] | None = None
+    """Pairs of blocks that are connected; None: all blocks are one piece."""
 
 
 def look_at(
-    machine: Machine, view: str, rollout: Rollout | None = None, time: float | None = None
+    machine: Machine,
+    view: str,
+    rollout: Rollout | None = None,
+    times: Sequence[float] = (),
+    follow: Body | None = None,
+    within: float = NEAR,
 ) -> bytes:
-    """Draw a machine as built, or at a time of its rollout, as a PNG picture of 640 x 480.
+    """Draw a machine as built, or at times of its rollout, as a PNG picture.
+
+    It has 640 x 480 pixels; that of several moments has 480 x 360 for each, two in a row, at equal
+    scale. Scenery is as glass where it would hide the machine.
 
     Args:
         machine: A file-valid machine.
         view: One of `DIRECTIONS`.
-        rollout: Its rollout, if there is a time.
-        time: Seconds since t = 0; the nearest sample is drawn. None: as built, without the scene.
+        rollout: Its rollout, if there are times.
+        times: At most four, in seconds since t = 0; the nearest samples are drawn. Without any, the
+            machine is drawn as built, without the scene.
+        follow: A block, with whose fragment the camera moves, or a moving object of the scene;
+            None: the root, with all that is near it.
+        within: Blocks farther than this from it may be outside the frame, m.
 
     Raises:
-        UsageError: The rollout has no states, or not at that time.
+        UsageError: The rollout has no states, or not at such a time; what the camera is to follow
+            does not exist.
     """
     shapes = MachineSolids(machine)
-    pose, objects, broken, said = shapes.rest, list[SceneObject](), set[int](), "as built"
-    if rollout is not None and time is not None:
-        pose, objects, broken, said = _at(rollout, time)
-    solids = shapes.objects(pose, broken)
-    near = np.linalg.norm(pose.centre - pose.centre[0], axis=1) <= NEAR
-    framed = [item for item in solids if near[int(item.name.removeprefix("block "))]]
-    seen = View(DIRECTIONS[view], SIZE, FIELD_OF_VIEW)
-    points = np.concatenate([corners_of(item) for item in framed])
-    camera = camera_at(*fit(points, seen), seen)
-    picture = render_image(camera, solids, objects, spacing=1.0)
-    _label_blocks(picture, camera, pose.centre)
-    _draw_axes(picture, camera)
-    _draw_scale(picture, camera)
-    caption(picture, f"{view}, {said}")
+    moments = [_Moment("as built", shapes.rest)]
+    if rollout is not None and times:
+        moments = [_at(rollout, time) for time in times[:MOST_MOMENTS]]
+    seen = View(DIRECTIONS[view], PANEL if len(moments) > 1 else SIZE, FIELD_OF_VIEW)
+    fits = [fit(_framed(shapes, each, follow, within), seen) for each in moments]
+    distance = max(away for _, away in fits)
+    panels = []
+    for moment, (target, _) in zip(moments, fits, strict=True):
+        camera = camera_at(target, distance, seen)
+        panels.append(_draw(shapes, moment, camera, f"{view}, {moment.said}"))
     content = BytesIO()
-    picture.save(content, "PNG", optimize=True)
+    _joined(panels).save(content, "PNG", optimize=True)
     return content.getvalue()
 
 
-def _at(rollout: Rollout, time: float) -> tuple[Pose, list[SceneObject], set[int], str]:
-    """Pose, moved scene, broken blocks and caption at the sample nearest to a time."""
+def _at(rollout: Rollout, time: float) -> _Moment:
+    """What the sample nearest to a time shows."""
     trace = rollout.trace
     if trace is None:
         raise UsageError(
@@ -97,8 +126,84 @@ def _at(rollout: Rollout, time: float) -> tuple[Pose, list[SceneObject], set[int
     index = int(np.abs(trace.times - time).argmin())
     at = float(trace.times[index])
     objects = objects_at(rollout.scene, trace, index) if rollout.scene else []
-    broken = {item.block for item in rollout.broken if item.time <= at}
-    return Pose.at(trace, index), objects, broken, f"{at:.2f} s"
+    return _Moment(
+        f"{at:.2f} s",
+        Pose.at(trace, index),
+        {item.block for item in rollout.broken if item.time <= at},
+        [item for item in objects if item.name in trace.objects],
+        [item for item in objects if item.name not in trace.objects],
+        _connected(trace, index),
+    )
+
+
+def _connected(trace: Trace, index: int) -> set[tuple[int, int]]:
+    """The connections that hold in one sample; nothing reports the load of one that is lost."""
+    holds = ~np.isnan(trace.utilisation[index])
+    return {pair for pair, held in zip(trace.connections, holds, strict=True) if held}
+
+
+def _framed(shapes: MachineSolids, moment: _Moment, follow: Body | None, within: float) -> Array:
+    """(K, 3) points that must be in the frame."""
+    pose = moment.pose
+    blocks = set(range(len(pose.centre)))
+    if isinstance(follow, str):
+        found = [item for item in moment.moving if item.name == follow]
+        if not found:
+            names = ", ".join(item.name for item in moment.moving) or "none is there"
+            raise UsageError(
+                f"no moving object is called {follow[:40]!r} ({names}); follow a block instead"
+            )
+        centre = np.asarray(found[0].position)
+    else:
+        if follow is not None and follow not in blocks:
+            raise UsageError(f"there is no block {follow}; follow one from 0 to {len(blocks) - 1}")
+        centre = pose.centre[follow or 0]
+        if follow is not None and moment.connected is not None:
+            blocks = _fragment(follow, moment.connected)
+    near = np.linalg.norm(pose.centre - centre, axis=1) <= within
+    solids = [item for item in shapes.objects(pose) if _is_framed(item, blocks, near)]
+    close = [item for item in moment.moving if dist(item.position, centre) <= within]
+    points = [corners_of(item) for item in (*solids, *close)]
+    if follow is not None:
+        points.append(CORNERS * min(AROUND, 2 * within) + centre)
+    return np.concatenate(points)
+
+
+def _is_framed(item: SceneObject, blocks: Collection[int], near: Array) -> bool:
+    block = int(item.name.removeprefix("block "))
+    return block in blocks and bool(near[block])
+
+
+def _fragment(block: int, connected: Collection[tuple[int, int]]) -> set[int]:
+    """The blocks that hang together with one."""
+    found = {block}
+    while more := {b for pair in connected if found & {*pair} for b in pair} - found:
+        found |= more
+    return found
+
+
+def _draw(shapes: MachineSolids, moment: _Moment, camera: Camera, said: str) -> Image.Image:
+    """One moment, with its words."""
+    solids = shapes.objects(moment.pose, moment.broken)
+    picture = render_image(camera, solids, moment.moving, 1.0, moment.fixed)
+    _label_blocks(picture, camera, moment.pose.centre)
+    _draw_axes(picture, camera)
+    _draw_scale(picture, camera)
+    caption(picture, said)
+    return picture
+
+
+def _joined(panels: Sequence[Image.Image]) -> Image.Image:
+    """Pictures of equal size as one, in rows."""
+    if len(panels) == 1:
+        return panels[0]
+    width, height = panels[0].size
+    rows = -(-len(panels) // COLUMNS)
+    whole = Image.new("RGB", (COLUMNS * width, rows * height), "white")
+    for index, panel in enumerate(panels):
+        ImageDraw.Draw(panel).rectangle((0, 0, width - 1, height - 1), outline=INK)
+        whole.paste(panel, (index % COLUMNS * width, index // COLUMNS * height))
+    return whole
 
 
 def _label_blocks(picture: Image.Image, camera: Camera, centres: Array) -> None:
@@ -119,10 +224,11 @@ def _draw_axes(picture: Image.Image, camera: Camera) -> None:
     """Draw the directions x+, y+ and z+ in a corner; those towards the eye as points."""
     pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=13)
     right, up, _ = camera.axes
+    start = CORNER[0], picture.height - CORNER[1]
     for name, axis in zip(AXES, np.eye(3), strict=True):
         across, rise = ARROW * float(right @ axis), -ARROW * float(up @ axis)
-        x, y = CORNER[0] + across, CORNER[1] + rise
-        pen.line((*CORNER, x, y), fill=AXES[name], width=3)
+        x, y = start[0] + across, start[1] + rise
+        pen.line((*start, x, y), fill=AXES[name], width=3)
         if abs(across) + abs(rise) > ARROW / 4:
             where = (x + across * 0.35, y + rise * 0.35)
             pen.text(where, f"{name}+", AXES[name], font, "mm", stroke_width=2, stroke_fill="white")

@@ -5,23 +5,25 @@ Each solid is an intersection of slabs and a quadric, tested only in its boundin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from agentflow.env.drawing.cameras import Camera, project
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import rotated_axes
 from agentflow.env.scene import SceneObject
+from agentflow.machine.geometry.vectors import Vec3
 
 Grid = NDArray[np.float32]
 Triple = tuple[Grid, Grid, Grid]
 """x, y and z in a solid's own frame, in half extents."""
 Inks = NDArray[np.uint32]
+Mask = NDArray[np.bool_]
 Numbers = tuple[float, float, float]
 
 SUN = (-4.0, 12.0, -7.0)
@@ -41,6 +43,14 @@ BAND = 64
 TINY = 1e-9
 """Keeps rays from being exactly parallel to a side."""
 CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
+EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1]
+"""The pairs of corners that an edge joins."""
+HIDING = 0.003
+"""Share of the drawn pixels that scenery must hide to be glass."""
+GLASS, EDGE = 0.18, (96, 84, 72)
+"""Share of its own colour that glass has, and the colour of its edges."""
+FARTHEST = 1e5
+"""How far outside the picture edges may end, in pixels."""
 
 
 @dataclass(frozen=True)
@@ -53,25 +63,43 @@ class _Ray:
     half: Array
 
 
-def draw(camera: Camera, objects: Sequence[SceneObject], ground: Image.Image) -> Image.Image:
+def draw(
+    camera: Camera,
+    objects: Sequence[SceneObject],
+    ground: Image.Image,
+    scenery: Sequence[SceneObject] = (),
+) -> Image.Image:
     """Draw objects over the ground; objects with the same name share one outline.
 
     Args:
         camera: The view.
         objects: Objects to draw.
         ground: Background, RGBA, of the camera's size; so is the result.
+        scenery: Further objects, which are as glass with edges where they would hide the others.
     """
     depth = np.full((camera.height, camera.width), np.inf, dtype=np.float32)
     ink = np.zeros(depth.shape, dtype=np.uint32)
-    names = {name: i for i, name in enumerate(dict.fromkeys(t.name for t in objects), start=1)}
     with np.errstate(all="ignore"):  # rays that miss yield nan, which compares false
         for number, item in enumerate(objects, start=1):
             _add(depth, ink, camera, item, number * LEVELS)
-    pixels = _apply_colours(ink, objects, ground)
-    owners = np.array([0, *(names[item.name] for item in objects)])
-    lines = _lines(ink // LEVELS, depth, owners) & (depth < camera.focal_length / OUTLINED)
-    pixels[lines] = (pixels[lines] * (OUTLINE, OUTLINE, OUTLINE, 1.0)).astype(np.uint8)
-    return Image.fromarray(pixels)
+        bare = ink == 0
+        least = HIDING * float(bare.size - np.count_nonzero(bare))
+        glass = [item for item in scenery if _hides(depth, ink, camera, item, least)]
+        opaque = [item for item in scenery if item not in glass]
+        for number, item in enumerate(opaque, start=len(objects) + 1):
+            _add(depth, ink, camera, item, number * LEVELS)
+        shown = (*objects, *opaque)
+        pixels = _apply_colours(ink, shown, ground)
+        names = {name: i for i, name in enumerate(dict.fromkeys(t.name for t in shown), start=1)}
+        owners = np.array([0, *(names[item.name] for item in shown)])
+        lines = _lines(ink // LEVELS, depth, owners) & (depth < camera.focal_length / OUTLINED)
+        pixels[lines] = (pixels[lines] * (OUTLINE, OUTLINE, OUTLINE, 1.0)).astype(np.uint8)
+        for item in glass:
+            _tint(pixels, depth, bare, camera, item)
+    picture = Image.fromarray(pixels)
+    for item in glass:
+        _draw_edges(picture, camera, item)
+    return picture
 
 
 def corners_of(item: SceneObject) -> Array:
@@ -95,7 +123,7 @@ def _apply_colours(
     return pixels
 
 
-def _lines(number: Inks, depth: Grid, owners: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _lines(number: Inks, depth: Grid, owners: NDArray[np.int64]) -> Mask:
     """Mask of the outline pixels: where the owner changes, or the depth jumps."""
     lines = np.zeros(number.shape, dtype=np.bool_)
     for down, right in ((1, 0), (0, 1)):
@@ -109,18 +137,82 @@ def _lines(number: Inks, depth: Grid, owners: NDArray[np.int64]) -> NDArray[np.b
 
 def _add(depth: Grid, ink: Inks, camera: Camera, item: SceneObject, first_ink: int) -> None:
     """Draw one solid where it is the nearest."""
+    for place, enter, bright, hit in _surface(camera, item):
+        near = depth[place]
+        hit &= enter < near
+        np.copyto(near, enter, where=hit)
+        level = np.clip((LEVELS - 1) * (SHADED + LIT * bright), 0, LEVELS - 1).astype(np.uint32)
+        np.copyto(ink[place], level + first_ink, where=hit)
+
+
+def _hides(depth: Grid, ink: Inks, camera: Camera, item: SceneObject, least: float) -> bool:
+    """Whether a solid is in front of more than `least` drawn pixels, or around the eye."""
+    if _is_inside(item, camera.eye):
+        return True
+    hidden = 0
+    for place, enter, _, hit in _surface(camera, item):
+        hidden += int(np.count_nonzero(hit & (enter < depth[place]) & (ink[place] > 0)))
+        if hidden > least:
+            return True
+    return False
+
+
+def _tint(
+    pixels: NDArray[np.uint8], depth: Grid, bare: Mask, camera: Camera, item: SceneObject
+) -> None:
+    """Draw one solid as glass over the `bare` pixels behind it, which show none of the objects."""
+    colour = 255.0 * np.array([*item.color[:3], 1.0], dtype=np.float32)
+    for place, enter, _, hit in _surface(camera, item):
+        seen = hit & (enter < depth[place]) & bare[place]
+        part = pixels[place]
+        part[seen] = ((1.0 - GLASS) * part[seen] + GLASS * colour).astype(np.uint8)
+
+
+def _draw_edges(picture: Image.Image, camera: Camera, item: SceneObject) -> None:
+    """Draw the edges of the box around a solid, above the ground."""
+    pen, width = ImageDraw.Draw(picture), max(1, picture.height // 400)
+    corners = corners_of(item)
+    corners[:, 1] = np.maximum(corners[:, 1], 0.0)
+    for a, b in EDGES:
+        ends = _in_front(corners[[a, b]], camera)
+        if ends is not None and np.abs(places := project(ends, camera)).max() < FARTHEST:
+            pen.line(places.ravel().tolist(), fill=EDGE, width=width)
+
+
+def _in_front(ends: Array, camera: Camera) -> Array | None:
+    """The part of a line (2, 3) that is in front of the eye."""
+    depths = -(ends - np.asarray(camera.eye)) @ camera.axes[2]
+    if depths.max() <= NEAR:
+        return None
+    if depths.min() < NEAR:
+        behind = int(depths.argmin())
+        share = (NEAR - depths[behind]) / (depths[1 - behind] - depths[behind])
+        ends = ends.copy()
+        ends[behind] += share * (ends[1 - behind] - ends[behind])
+    return ends
+
+
+def _is_inside(item: SceneObject, point: Vec3) -> bool:
+    """Whether a point is in the box around a solid."""
+    size = np.repeat(item.size[0], 3) if item.shape == "sphere" else np.asarray(item.size)
+    away = rotated_axes(item.rotation) @ np.subtract(point, item.position)
+    return bool((np.abs(away) <= size / 2).all())
+
+
+def _surface(
+    camera: Camera, item: SceneObject
+) -> Iterator[tuple[tuple[slice, slice], Grid, Grid, Mask]]:
+    """Bands of the picture that a solid can cover, with the distance at which rays enter it, the
+    light there, and where they do above the ground and in front of the eye."""
     corners = corners_of(item)
     rows, columns = _rectangle(corners, camera)
     for top in range(rows.start, rows.stop, BAND):
         place = slice(top, min(top + BAND, rows.stop)), columns
         enter, bright = _SHAPES[item.shape](_ray(camera, item, place))
-        near = depth[place]
-        hit = (enter > NEAR) & (enter < near)
+        hit = enter > NEAR
         if corners[:, 1].min() < -NEAR:
             hit &= _above_ground(camera, place[0], enter)
-        np.copyto(near, enter, where=hit)
-        level = np.clip((LEVELS - 1) * (SHADED + LIT * bright), 0, LEVELS - 1).astype(np.uint32)
-        np.copyto(ink[place], level + first_ink, where=hit)
+        yield place, enter, bright, hit
 
 
 def _rectangle(corners: Array, camera: Camera) -> tuple[slice, slice]:
@@ -134,11 +226,11 @@ def _rectangle(corners: Array, camera: Camera) -> tuple[slice, slice]:
     return slice(int(y0), int(y1)), slice(int(x0), int(x1))
 
 
-def _above_ground(camera: Camera, rows: slice, depth: Grid) -> NDArray[np.bool_]:
+def _above_ground(camera: Camera, rows: slice, depth: Grid) -> Mask:
     """Mask of the hits above the ground, which hides what is below it."""
     _, up, towards = camera.axes
     rise = (up[1] * _rows(camera, rows) - towards[1]).astype(np.float32)
-    above: NDArray[np.bool_] = depth * rise > -camera.eye[1]
+    above: Mask = depth * rise > -camera.eye[1]
     return above
 
 

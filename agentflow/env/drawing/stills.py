@@ -59,12 +59,24 @@ def png_url(machine: Machine, *, view: str, size: Size, red: Collection[int] = (
 
 
 def render_image(
-    camera: Camera, solids: Sequence[SceneObject], others: Sequence[SceneObject], spacing: float
+    camera: Camera,
+    solids: Sequence[SceneObject],
+    others: Sequence[SceneObject],
+    spacing: float,
+    scenery: Sequence[SceneObject] = (),
 ) -> Image.Image:
-    """Draw solids (which cast shadows) and other objects on the ground."""
+    """Draw solids (which cast shadows) and other objects on the ground.
+
+    Args:
+        camera: The view.
+        solids: Of the machine.
+        others: Other objects.
+        spacing: Between the lines on the ground, m.
+        scenery: Objects that are as glass where they would hide the rest.
+    """
     large = replace(camera, width=SMOOTH * camera.width, height=SMOOTH * camera.height)
     ground = backdrop(large, solids, spacing)
-    return draw(large, (*others, *solids), ground).reduce(SMOOTH).convert("RGB")
+    return draw(large, (*others, *solids), ground, scenery).reduce(SMOOTH).convert("RGB")
 
 
 def caption(picture: Image.Image, text: str) -> None:

@@ -23,7 +23,7 @@ from agentflow.machine.brief import LONE_ROOT
 
 _NAME = r"[0-9a-f]{8,64}"
 _MADE = re.compile(rf"Machine ({_NAME}): valid, ")
-_SCORE = re.compile(r"\bscore (-?\d{1,9}(?:\.\d{1,9})?) ")
+_SCORE = re.compile(r"\bscore (-?\d{1,9}(?:\.\d{1,9})?)[ .]")
 _LEFT = re.compile(r"(\d{1,6}) of \d{1,6} (submission|simulation)s left")
 _KNOWN = re.compile(r"^Machines so far: (.+)$", re.MULTILINE)
 _ROW = re.compile(rf"^({_NAME}) \|.* \| ([^|\n]+) \| [^|\n]+$", re.MULTILINE)

@@ -11,7 +11,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, CandidateEvent, RunEvent
 from agentflow.runs.locations import FEEDBACK, INITIAL, STAGES, Location, StageName
 from agentflow.tools.bench import Bench
-from agentflow.tools.host import ViewDirection
+from agentflow.tools.host import Shot
 from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
 from agentflow.workflows.base import Candidate, SimulationSummary, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
@@ -57,9 +57,9 @@ class RunHost:
         """Recorded states of a simulated machine, as tables."""
         return await self._run.query(machine, queries, location)
 
-    async def look(self, machine: Machine, view: ViewDirection, time: float | None) -> bytes:
-        """A PNG picture of a machine as built, or at a time of its simulation."""
-        return await self._run.look(machine, view, time)
+    async def look(self, machine: Machine, shot: Shot) -> bytes:
+        """A PNG picture of a machine."""
+        return await self._run.look(machine, shot)
 
     def save(self, machine: Machine) -> None:
         """Store a machine by its content hash."""

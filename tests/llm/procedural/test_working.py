@@ -42,7 +42,7 @@ async def test_it_simulates_designs_and_their_edits_and_submits_the_best() -> No
     async with open_bench(submissions=2, rollouts=4) as (bench, record):
         called = await work(bench)
         scores = {
-            event["machine"]: float(event["answer"].partition("score ")[2].split()[0])
+            event["machine"]: float(event["answer"].partition("score ")[2].split()[0].rstrip("."))
             for (kind, _), event in record.events.items()
             if kind == ToolEvent.kind and event["tool"] == "simulate"
         }
@@ -95,7 +95,7 @@ async def test_it_submits_when_all_simulations_are_used() -> None:
 TEXT = st.text(max_size=20) | st.sampled_from(
     [
         "Machine 0123abcd: valid, 3 blocks.",
-        "Machine 0123abcd: score 3.25 (ok).",
+        "Machine 0123abcd: score 3.25.",
         "9 of 9 submissions left, 9 of 9 simulations left",
         "0123abcd | 3 | - | - | 3.25 | -",
         '{"machine": "0123abcd", "script": "Remove 1"}',
