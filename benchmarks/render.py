@@ -44,7 +44,8 @@ def main() -> None:
 
 
 def measure(machine: Machine, level: str, folder: str) -> list[float]:
-    """Seconds for a picture, a sheet, a look at a moment from the side, one second of film as GIF and as MP4, and a .glb."""
+    """Seconds for a picture, a sheet, a look from the side at a moment, one second of film as GIF
+    and as MP4, and a .glb."""
     task, still, film = get_task(level), Path(folder) / "x.png", Path(folder) / "x"
     rollout = simulate(machine, task, interval=1.0 / FPS)
     assert rollout.trace is not None, rollout.problems
