@@ -72,11 +72,11 @@ class _ToolNodes:
         given: Mapping[str, Any] = event.arguments if isinstance(event.arguments, dict) else {}
         nodes[event.label] = LineageNode(
             id=event.label,
-            parent=self._find(str(given.get("machine"))) if event.tool == "edit" else None,
+            parent=self._find(str(given.get("machine" if event.tool == "edit" else "parent", ""))),
             title=f"{event.tool}, call {event.location.call}",
             kind=REFUSED if event.refused else event.location.name,
             machine=event.machine,
-            edit=str(given.get("script", "")),
+            edit=str(given.get("script") or given.get("note") or ""),
             problem=event.answer if event.refused else "",
             calls=(self.last_call,) * bool(self.last_call),
         )

@@ -185,7 +185,7 @@ class Bench:
         self._calls = max(self._calls, event.location.call)
         workspace, location = self._workspace, event.location
         if isinstance(event, EvaluationEvent) and location.call:
-            await workspace.simulate(load(event.machine), location)
+            await workspace.simulate([load(event.machine)], location)
         elif isinstance(event, QueryEvent):
             await workspace.host.query(load(event.machine), event.queries, location)
         elif isinstance(event, ToolEvent):
@@ -196,9 +196,12 @@ class Bench:
     def _take_over(self, event: ToolEvent, machine: Machine) -> None:
         """What a successful call has left in the workspace."""
         workspace, given = self._workspace, self._tools[event.tool].read(event.arguments)
-        edited = event.tool == designing.edit.__name__
-        origin = (workspace.machines.find(given["machine"]).name, given["script"]) if edited else ()
-        known = workspace.name(machine, *origin)
+        parent = {
+            designing.edit.__name__: given.get("machine"),
+            designing.check.__name__: given.get("parent"),
+        }.get(event.tool)
+        origin = workspace.machines.find(parent).name if parent else ""
+        known = workspace.name(machine, origin, given.get("script", ""), given.get("note", ""))
         if event.tool == measuring.submit.__name__:
             workspace.submit(known, given["last"])
         elif event.tool == measuring.look.__name__:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.description.geometry_info import describe as geometry_of
@@ -30,6 +30,7 @@ JsonText = Annotated[
     str, BeforeValidator(lambda value: value if isinstance(value, str) else json.dumps(value))
 ]
 """JSON text; some models send the value itself, which is the same."""
+Note = Annotated[str, Field(max_length=MAX_WIDTH)]
 
 
 async def brief(call: Call) -> ToolResult:
@@ -40,17 +41,21 @@ async def brief(call: Call) -> ToolResult:
     )
 
 
-async def check(call: Call, machine: JsonText) -> ToolResult:
+async def check(call: Call, machine: JsonText, note: Note = "", parent: str = "") -> ToolResult:
     """Check a whole machine: returns its name, which the other tools take, or all its problems.
 
     Args:
         machine: JSON text of a construction tree, such as [{"type": 0, "id": 0, "parent": -1,
             "face_id": -1}, {"type": 1, "id": 1, "parent": 0, "face_id": 4}], or of coordinates.
+        note: What you try with it, which `history` shows.
+        parent: Name of the machine that it is a variant of, if there is one.
     """
-    report = check_machine(read_for(call.workspace.host.brief, machine), call.workspace.host.brief)
+    workspace = call.workspace
+    report = check_machine(read_for(workspace.host.brief, machine), workspace.host.brief)
     if report.machine is None or report.lasting_problems:
         raise _invalid("The machine is not valid", report)
-    return _named(call.workspace, report.machine, report)
+    origin = workspace.machines.find(parent).name if parent else ""
+    return _named(workspace, report.machine, report, origin, note=note)
 
 
 async def describe(call: Call, machine: str, short: bool = False) -> ToolResult:
@@ -105,23 +110,28 @@ async def edit(call: Call, machine: str, script: str) -> ToolResult:
 
 
 async def history(call: Call) -> ToolResult:
-    """List all machines so far: parent, edit, score, and the stage in which each was submitted."""
+    """List all machines so far: parent, edit or note, score, and where each was submitted."""
     rows = [_history_row(call.workspace, known) for known in call.workspace.machines]
     if not rows:
         return ToolResult("No machines so far; `check` makes the first.", {"machines": []})
-    lines = ["machine | blocks | parent | edit | score | submitted in"]
+    lines = ["machine | blocks | parent | edit or note | score | submitted in"]
     for row in rows:
-        edit = "; ".join(str(row["edit"] or "-").split("\n"))[:MAX_WIDTH]
+        edit = "; ".join(str(row["edit"] or row["note"] or "-").split("\n"))[:MAX_WIDTH]
         cells = row["machine"], row["blocks"], row["parent"] or "-", edit, row["score_text"]
         lines.append(" | ".join(map(str, (*cells, row["submitted"] or "-"))))
     return ToolResult("\n".join(lines), {"machines": rows})
 
 
 def _named(
-    workspace: Workspace, machine: Machine, report: Report, parent: str = "", script: str = ""
+    workspace: Workspace,
+    machine: Machine,
+    report: Report,
+    parent: str = "",
+    script: str = "",
+    note: str = "",
 ) -> ToolResult:
     """Name a machine whose only problems are missing blocks."""
-    known = workspace.name(machine, parent, script)
+    known = workspace.name(machine, parent, script, note)
     blocks = len(machine)
     state = "valid" if report.task_valid else "valid so far, but not complete"
     lines = [f"Machine {known.name}: {state}, {blocks} block{'' if blocks == 1 else 's'}."]
@@ -186,6 +196,7 @@ def _history_row(workspace: Workspace, known: KnownMachine) -> dict[str, object]
         "blocks": len(known.machine),
         "parent": known.parent or None,
         "edit": known.script or None,
+        "note": known.note or None,
         "score": score,
         "score_text": unscored if score is None else f"{score:.2f}",
         "submitted": known.submitted,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from typing import Annotated, Literal
 
@@ -13,6 +13,11 @@ from agentflow.machine.tree import Machine
 from agentflow.tools.host import Shot, Simulation, ViewDirection
 from agentflow.tools.results import RefusedCall, ToolResult
 from agentflow.tools.workspace import Call, KnownMachine, Workspace, require_complete
+
+MOST_AT_ONCE = 8
+"""Most machines of one call of `simulate`."""
+MOST_NOTED = 60
+"""Most characters of a note or an edit in a table of results."""
 
 
 class Query(BaseModel):
@@ -26,23 +31,71 @@ class Query(BaseModel):
     ]
 
 
-async def simulate(call: Call, machine: str) -> ToolResult:
+async def simulate(
+    call: Call,
+    machine: str | Annotated[list[str], Field(min_length=1, max_length=MOST_AT_ONCE)],
+) -> ToolResult:
     """Simulate a machine: returns score, status and feedback; doing it again costs nothing.
 
     Args:
-        machine: Name of the machine.
+        machine: Name of the machine; or a list of up to 8 names, which are simulated at the same
+            time and compared in a table.
     """
+    if isinstance(machine, str):
+        return await _simulate_one(call, machine)
+    return await _compare(call, machine)
+
+
+async def _simulate_one(call: Call, machine: str) -> ToolResult:
     workspace = call.workspace
     known = workspace.machines.find(machine)
     before = workspace.result_of(known.machine)
-    result = await _simulate(call, known.machine)
+    (result,) = await _simulate(call, [known.machine])
     told = "It was simulated before, so this cost nothing." if before else ""
-    greatest = workspace.host.brief.greatest
-    if greatest is not None and result.score is not None and result.score >= greatest:
+    if _is_greatest(workspace, result):
         told = f"No machine can score higher; `submit` it. {told}"
     text = f"Machine {known.name}: {_result_text(result)}\n{told}"
     data = {"score": result.score, "status": result.status, "feedback": result.feedback}
     return _counted(workspace, text, {"machine": known.name, **data, "known": before is not None})
+
+
+async def _compare(call: Call, names: Sequence[str]) -> ToolResult:
+    """Simulate several machines at once; one row for each."""
+    workspace = call.workspace
+    named = {(found := workspace.machines.find(name)).name: found for name in names}
+    asked = list(named.values())
+    results = await _simulate(call, [known.machine for known in asked])
+    rows = [
+        {
+            "machine": known.name,
+            "note": known.note or known.script or None,
+            "score": result.score,
+            "status": result.status,
+            "feedback": result.feedback,
+        }
+        for known, result in zip(asked, results, strict=True)
+    ]
+    lines = ["machine | score | status | result | note"]
+    for known, result in zip(asked, results, strict=True):
+        score = "-" if result.score is None else f"{result.score:.2f}"
+        outcome = _first_finding(result.feedback)
+        note = "; ".join((known.note or known.script or "-").split("\n"))[:MOST_NOTED]
+        lines.append(f"{known.name} | {score} | {result.status} | {outcome} | {note}")
+    if any(_is_greatest(workspace, result) for result in results):
+        lines.append("No machine can score higher than the best of these; `submit` it.")
+    lines.append("`simulate` one of them alone for its feedback, at no cost.")
+    return _counted(workspace, "\n".join(lines), {"results": rows})
+
+
+def _first_finding(feedback: str) -> str:
+    """The first line of a feedback after the score, which says how it came about."""
+    lines = [line for line in feedback.splitlines() if not line.startswith("Score:")]
+    return lines[0].removeprefix("Result: ") if lines else "-"
+
+
+def _is_greatest(workspace: Workspace, result: Simulation) -> bool:
+    greatest = workspace.host.brief.greatest
+    return greatest is not None and result.score is not None and result.score >= greatest
 
 
 async def query(
@@ -115,7 +168,8 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
     require_complete(known.machine, workspace.host.brief)
     told = "."
     if workspace.budget.simulations is not None:
-        told = f": {_result_text(await _simulate(call, known.machine), short=True)}"
+        (result,) = await _simulate(call, [known.machine])
+        told = f": {_result_text(result, short=True)}"
     workspace.submit(known, last)
     number = f"submission {len(workspace.submitted)} of {workspace.budget.submissions}"
     text = f"Machine {known.name} is {number}{told}"
@@ -123,9 +177,10 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
     return _counted(workspace, text, {"machine": known.name, "ended": workspace.ended.is_set()})
 
 
-async def _simulate(call: Call, machine: Machine) -> Simulation:
-    require_complete(machine, call.workspace.host.brief)
-    return await call.workspace.simulate(machine, call.location)
+async def _simulate(call: Call, machines: Sequence[Machine]) -> list[Simulation]:
+    for machine in machines:
+        require_complete(machine, call.workspace.host.brief)
+    return await call.workspace.simulate(machines, call.location)
 
 
 def _simulated(workspace: Workspace, name: str) -> KnownMachine:

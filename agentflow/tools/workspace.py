@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -28,9 +28,11 @@ class KnownMachine:
     name: str
     machine: Machine
     parent: str = ""
-    """Name of the machine that it was edited from; "" for one that was written as a whole."""
+    """Name of the machine that it was made from; "" for one that was written from scratch."""
     script: str = ""
     """The commands of that edit."""
+    note: str = ""
+    """What its designer said of it."""
     submitted: StageName | None = None
     """The first stage in which it was submitted."""
 
@@ -49,8 +51,10 @@ class KnownMachines:
     def __len__(self) -> int:
         return len(self._machines)
 
-    def add(self, machine: Machine, parent: str = "", script: str = "") -> KnownMachine:
-        """Give a machine a name; a known one keeps what is known about it."""
+    def add(
+        self, machine: Machine, parent: str = "", script: str = "", note: str = ""
+    ) -> KnownMachine:
+        """Give a machine a name; a known one keeps its parent and, without a new one, its note."""
         name = machine.digest[:DIGITS]
         if name in self._machines and self._machines[name].machine != machine:
             name = machine.digest
@@ -58,7 +62,9 @@ class KnownMachines:
             if len(self) >= self._most:
                 raise RefusedCall(f"a run keeps at most {self._most} machines; continue with these")
             self._machines[name] = KnownMachine(name, machine, parent, script)
-        return self._machines[name]
+        known = self._machines[name]
+        known.note = note or known.note
+        return known
 
     def find(self, name: str) -> KnownMachine:
         """The machine of this name, or refuse with the names there are."""
@@ -82,6 +88,13 @@ def require_complete(machine: Machine, brief: Brief) -> None:
         )
 
 
+def _result(found: Simulation | BaseException) -> Simulation:
+    """What a simulation found, or raise its error."""
+    if isinstance(found, BaseException):
+        raise found
+    return found
+
+
 @dataclass
 class Allowance:
     """A number of uses of one kind."""
@@ -103,18 +116,20 @@ class Allowance:
         """An allowance of pictures, of which nothing is used yet."""
         return cls("picture", "`look` without a time costs nothing", total, total)
 
-    def take(self) -> None:
-        """Use one, or refuse."""
-        if self.left <= 0:
+    def take(self, number: int = 1) -> None:
+        """Use so many, or refuse."""
+        if number and self.left <= 0:
             raise RefusedCall(
                 f"all {self.total} {self.noun}s are used; the other tools still work, and "
                 f"{self.instead}"
             )
-        self.left -= 1
+        if number > self.left:
+            raise RefusedCall(f"this takes {number} {self.noun}s, and {self.left} are left")
+        self.left -= number
 
-    def give_back(self) -> None:
-        """Return one that was not used after all."""
-        self.left += 1
+    def give_back(self, number: int = 1) -> None:
+        """Return some that were not used after all."""
+        self.left += number
 
     @contextmanager
     def using(self) -> Iterator[None]:
@@ -165,9 +180,11 @@ class Workspace:
     _waiting: Counter[Machine] = field(default_factory=Counter)
     """Calls that wait for the simulation of a machine."""
 
-    def name(self, machine: Machine, parent: str = "", script: str = "") -> KnownMachine:
+    def name(
+        self, machine: Machine, parent: str = "", script: str = "", note: str = ""
+    ) -> KnownMachine:
         """Give a machine a name and save it."""
-        known = self.machines.add(machine, parent, script)
+        known = self.machines.add(machine, parent, script, note)
         self.host.save(machine)
         return known
 
@@ -175,20 +192,29 @@ class Workspace:
         """The simulation of a machine, as far as this stage may know it."""
         return None if self.budget.simulations is None else self.host.simulated(machine)
 
-    async def simulate(self, machine: Machine, location: Location) -> Simulation:
-        """Simulate a machine; a new one is charged to the budget unless every call is cancelled."""
+    async def simulate(self, machines: Sequence[Machine], location: Location) -> list[Simulation]:
+        """Simulate different machines at once.
+
+        New ones are charged to the budget, all or none, unless every call for one is cancelled.
+        """
         simulations = self.budget.simulations
         if simulations is None:
             raise RefusedCall("this stage has no simulation; submit what you think is best")
-        if self.result_of(machine) is None and not self._waiting[machine]:
-            simulations.take()
-        self._waiting[machine] += 1
+        new = [m for m in machines if self.result_of(m) is None and not self._waiting[m]]
+        simulations.take(len(new))
+        self._waiting.update(machines)
+        places = [
+            replace(location, candidate=number if len(machines) > 1 else 0)
+            for number in range(1, len(machines) + 1)
+        ]
         try:
-            return await self.host.simulate(machine, location)
+            jobs = map(self.host.simulate, machines, places)
+            found = await asyncio.gather(*jobs, return_exceptions=True)
         finally:
-            self._waiting[machine] -= 1
-            if not self._waiting[machine] and self.result_of(machine) is None:
-                simulations.give_back()
+            self._waiting.subtract(machines)
+            unused = [m for m in machines if not self._waiting[m] and self.result_of(m) is None]
+            simulations.give_back(len(unused))
+        return [_result(each) for each in found]
 
     def require_submittable(self, known: KnownMachine) -> None:
         """Refuse a machine that has been submitted, and any once the stage has ended."""

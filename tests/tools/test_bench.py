@@ -96,7 +96,7 @@ async def test_a_whole_session() -> None:
         (
             "simulate",
             {"machine": 3},
-            "simulate takes machine; machine: Input should be a valid str",
+            "simulate takes machine; machine.str: Input should be a valid str",
         ),
         ("check", {"machine": "x" * 1_000_000}, "an argument has 1000000 characters"),
         ("check", {"machine": "no machine"}, "The machine is not valid:\n- no JSON list found"),

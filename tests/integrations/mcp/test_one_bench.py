@@ -80,7 +80,11 @@ WRONG_CALLS: list[tuple[str, dict[str, object], str]] = [
     ("simulate", {"machine": "deadbeef"}, "there is no machine 'deadbeef'; there is none yet"),
     ("check", {"machine": "{not json"}, "The machine is not valid:"),
     ("check", {"machine": "x" * 1_000_000}, "an argument has 1000000 characters; send at most"),
-    ("check", {"machine": CAR, "shell": "rm"}, "check takes machine; shell: Extra inputs"),
+    (
+        "check",
+        {"machine": CAR, "shell": "rm"},
+        "check takes machine, note, parent; shell: Extra inputs",
+    ),
     ("edit", {}, "edit takes machine, script; machine: Field required; script: Field"),
 ]
 
