@@ -5,7 +5,7 @@
 Runs the workflow `explore` as it is, and with MCTS in place of MAP-Elites: with the same first
 machines, emitters and rollouts, so that only the choice of the machine to expand differs. Under
 MCTS, refiners get no niche to aim at. Every simulated machine counts, kept or not.
-Writes the table in docs/explanation/search.md from the seeds whose runs are all finished. Finished
+Writes the table in docs/results/search.md from the seeds whose runs are all finished. Finished
 runs are in benchmarks/data/kinds.jsonl and never repeated, so an interrupted comparison can be
 continued.
 """
@@ -47,7 +47,7 @@ from agentflow.search.settings import MAP_ELITES
 from agentflow.workflows import explore as workflow
 
 HERE = Path(__file__).parent
-CELLS, PAGE = HERE / "data" / "kinds.jsonl", HERE.parent / "docs" / "explanation" / "search.md"
+CELLS, PAGE = HERE / "data" / "kinds.jsonl", HERE.parent / "docs" / "results" / "search.md"
 BEGIN = "<!-- made by benchmarks/kinds.py: do not edit -->"
 STRATEGIES = (MAP_ELITES, "mcts")
 EMITTERS = {"random": ("edit", "crossover"), "procedural": ("refiner",)}
@@ -157,7 +157,7 @@ def tabulate(runs: Mapping[tuple[str, str], Mapping[str, Sequence[Found]]], roll
         rows.append(Row((task, emitters, "difference"), tuple(map(mean_text, apart))))
     seeds = min((len(both[MAP_ELITES]) for both in runs.values()), default=0)
     return Table(
-        f"MAP-Elites beside MCTS: {rollouts} rollouts, {seeds} seeds",
+        f"MAP-Elites and MCTS: {rollouts} rollouts, {seeds} seeds",
         ("task", "emitters", "strategy"),
         (Column("", "coverage, %"), *(Column("", name) for name in NUMBERS[1:])),
         tuple(rows),

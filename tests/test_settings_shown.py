@@ -25,7 +25,7 @@ def test_all_roles_are_described() -> None:
 
 
 def test_all_workflows_and_strategies_are_described() -> None:
-    text = page("search.md")
+    text = page("explanation/search.md")
     assert {*WORKFLOWS.ours, *STRATEGIES.ours} <= named(text) | set(
         re.findall(r"^\*\*([\w-]+)\*\*", text, re.MULTILINE)
     )
@@ -52,7 +52,7 @@ def test_the_main_configuration_has_the_defaults() -> None:
 
 
 def test_settings_of_searches_are_shown_with_their_defaults() -> None:
-    shown = [cells for cells in rows(page("search.md")) if cells[0].startswith("`settings.")]
+    shown = [cells for cells in rows(page("explanation/search.md")) if cells[0].startswith("`settings.")]
     assert len(shown) >= 6
     for key, default, *_ in shown:
         value: Any = CONFIG

@@ -60,7 +60,7 @@ def anchors(page: Path) -> Counter[str]:
 def test_there_are_pages_with_links() -> None:
     assert len(PAGES) > 30
     assert sum(len(targets(page)) for page in PAGES) > 400
-    assert "verified-scores" in anchors(ROOT / "docs/explanation/physics.md")
+    assert "verified-scores" in anchors(ROOT / "docs/explanation/scores.md")
 
 
 @for_each(PAGES)
