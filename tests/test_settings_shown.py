@@ -52,7 +52,9 @@ def test_the_main_configuration_has_the_defaults() -> None:
 
 
 def test_settings_of_searches_are_shown_with_their_defaults() -> None:
-    shown = [cells for cells in rows(page("explanation/search.md")) if cells[0].startswith("`settings.")]
+    shown = [
+        cells for cells in rows(page("explanation/search.md")) if cells[0].startswith("`settings.")
+    ]
     assert len(shown) >= 6
     for key, default, *_ in shown:
         value: Any = CONFIG
