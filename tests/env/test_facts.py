@@ -22,7 +22,7 @@ ON_MUJOCO = {"thrust": 0.13, "friction.wheel": 0.07}
 """Prompts state what PyBullet does, which loads wheels unevenly: docs/explanation/validation.md."""
 CONSTANTS = {("suspension", "damping"): "suspension_damping"}
 """Facts that are constants of the engine and are not measured."""
-PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "physics.md"
+PAGE = Path(__file__).parents[2] / "docs" / "results" / "accuracy.md"
 
 
 def _paths(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
