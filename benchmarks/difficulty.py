@@ -34,6 +34,23 @@ from agentflow.prompts.render import PromptSet
 ROLLOUTS = 60
 HERE = Path(__file__).parent
 CELLS, PAGE = HERE / "data" / "difficulty.jsonl", HERE.parent / "docs" / "results" / "difficulty.md"
+INTRO = """\
+This page shows how hard each level is: what machines built by hand score, and what is reached \
+without a language model. Use it to choose a level, or to judge what a score on one is worth.
+
+There is one table per task family, with a column for each level and these rows:
+
+| row | what it shows |
+|---|---|
+| good score | what the author of the level considers a good result |
+| names of machines | scores of the [reference machines](../reference/tasks.md#reference-machines) \
+in `tests/machines` on every level of their family; a dash means that the level does not allow the \
+machine |
+| procedural designer | the best of {rollouts} machines of the built-in procedural model, which is \
+not a language model; for gearing, how many of {rollouts} attempts pass |
+| random-dsl | the best of {rollouts} random machines and random edits |
+| random-placement | for gearing instead of random-dsl: how many of {rollouts} random placements \
+of cogs pass |"""
 
 
 class Cells:
@@ -153,14 +170,7 @@ def main() -> None:
     cells = Cells(options.cells)
     parts = [
         "# Difficulty of the levels",
-        "There is one table per task family, with a column for each level. The *good score* of a "
-        "level is what its author considers a good result. The next rows have the scores of the "
-        "reference machines in `tests/machines` on every level of their family; a dash means that "
-        "the level does not allow the machine. The last two rows show what is reached without a "
-        f"language model, in {ROLLOUTS} simulations: by the built-in procedural designer, and by "
-        "random machines and edits (`random-dsl`, which samples from the machine language, a "
-        "domain-specific language). For gearing, these rows count how many of "
-        f"{ROLLOUTS} attempts pass; `random-placement` places cogs at random.",
+        INTRO.format(rollouts=ROLLOUTS),
         "`python benchmarks/difficulty.py` generates this page.",
     ]
     for family in options.families or families():

@@ -46,11 +46,18 @@ FURTHER = {
 HEAD = """\
 # Results of the shipped sweeps
 
+This page shows what each part of agentflow contributes: workflows, roles, feedback, search strategies
+and representations of machines, each in a table next to the published one. It is for everyone who
+chooses between them or wants to compare a model of their own.
+
 A *sweep* runs many configurations that differ only in the setting under study;
 [sweeps](../how-to/sweeps.md) explains how. [Workflows and search](../explanation/search.md)
 explains workflows, stages and search strategies, and
-[prompts and roles](../explanation/prompts-and-roles.md) explains roles such as the refiner. Every
-row of the tables names the model that was used:
+[prompts and roles](../explanation/prompts-and-roles.md) explains roles such as the refiner.
+
+## How to read the tables
+
+Every row names the model that was used:
 
 * `procedural (no language model)` is the built-in model. It combines fixed rules with random
   choices, reads the same prompts as a language model, and writes replies in the same format. Its
@@ -59,15 +66,16 @@ row of the tables names the model that was used:
 * `none (random edits)` marks the two baselines that use no model: random machines with random
   edits (`random-dsl`), and cogs placed at random (`random-placement`).
 
-Tables headed "published" have the scores of other models in the game Besiege itself. They are
-taken from the paper, *Agentic Design of Compositional Machines*
-([arXiv:2510.14980](https://arxiv.org/abs/2510.14980)), but for structures, whose note names another
-source. Compare their order with ours, not their values (see [physics](../explanation/physics.md)).
+Tables headed "published" have the scores of other models in the game Besiege itself. Compare the
+order of their rows with the order of ours, not the values: the simulator does not reproduce the
+game (see [physics](../explanation/physics.md)). The published tables are taken from the paper,
+*Agentic Design of Compositional Machines* ([arXiv:2510.14980](https://arxiv.org/abs/2510.14980)).
+The table on structures is from another source, which its note names.
 
 Most sweeps use two seeds, to match the small number of runs behind the published tables. The
-machines of one run share a blueprint and are therefore similar, so intervals over pooled machines
-are too narrow: differences of a few metres between two throwing rows are noise. Use `--seeds 20`
-to tell such rows apart.
+machines of one run share a blueprint and are therefore similar, so
+[intervals](../explanation/scores.md#intervals) over pooled machines are too narrow: differences of
+a few metres between two throwing rows are noise. Use `--seeds 20` to tell such rows apart.
 
 `scripts/results` generates everything on this page: it runs each sweep with the command shown in
 its section, then writes the page with `python benchmarks/results.py`. Notes below each table define

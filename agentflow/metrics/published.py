@@ -21,11 +21,12 @@ PLAYERS = "Human reference"
 BUILDARENA = (
     "Published rows: BuildArena (arXiv:2510.16559), leaderboard in the README of its repository, "
     "AI4Science-WestlakeU/BuildArena. Each number is a mean over three levels with 64 samples "
-    "each; the intervals are computed here, for these 192 samples. Its Support, Transport and Lift "
-    "are the models of levels 1 to 3 of bridge, transport and rocket, but differ: its machines "
-    "are the work of five agents, its Transport succeeds more than 10 m from the start (here: "
-    "within 1 m of the target), the first level of its Lift succeeds by computed thrust (here: "
-    "measured), and its Support has no rule against touching the floor. It has no levels 4 and 5."
+    "each; the intervals are computed here, for these 192 samples. Levels 1 to 3 of bridge, "
+    "transport and rocket are modelled on its Support, Transport and Lift, which have no levels 4 "
+    "and 5. There are four differences: in BuildArena, five agents make each machine; Transport "
+    "succeeds more than 10 m from the start (here: within 1 m of the target); the first level of "
+    "Lift succeeds by computed thrust (here: measured); and Support has no rule against touching "
+    "the floor."
 )
 SOURCES: Mapping[str, str] = MappingProxyType({"buildarena": BUILDARENA})
 """Published table -> source and differences, for tables that are not of arXiv:2510.14980."""
