@@ -35,7 +35,7 @@ ROLLOUTS = 60
 HERE = Path(__file__).parent
 CELLS, PAGE = HERE / "data" / "difficulty.jsonl", HERE.parent / "docs" / "results" / "difficulty.md"
 INTRO = """\
-This page shows how hard each level is: what machines built by hand score, and what is reached \
+This page shows how hard each level is: what reference machines score, and what is reached \
 without a language model. Use it to choose a level, or to judge what a score on one is worth.
 
 There is one table per task family, with a column for each level and these rows:

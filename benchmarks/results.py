@@ -46,9 +46,9 @@ FURTHER = {
 HEAD = """\
 # Results of the shipped sweeps
 
-This page shows what each part of agentflow contributes: workflows, roles, feedback, search strategies
-and representations of machines, each in a table next to the published one. It is for everyone who
-chooses between them or wants to compare a model of their own.
+This page shows what each part of agentflow contributes: workflows, roles, feedback, search
+strategies and representations of machines, each in a table next to the published one. It is for
+everyone who chooses between them or wants to compare a model of their own.
 
 A *sweep* runs many configurations that differ only in the setting under study;
 [sweeps](../how-to/sweeps.md) explains how. [Workflows and search](../explanation/search.md)
