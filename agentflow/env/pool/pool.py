@@ -23,6 +23,7 @@ from agentflow.env.pool.base import (
 )
 from agentflow.env.pool.worker import Reply
 from agentflow.env.rollout import Rollout
+from agentflow.interpreter import python_command, python_environment
 
 _CHILD = """
 import signal, sys
@@ -108,10 +109,10 @@ class _Worker:
         self.connection, theirs = Pipe()
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-c", _CHILD, str(theirs.fileno())],
+                python_command(_CHILD, str(theirs.fileno())),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                env={**os.environ, **_ONE_THREAD, "PYTHONPATH": os.pathsep.join(sys.path)},
+                env={**python_environment(), **_ONE_THREAD},
                 **_passing(theirs.fileno()),
             )
 

@@ -24,6 +24,7 @@ from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import KEY_VARIABLE
 from agentflow.env.tasks.registry import task_names
 from agentflow.errors import UnknownNameError, UsageError
+from agentflow.interpreter import python_command, python_environment
 from agentflow.models.completion import PATH_STARTS
 from agentflow.runs.reading import FILE_NAME
 from agentflow.studio.answers import Arguments
@@ -195,7 +196,8 @@ class Designs:
             file.write_text(json.dumps(form.machine), encoding="utf-8")
             options.append(f"--start={file}")
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-c", _PROGRAM, "design", *options),
+            *python_command(_PROGRAM, "design", *options),
+            env=python_environment(),
             stdin=DEVNULL,
             stdout=DEVNULL,
             stderr=PIPE,
