@@ -18,7 +18,7 @@ import numpy as np
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import World
+from agentflow.env.physics.engine import EngineSpec, World
 from agentflow.env.physics.engines import default_engine
 from agentflow.env.physics.laws.flight import PropellerBlade
 from agentflow.env.physics.loads import Loads
@@ -51,18 +51,20 @@ class Stand:
         *,
         anchored: bool = True,
         gravity: bool = False,
+        engine: EngineSpec | None = None,
     ) -> None:
-        """Build it from the type, parents and faces of all blocks but the root."""
-        machine = _machine_of(blocks)
+        """Build it from the type, parents and faces of all blocks but the root, by default in the
+        default engine."""
+        machine = machine_of(blocks)
         self.assembly = assemble(machine, place(machine), constants())
         if anchored:
             first, *rest = self.assembly.parts
             heavy = replace(first, mass=ANCHOR, inertia=(ANCHOR, ANCHOR, ANCHOR))
             self.assembly = replace(self.assembly, parts=(heavy, *rest))
         self.g = constants()["gravity"] if gravity else 0.0
-        engine = default_engine().start(constants().changed({"gravity": self.g}))
-        self.world: World = engine.build(self.assembly, scene, RATE)
-        finalize(self, engine.close)  # each takes 20 MB
+        started = (engine or default_engine()).start(constants().changed({"gravity": self.g}))
+        self.world: World = started.build(self.assembly, scene, RATE)
+        finalize(self, started.close)  # each takes 20 MB
 
     def run(self, seconds: float, **levels: float) -> Stand:
         """Switch entries of the schedule, and go on."""
@@ -114,7 +116,7 @@ class Stand:
         return total
 
 
-def _machine_of(blocks: Sequence[tuple[int, ...]]) -> Machine:
+def machine_of(blocks: Sequence[tuple[int, ...]]) -> Machine:
     steps: list[Mapping[str, int]] = [{"type": 0, "id": 0, "parent": -1, "face_id": -1}]
     for number, (kind, *ends) in enumerate(blocks, start=1):
         where = dict(zip(ENDS[len(ends)], ends, strict=True))
@@ -285,6 +287,26 @@ def winch_speed(level: float) -> float:
     return abs(float(stand.run(0.2).world.state().length[0] - before)) / 0.2
 
 
+def hold_ball(gap: float, engine: EngineSpec | None = None) -> Stand:
+    """A ball of 1 kg, this far in front of a grabber on a log, 0.3 s later."""
+    ball = SceneObject("ball", "sphere", (1.0, 1.0, 1.0), (0.0, 3.5, 1.5 + gap), mass=1.0)
+    return Stand([(63, 0, 4), (27, 1, 12)], Scene((ball,)), gravity=True, engine=engine).run(0.3)
+
+
+def grabber_reach() -> float:
+    """Greatest gap, to 2 mm, over which a grabber grips a ball that falls past it."""
+    gaps = [gap / 1000 for gap in range(0, 60, 2)]
+    return max(gap for gap in gaps if hold_ball(gap).world.state().object_position[0, 1] > 3.0)
+
+
+def wheel_friction(kind: int) -> float:
+    """N m, with which a motor that holds the axle of an unpowered wheel drags it along."""
+    stand = Stand([(22, 0, 0), (kind, 1, 0)]).run(0.05, motors=1)
+    wheel, before = stand.assembly.parts[2], stand.turning(2)
+    gain = (stand.run(0.05).turning(2) - before) / 0.05
+    return float(abs(gain) * wheel.inertia[2])
+
+
 def winch_pull() -> float:
     """On a rope between two faces of the root, which cannot yield."""
     return float(np.linalg.norm(Stand([(45, 0, 2, 0, 3)]).run(1.5, winches=1).reaction(1)[:3]))
@@ -299,7 +321,7 @@ MEASURED: Mapping[tuple[str | int, ...], Callable[[], float]] = {
     **{("motor", kind, "torque"): partial(motor_torque, kind) for kind in facts()["motor"]},
     **{("motor", kind, "speed"): partial(motor_speed, kind) for kind in facts()["motor"]},
     ("thrust", "slow"): partial(wheel_thrust, 1.0),
-    ("thrust", "half"): partial(wheel_thrust, 5.0),
+    ("thrust", "fast"): partial(wheel_thrust, 9.0),
     ("thrust", "above"): partial(wheel_thrust, 9.0, 0.5),
     ("strength", "usual", 0): partial(strength, 63, False),
     ("strength", "usual", 1): partial(strength, 63, True),
@@ -327,6 +349,8 @@ MEASURED: Mapping[tuple[str | int, ...], Callable[[], float]] = {
     ("winch", "speed"): partial(winch_speed, 1),
     ("winch", "out"): partial(winch_speed, -1),
     ("winch", "pull"): winch_pull,
+    ("grabber", "reach"): grabber_reach,
+    **{("wheel", "friction", kind): partial(wheel_friction, kind) for kind in (40, 60)},
 }
 """Path of a number in facts.yaml -> its measurement."""
 

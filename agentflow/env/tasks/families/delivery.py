@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from agentflow.env.constants import constants
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import landing_text, number, sample_indices, series, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
@@ -105,7 +106,8 @@ class Delivery(Family):
                 *GROUND,
                 *road_sentences(knobs.road, knobs.curve),
                 f"The cargo is a ball of diameter {cargo.diameter:g} m and mass {cargo.mass:g} kg; "
-                f"it lies on the road, free to roll, with its centre at x = {rounded(x)}, y = "
+                "it lies on the road, free to roll, without air drag and with friction "
+                f"{constants()['friction']:g}, with its centre at x = {rounded(x)}, y = "
                 f"{cargo.diameter / 2:g}, z = {rounded(z)} m.",
                 *knobs.beam.sentences(),
                 *knobs.ramp.sentences(),

@@ -114,7 +114,7 @@ class Jumping(TrialFamily):
         )
         brief = self.describe(
             BLOCKS,
-            objective="Build a machine that jumps over the obstacle ahead along z+ and lands "
+            objective="Build a machine that gets over the obstacle ahead along z+ and ends "
             "beyond it.",
             scene=(
                 *(_ON_BANK if knobs.trench.length else GROUND),
