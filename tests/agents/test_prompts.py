@@ -344,7 +344,10 @@ def test_rules_mention_only_what_the_task_allows() -> None:
 def test_size_limit_is_the_task_s() -> None:
     small = replace(THROWING, limits=Limits((5.0, 4.0, 6.5)))
     system, _ = _render(Designer(), DesignerInput(small))
-    assert "- The whole machine must fit within 5 x 4 x 6.5 m (x, y, z).\n" in system
+    assert (
+        "- The whole machine must fit within 5 x 4 x 6.5 m (x, y, z); exactly that fits.\n"
+        in system
+    )
 
 
 def test_numbers_are_those_of_the_simulation() -> None:
@@ -354,8 +357,8 @@ def test_numbers_are_those_of_the_simulation() -> None:
     for name, unit in (("motor_speed", "rad/s"), ("motor_torque", "N m")):
         for kind, value in constants[name]["by_type"].items():
             assert f"{value:g} {unit}" in lines[kind]
-    assert f"{-constants['suspension_low']['value']:g} m inwards" in lines["16"]
-    assert f"{constants['suspension_high']['value']:g} m outwards" in lines["16"]
+    assert f"{-constants['suspension_low']['value']:g} m back" in lines["16"]
+    assert f"{constants['suspension_high']['value']:g} m forward" in lines["16"]
     assert f"Gravity is {constants['gravity']['value']:g} m/s2 along y-." in system
 
 
@@ -363,13 +366,16 @@ def test_physics_names_what_differs_from_the_usual() -> None:
     _, user = _render(Designer(), DesignerInput(THROWING))
     told = _section(user, "Physics")
     assert "bears 15000 N and 5000 N m; for Hinge, Brace, " in told
-    assert "Air drag on blocks is 0.2 N per kg and m/s; Brace, " in told
+    assert "Air drag on blocks is 0.2 N per kg and m/s, at their centres; Brace, " in told
     assert "A Spring pulls with 600 N at a length of 1 m or more" in told
     assert "300 N at 0.75 m, 0 N at 0.5 m or less" in told
     assert "Wind" not in told
     windy = replace(THROWING, scene=("From t = 0 on a steady wind blows: 5 m/s towards x+.",))
     _, user = _render(Designer(), DesignerInput(windy))
-    wind = "Wind pushes every block, even one behind others, with 0.6 N x area"
+    wind = (
+        "Wind pushes every block but propellers and two-ended ones, even one behind others, with "
+        "0.6 N x area"
+    )
     assert wind in _section(user, "Physics")
 
 
