@@ -68,7 +68,7 @@ class Oft(ConfigGroup):
 
 
 class Adapter(ConfigGroup):
-    """Trains few parameters beside a frozen model."""
+    """Trains a few additional parameters; those of the model stay as they are."""
 
     lora: Lora | None = None
     oft: Oft | None = None
