@@ -50,15 +50,26 @@ class RemoteStore:
         self._url, self._pool = url, pool
 
     async def run(
-        self, machine: Machine, task: Task, *, seed: int = 0, variation: Variation = DEFAULT
+        self,
+        machine: Machine,
+        task: Task,
+        *,
+        seed: int = 0,
+        variation: Variation = DEFAULT,
+        interval: float | None = None,
     ) -> Rollout:
         """Load the rollout, or simulate and store it.
 
-        Rollouts without a score, which failed because of the computer, are not stored.
+        Rollouts without a score, which failed because of the computer, are not stored, nor are
+        those with another interval between samples.
 
         Raises:
             RunError: The file system cannot be used.
         """
+        if interval is not None:
+            return await self._pool.run(
+                machine, task, seed=seed, variation=variation, interval=interval
+            )
         path = f"{self._root}/rollouts/{rollout_key(machine, task, seed, variation)}.npz"
         with suppress(FileNotFoundError, *UNREADABLE):
             return read_npz(BytesIO(await self._call(self._files.cat_file, path)))

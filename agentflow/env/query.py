@@ -8,23 +8,21 @@ from math import inf, isfinite
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agentflow.env.constants import constants
 from agentflow.env.feedback.text import body_name, number, spacing
+from agentflow.env.properties import PROPERTIES, Body
 from agentflow.env.rollout import Array, Flags, Rollout, Trace
 from agentflow.machine.tree import Machine
 
 MAX_QUERIES = 12
-PROPERTIES = {
-    "position": "position (x, y, z) m",
-    "rotation": "rotation (x, y, z, w)",
-    "velocity": "velocity (x, y, z) m/s",
-    "length": "length m",
-}
-"""Properties and their column headings. Position and velocity are those of the centre."""
 MAX_ROWS = 30
 """Most rows of a table; longer intervals are shown without the samples between regular ones."""
+MOST_ROWS = 240
+"""Most rows of a table whose interval between rows was asked for."""
 EPSILON = 1e-6
+Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -39,11 +37,12 @@ class Answers:
 class _Query:
     """A valid query."""
 
-    body: int | str
-    """A block, or a moving object of the scene."""
+    body: Body
     start: float
     end: float
     properties: tuple[str, ...]
+    every: float | None
+    """Seconds between rows; None: as usual."""
 
 
 class _InvalidQuery(Exception):
@@ -59,17 +58,29 @@ def answer_queries(
         machine: The simulated machine.
         rollout: Its rollout.
         queries: Items like {"id": 3, "duration": [0, 1], "properties": ["position"]}, as a model
-            wrote them; invalid items are answered with what is wrong.
+            wrote them; invalid items are answered with what is wrong. With "interval", they say
+            how many seconds are between rows.
         interval: Seconds between rows; the constants' by default. Rollouts with coarser samples are
             shown sample by sample, and around events all samples are shown.
     """
+    return answer_each(machine, [(item, rollout) for item in queries], interval)
+
+
+def answer_each(
+    machine: Machine,
+    asked: Sequence[tuple[object, Rollout | str]],
+    interval: float | None = None,
+) -> Answers:
+    """Answer each query about a rollout of its own, or say why there is none."""
     every = constants()["sample_interval"] if interval is None else interval
-    objects = rollout.trace.objects if rollout.trace is not None else ()
     texts, data = [], []
-    for index, item in enumerate(queries):
+    for index, (item, rollout) in enumerate(asked):
         try:
             if index >= MAX_QUERIES:
                 raise _InvalidQuery(f"only the first {MAX_QUERIES} queries of a call are answered")
+            if isinstance(rollout, str):
+                raise _InvalidQuery(rollout)
+            objects = rollout.trace.objects if rollout.trace is not None else ()
             text, answered = _answer(machine, rollout, _read(machine, objects, item), every)
         except _InvalidQuery as refusal:
             text = f"Query {index + 1}: no answer: {refusal}"
@@ -77,6 +88,19 @@ def answer_queries(
         texts.append(text)
         data.append(answered)
     return Answers("\n\n".join(texts), data)
+
+
+def wanted_interval(item: object) -> float | None:
+    """The seconds between rows that a query asks for; None if it names no such number."""
+    value = _number(item.get("interval")) if isinstance(item, Mapping) else None
+    return value if value is not None and value > 0.0 else None
+
+
+def wanted_trial(item: object) -> int | None:
+    """The trial that a query asks about; None if it names none, 0 if there can be none such."""
+    value = item.get("trial") if isinstance(item, Mapping) else None
+    number = _number(value)
+    return None if value is None else int(number) if number is not None and number >= 1 else 0
 
 
 def _read(machine: Machine, objects: Sequence[str], item: object) -> _Query:
@@ -87,7 +111,12 @@ def _read(machine: Machine, objects: Sequence[str], item: object) -> _Query:
             raise _InvalidQuery(f'"{key}" is missing')
     start, end = _read_duration(item["duration"])
     body = item["id"] if item["id"] in objects else _read_block(machine, item["id"], objects)
-    return _Query(body, start, end, _read_properties(machine, body, item["properties"]))
+    every = wanted_interval(item)
+    if every is None and item.get("interval") is not None:
+        raise _InvalidQuery(
+            f'"interval" must be a number of seconds above 0, not {item["interval"]!r}'
+        )
+    return _Query(body, start, end, _read_properties(machine, body, item["properties"]), every)
 
 
 def _number(value: object) -> float | None:
@@ -120,7 +149,7 @@ def _read_duration(value: object) -> tuple[float, float]:
     return pair[0], pair[1]
 
 
-def _read_properties(machine: Machine, body: int | str, value: object) -> tuple[str, ...]:
+def _read_properties(machine: Machine, body: Body, value: object) -> tuple[str, ...]:
     names = [value] if isinstance(value, str) else value
     known = ", ".join(PROPERTIES)
     if not isinstance(names, list | tuple) or not names:
@@ -128,15 +157,13 @@ def _read_properties(machine: Machine, body: int | str, value: object) -> tuple[
     for name in names:
         if not isinstance(name, str) or name not in PROPERTIES:
             raise _InvalidQuery(f"unknown property {name!r}; known: {known}")
-    if "length" in names and (isinstance(body, str) or not machine[body].two_ended):
-        raise _InvalidQuery(
-            f"{body_name(machine, body)} has no length; only two-ended blocks have one"
-        )
+        if lacking := PROPERTIES[name].lacking(machine, body):
+            raise _InvalidQuery(lacking)
     return tuple(dict.fromkeys(names))
 
 
 def _answer(
-    machine: Machine, rollout: Rollout, query: _Query, step: float
+    machine: Machine, rollout: Rollout, query: _Query, usual: float
 ) -> tuple[str, dict[str, Any]]:
     trace = rollout.trace
     if trace is None:
@@ -152,6 +179,36 @@ def _answer(
             f"{title} broke off at {number(broke)} s, while the machine settled; states before "
             "t = 0 are not recorded"
         )
+    kept = _rows(trace, query, usual)
+    kept = kept[times[kept] < broke]
+    columns = {name: _column(machine, trace, query.body, name, kept) for name in query.properties}
+    headings = {
+        name: PROPERTIES[name].heading(machine, trace, query.body) for name in query.properties
+    }
+    trial = rollout.terms.get("shown_trial")
+    of_trial = f", trial {trial:.0f}" if isinstance(trial, float) else ""
+    lines = [
+        f"{title}{of_trial}, {query.start:g} to {query.end:g} s:",
+        *_table(times[kept], columns, headings),
+    ]
+    if isfinite(broke):
+        lines.append(f"{title} broke off at {number(broke)} s; its table ends there.")
+    data = {
+        "id": query.body,
+        "type": machine[query.body].type if isinstance(query.body, int) else None,
+        "duration": [query.start, query.end],
+        "times": times[kept].tolist(),
+        **{name: _plain(values) for name, values in columns.items()},
+        "headings": headings,
+        "trial": int(trial) if isinstance(trial, float) else None,
+        "broke": broke if isfinite(broke) else None,
+    }
+    return "\n".join(lines), data
+
+
+def _rows(trace: Trace, query: _Query, usual: float) -> Indices:
+    """Which samples a table shows."""
+    times, step = trace.times, query.every or usual
     inside = (times >= query.start - EPSILON) & (times <= query.end + EPSILON)
     fine = inside & ~trace.regular
     inside &= trace.regular & _on_grid(trace, step)
@@ -163,20 +220,12 @@ def _answer(
             f"no sample lies between {query.start:g} and {query.end:g} s; samples go from 0 to "
             f"{last:g} s, one every {step:g} s"
         )
-    kept = np.flatnonzero(inside & (times < broke))
-    columns = {name: _column(trace, query.body, name)[kept] for name in query.properties}
-    lines = [f"{title}, {query.start:g} to {query.end:g} s:", *_table(times[kept], columns)]
-    if isfinite(broke):
-        lines.append(f"{title} broke off at {number(broke)} s; its table ends there.")
-    data = {
-        "id": query.body,
-        "type": machine[query.body].type if isinstance(query.body, int) else None,
-        "duration": [query.start, query.end],
-        "times": times[kept].tolist(),
-        **{name: values.tolist() for name, values in columns.items()},
-        "broke": broke if isfinite(broke) else None,
-    }
-    return "\n".join(lines), data
+    if query.every is not None and inside.sum() > MOST_ROWS:
+        raise _InvalidQuery(
+            f"these are {inside.sum()} rows; a table has at most {MOST_ROWS}, so ask for a shorter "
+            '"duration" or a longer "interval"'
+        )
+    return np.flatnonzero(inside)
 
 
 def _on_grid(trace: Trace, step: float) -> Flags:
@@ -198,27 +247,36 @@ def _breakage_time(machine: Machine, rollout: Rollout, query: _Query) -> float:
     return min((time for time in times if time <= query.end), default=inf)
 
 
-def _column(trace: Trace, body: int | str, name: str) -> Array:
-    """Values of one property of a block or object, (T, K)."""
-    if isinstance(body, str):
-        values: Array = getattr(trace, f"object_{name}")
-        return values[:, trace.objects.index(body)]
-    if name == "length":
-        return trace.length[:, trace.linear.index(body)][:, None]
-    column: Array = trace.centre if name == "position" else getattr(trace, name)
-    return column[:, body]
+def _column(machine: Machine, trace: Trace, body: Body, name: str, kept: Indices) -> Array:
+    """(R, K) values of one property in the rows."""
+    values = PROPERTIES[name].read(machine, trace, body)
+    if not (PROPERTIES[name].peak and len(kept)):
+        return values[kept]
+    starts = np.concatenate([kept[:1], kept[:-1] + 1])
+    return np.asarray(np.fmax.reduceat(values[: kept[-1] + 1], starts))
 
 
-def _table(times: Array, columns: Mapping[str, Array]) -> list[str]:
+def _plain(values: Array) -> list[Any]:
+    """Values as JSON data: single ones without a list around each, null for what there is not."""
+    rows = values[:, 0] if values.shape[1] == 1 else values
+    plain: list[Any] = np.where(np.isnan(rows), np.array(None), rows).tolist()
+    return plain
+
+
+def _cell(row: Array) -> str:
+    return ", ".join("-" if np.isnan(value) else number(value) for value in row)
+
+
+def _table(times: Array, columns: Mapping[str, Array], headings: Mapping[str, str]) -> list[str]:
     """Rows by time; what stays the same to the shown digits is stated once, above them."""
     digits = 1 if np.allclose(times, np.round(times, 1), atol=EPSILON) else 3
-    cells = {name: [", ".join(map(number, row)) for row in rows] for name, rows in columns.items()}
+    cells = {name: list(map(_cell, rows)) for name, rows in columns.items()}
     fixed = [name for name, column in cells.items() if len(column) > 1 and len(set(column)) == 1]
     shown = [name for name in columns if name not in fixed]
-    lines = [f"{PROPERTIES[name]}: {cells[name][0]} throughout" for name in fixed]
+    lines = [f"{headings[name]}: {cells[name][0]} throughout" for name in fixed]
     if not shown:
         return lines
-    lines.append(" | ".join(["t s", *(PROPERTIES[name] for name in shown)]))
+    lines.append(" | ".join(["t s", *(headings[name] for name in shown)]))
     for row, time in enumerate(times):
         lines.append(" | ".join([f"{time:.{digits}f}", *(cells[name][row] for name in shown)]))
     return lines

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -27,6 +27,16 @@ class Shot:
     """Block or moving object of the scene that the camera follows; None: the root."""
     within: float = 12.0
     """How far from it blocks are in the frame, m."""
+    trial: int = 0
+    """Number of the trial, from 1; 0 for the one that is shown by default."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is told about a simulation: words for an agent, and the same as JSON data."""
+
+    text: str
+    data: Any
 
 
 class Simulation(Protocol):
@@ -62,14 +72,26 @@ class BenchHost(Protocol):
     async def simulate(self, machine: Machine, location: Location) -> Simulation:
         """Simulate a machine once; concurrent calls share it until the last one is cancelled."""
 
-    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> str:
-        """Recorded states of a simulated machine, as tables."""
+    async def feedback(self, machine: Machine, trial: int) -> Told:
+        """What happened in the simulation of a simulated machine.
+
+        Args:
+            machine: The machine.
+            trial: Number of the trial to tell about, from 1; 0 for the one that is told by default.
+
+        Raises:
+            UsageError: There is no such trial.
+        """
+
+    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> Told:
+        """Recorded states of a simulated machine, as tables and as a list with one item for each
+        query; a query may name a `trial` and an `interval` between rows, s."""
 
     async def look(self, machine: Machine, shot: Shot) -> bytes:
         """A PNG picture of a machine.
 
         Raises:
-            UsageError: There is no such time, or nothing such to follow.
+            UsageError: There is no such time, trial, or nothing such to follow.
         """
 
     def save(self, machine: Machine) -> None:

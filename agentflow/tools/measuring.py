@@ -10,12 +10,13 @@ from pydantic import BaseModel, Field
 
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
-from agentflow.tools.host import Shot, Simulation, ViewDirection
-from agentflow.tools.results import RefusedCall, ToolResult
+from agentflow.tools.host import Shot, Simulation, Told, ViewDirection
+from agentflow.tools.results import RefusedCall, ToolResult, brief_numbers
 from agentflow.tools.workspace import Call, KnownMachine, Workspace, require_complete
 
 MOST_AT_ONCE = 8
 """Most machines of one call of `simulate`."""
+Trial = Annotated[int, Field(ge=0)]
 MOST_NOTED = 60
 """Most characters of a note or an edit in a table of results."""
 
@@ -26,27 +27,41 @@ class Query(BaseModel):
     id: int | Annotated[str, Field(max_length=80)]
     duration: Annotated[list[float], Field(min_length=2, max_length=2)]
     properties: Annotated[
-        list[Literal["position", "rotation", "velocity", "length"]],
-        Field(min_length=1, max_length=4),
+        list[
+            Literal[
+                "position",
+                "rotation",
+                "velocity",
+                "angular_velocity",
+                "length",
+                "joint_angle",
+                "joint_speed",
+                "load",
+            ]
+        ],
+        Field(min_length=1, max_length=8),
     ]
 
 
 async def simulate(
     call: Call,
     machine: str | Annotated[list[str], Field(min_length=1, max_length=MOST_AT_ONCE)],
+    trial: Trial = 0,
 ) -> ToolResult:
     """Simulate a machine: returns score, status and feedback; doing it again costs nothing.
 
     Args:
         machine: Name of the machine; or a list of up to 8 names, which are simulated at the same
             time and compared in a table.
+        trial: In tasks with trials, number of the trial that the feedback tells about; by default
+            the median one.
     """
     if isinstance(machine, str):
-        return await _simulate_one(call, machine)
-    return await _compare(call, machine)
+        return await _simulate_one(call, machine, trial)
+    return await _compare(call, machine, trial)
 
 
-async def _simulate_one(call: Call, machine: str) -> ToolResult:
+async def _simulate_one(call: Call, machine: str, trial: int) -> ToolResult:
     workspace = call.workspace
     known = workspace.machines.find(machine)
     before = workspace.result_of(known.machine)
@@ -54,31 +69,39 @@ async def _simulate_one(call: Call, machine: str) -> ToolResult:
     told = "It was simulated before, so this cost nothing." if before else ""
     if _is_greatest(workspace, result):
         told = f"No machine can score higher; `submit` it. {told}"
-    text = f"Machine {known.name}: {_result_text(result)}\n{told}"
-    data = {"score": result.score, "status": result.status, "feedback": result.feedback}
+    happened = await _feedback(workspace, known.machine, trial)
+    text = f"Machine {known.name}: {_result_text(result)}\n{happened.text}\n{told}"
+    data = {
+        "score": result.score,
+        "status": result.status,
+        "feedback": happened.text,
+        "numbers": brief_numbers(happened.data),
+    }
     return _counted(workspace, text, {"machine": known.name, **data, "known": before is not None})
 
 
-async def _compare(call: Call, names: Sequence[str]) -> ToolResult:
+async def _compare(call: Call, names: Sequence[str], trial: int) -> ToolResult:
     """Simulate several machines at once; one row for each."""
     workspace = call.workspace
     named = {(found := workspace.machines.find(name)).name: found for name in names}
     asked = list(named.values())
     results = await _simulate(call, [known.machine for known in asked])
+    told = [await _feedback(workspace, known.machine, trial) for known in asked]
     rows = [
         {
             "machine": known.name,
             "note": known.note or known.script or None,
             "score": result.score,
             "status": result.status,
-            "feedback": result.feedback,
+            "feedback": happened.text,
+            "numbers": brief_numbers(happened.data),
         }
-        for known, result in zip(asked, results, strict=True)
+        for known, result, happened in zip(asked, results, told, strict=True)
     ]
     lines = ["machine | score | status | result | note"]
-    for known, result in zip(asked, results, strict=True):
+    for known, result, happened in zip(asked, results, told, strict=True):
         score = "-" if result.score is None else f"{result.score:.2f}"
-        outcome = _first_finding(result.feedback)
+        outcome = _first_finding(happened.text)
         note = "; ".join((known.note or known.script or "-").split("\n"))[:MOST_NOTED]
         lines.append(f"{known.name} | {score} | {result.status} | {outcome} | {note}")
     if any(_is_greatest(workspace, result) for result in results):
@@ -99,19 +122,28 @@ def _is_greatest(workspace: Workspace, result: Simulation) -> bool:
 
 
 async def query(
-    call: Call, machine: str, queries: Annotated[list[Query], Field(min_length=1, max_length=12)]
+    call: Call,
+    machine: str,
+    queries: Annotated[list[Query], Field(min_length=1, max_length=12)],
+    interval: Annotated[float, Field(gt=0.0)] | None = None,
+    trial: Trial = 0,
 ) -> ToolResult:
-    """Show recorded states of a simulated machine as tables, with a row every 0.2 s.
+    """Show recorded states of a simulated machine as tables, in the world frame.
 
     Args:
         machine: Name of the machine.
         queries: Each names a block id or a moving object of the scene, an interval [from, to] in
-            seconds since t = 0, and properties.
+            seconds since t = 0, and properties. Rotations are in degrees; `joint_angle` and
+            `joint_speed` are those against the parent; `load` is that of its own connections.
+        interval: Seconds between rows, down to a simulation step (0.0083); by default 0.2, and
+            0.02 around events.
+        trial: In tasks with trials, number of the trial; by default the median one.
     """
     known = _simulated(call.workspace, machine)
-    asked = [item.model_dump() for item in queries]
-    text = await call.workspace.host.query(known.machine, asked, call.location)
-    return ToolResult(text, {"machine": known.name, "answers": text})
+    named = ({"interval": interval} if interval else {}) | ({"trial": trial} if trial else {})
+    asked = [item.model_dump() | named for item in queries]
+    told = await call.workspace.host.query(known.machine, asked, call.location)
+    return ToolResult(told.text, {"machine": known.name, "answers": brief_numbers(told.data)})
 
 
 async def look(
@@ -122,6 +154,7 @@ async def look(
     moments: Annotated[list[float], Field(max_length=4)] = [],  # noqa: B006 - never changed
     follow: int | Annotated[str, Field(max_length=80)] | None = None,
     within: Annotated[float, Field(gt=0.0, le=100.0)] = 12.0,
+    trial: Trial = 0,
 ) -> ToolResult:
     """Look at a machine: a picture with axes, scale and block ids; as built, it costs nothing.
 
@@ -134,6 +167,7 @@ async def look(
         follow: Block that the camera follows, with all that is still connected to it, or a moving
             object of the scene; leave it out for the root and all that is near it.
         within: Leave blocks farther than this from it out of the frame, m; small for a close view.
+        trial: In tasks with trials, number of the trial; by default the median one.
     """
     workspace = call.workspace
     pictures = workspace.budget.pictures
@@ -141,7 +175,7 @@ async def look(
         raise RefusedCall("there are no pictures in this run; `describe` gives positions")
     times = tuple(moments) if time is None else (time, *moments)[:4]
     known = _simulated(workspace, machine) if times else workspace.machines.find(machine)
-    shot = Shot(view, times, follow, within)
+    shot = Shot(view, times, follow, within, trial)
     with pictures.using() if times else nullcontext():
         try:
             image = await workspace.host.look(known.machine, shot)
@@ -169,7 +203,7 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
     told = "."
     if workspace.budget.simulations is not None:
         (result,) = await _simulate(call, [known.machine])
-        told = f": {_result_text(result, short=True)}"
+        told = f": {_result_text(result)}"
     workspace.submit(known, last)
     number = f"submission {len(workspace.submitted)} of {workspace.budget.submissions}"
     text = f"Machine {known.name} is {number}{told}"
@@ -193,10 +227,17 @@ def _simulated(workspace: Workspace, name: str) -> KnownMachine:
     return known
 
 
-def _result_text(result: Simulation, *, short: bool = False) -> str:
+async def _feedback(workspace: Workspace, machine: Machine, trial: int) -> Told:
+    """What happened to a simulated machine, or refuse a trial that does not exist."""
+    try:
+        return await workspace.host.feedback(machine, trial)
+    except UsageError as error:
+        raise RefusedCall(str(error)) from None
+
+
+def _result_text(result: Simulation) -> str:
     score = "no score" if result.score is None else f"score {result.score:.2f}"
-    ended = "" if result.status == "ok" else f" ({result.status})"
-    return f"{score}{ended}." + ("" if short else f"\n{result.feedback}")
+    return f"{score} ({result.status})."
 
 
 def _counted(workspace: Workspace, text: str, data: Mapping[str, object]) -> ToolResult:

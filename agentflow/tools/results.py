@@ -46,3 +46,15 @@ class StageEnded(RefusedCall):
     def __init__(self) -> None:
         """The same words for every tool."""
         super().__init__("this stage has ended; nothing more can be done in it", "stage_ended")
+
+
+def brief_numbers(value: Any) -> Any:
+    """JSON data with numbers of at most five significant digits and six decimals: models pay for
+    each digit."""
+    if isinstance(value, float):
+        return float(f"{round(value, 6):.5g}")
+    if isinstance(value, Mapping):
+        return {key: brief_numbers(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [brief_numbers(item) for item in value]
+    return value

@@ -12,7 +12,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt, RunEvent
 from agentflow.runs.locations import StageName
 from agentflow.search.node import Evaluation, SearchCost
-from agentflow.tools.host import Shot
+from agentflow.tools.host import Shot, Told
 
 GREATEST: Final = "greatest score"
 """Why a search or a run ended: a machine has the greatest possible score of the task."""
@@ -49,8 +49,11 @@ class Evaluator(Protocol):
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:
         """Simulate a machine; the result's `details` are a `SimulationSummary`."""
 
-    async def query(self, machine: Machine, queries: Sequence[object]) -> str:
-        """Answer queries on the recorded states of a machine, as text for a model."""
+    async def feedback(self, machine: Machine, trial: int) -> Told:
+        """What happened in a trial of an evaluated machine; see `BenchHost.feedback`."""
+
+    async def query(self, machine: Machine, queries: Sequence[object]) -> Told:
+        """Answer queries on the recorded states of a machine; see `BenchHost.query`."""
 
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Pictures of a machine as built, as PNG data URLs; always the same bytes."""

@@ -30,7 +30,7 @@ from agentflow.runs.events import (
 from agentflow.runs.locations import Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
-from agentflow.tools.host import Shot
+from agentflow.tools.host import Shot, Told
 from agentflow.workflows.base import (
     GREATEST,
     AskContexts,
@@ -210,10 +210,14 @@ class WorkflowContext:
             raise RunError(f"machines/{digest}.json of the run is damaged: restore it")
         return machine
 
-    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> str:
+    async def feedback(self, machine: Machine, trial: int) -> Told:
+        """What happened in a trial of an evaluated machine."""
+        return await self._evaluator.feedback(machine, trial)
+
+    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> Told:
         """Answer queries on an evaluated machine, recorded at the location of the querier."""
         answer = await self._evaluator.query(machine, queries)
-        self.note(QueryEvent(location, machine.digest, list(queries), answer))
+        self.note(QueryEvent(location, machine.digest, list(queries), answer.text))
         return answer
 
     @property

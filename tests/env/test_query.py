@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from agentflow.env.properties import PROPERTIES
 from agentflow.env.query import answer_queries
-from agentflow.env.rollout import Broken
+from agentflow.env.rollout import Broken, Trace
+from agentflow.env.rotations import compose
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import ROOT, Machine, Step
+from agentflow.tools.bench import TOOLS
 from tests.env.fakes import make_rollout, make_trace
 
 MACHINE = Machine((ROOT, Step(1, 1, 0, 0), Step(2, 15, 1, 0), Step(3, 9, 0, 4, 2, 0)))
@@ -120,11 +126,12 @@ def test_tables_stay_on_the_grid_of_a_fifth_of_a_second(interval: float) -> None
         ({"id": 1, "duration": [6, 9], "properties": ["position"]}, "no sample lies between 6 and "
          "9 s; samples go from 0 to 5 s, one every 0.2 s"),
         ({"id": 1, "duration": [0, 1], "properties": []}, '"properties" must list some of '
-         "position, rotation, velocity, length"),
+         "position, rotation, velocity, angular_velocity, length, joint_angle, joint_speed, load"),
         ({"id": 1, "duration": [0, 1], "properties": ["mass"]}, "unknown property 'mass'; known: "
-         "position, rotation, velocity, length"),
+         "position, rotation, velocity, angular_velocity, length, joint_angle, joint_speed, load"),
         ({"id": 1, "duration": [0, 1], "properties": [["mass"]]}, "unknown property ['mass']; "
-         "known: position, rotation, velocity, length"),
+         "known: position, rotation, velocity, angular_velocity, length, joint_angle, joint_speed, "
+         "load"),
         ({"id": 1, "duration": [0, 1], "properties": ["length"]}, "block 1 (Wooden Block) has no "
          "length; only two-ended blocks have one"),
     ],
@@ -156,3 +163,76 @@ def test_without_a_record_there_is_nothing_to_tell() -> None:
 
 def test_no_queries_no_text() -> None:
     assert answer_queries(MACHINE, ROLLOUT, []).text == ""
+
+
+WHEEL = Machine((ROOT, Step(1, 2, 0, 2)))
+"""A powered wheel on a side of the root, with its Front towards x-."""
+
+
+def turning_trace(speed: float, samples: int, interval: float) -> Trace:
+    """The wheel turns at an even speed, rad/s, about x; the root stands still."""
+    trace = make_trace(2, samples, interval)
+    built = np.array(place(WHEEL)[1].quaternion)
+    angles = speed * trace.times / 2
+    spun = np.stack([np.sin(angles), 0 * angles, 0 * angles, np.cos(angles)], axis=1)
+    trace.rotation[:, 1] = compose(spun, built)
+    trace.angular_velocity[:, 1] = [speed, 0.0, 0.0]
+    return trace
+
+
+def test_rotations_are_degrees_about_named_axes_since_the_start() -> None:
+    rollout = make_rollout(turning_trace(np.pi / 2, 3, 0.2))
+    query = {"id": 1, "duration": [0, 1], "properties": ["rotation", "angular_velocity"]}
+    given = answer_queries(WHEEL, rollout, [query])
+    assert given.text.splitlines()[1:3] == [
+        "angular velocity about x, y, z (rad/s): 1.57, 0.00, 0.00 throughout",
+        "t s | turned since t = 0 about x, y, z (degrees)",
+    ]
+    assert given.data[0]["rotation"] == pytest.approx(np.array([[0, 0, 0], [18, 0, 0], [36, 0, 0]]))
+
+
+def test_the_angle_of_a_joint_counts_turns_between_samples() -> None:
+    # 30 rad/s: almost a whole turn between two samples, so that rotations alone cannot tell it
+    rollout = make_rollout(turning_trace(30.0, 6, 0.2))
+    query = {"id": 1, "duration": [0, 1], "properties": ["joint_angle", "joint_speed"]}
+    given = answer_queries(WHEEL, rollout, [query])
+    assert given.data[0]["joint_speed"] == pytest.approx([-30.0] * 6)
+    assert given.data[0]["joint_angle"] == pytest.approx(-np.degrees(6.0) * np.arange(6))
+    assert "angle on block 0 (degrees about its Front, which faces x- as built" in given.text
+    refused = answer_queries(WHEEL, rollout, [{**query, "id": 0}]).data[0]["problem"]
+    assert refused == "block 0 (Starting Block) does not turn on a parent; blocks that do: 1"
+
+
+def test_the_load_of_a_row_is_the_greatest_since_the_one_before() -> None:
+    trace = replace(
+        make_trace(2, 9, 0.05),
+        connections=((1, 0),),
+        utilisation=np.array([[0.1, 0.9, 0.2, 0.2, 0.3, 0.1, 0.4, np.nan, np.nan]]).T,
+    )
+    query = {"id": 1, "duration": [0, 0.4], "properties": ["load"]}
+    given = answer_queries(WHEEL, make_rollout(trace), [query])
+    assert given.text.splitlines()[1:] == [
+        "t s | load (share of strength) on 0", "0.0 | 0.10", "0.2 | 0.90", "0.4 | 0.40"
+    ]  # fmt: skip
+    given = answer_queries(WHEEL, make_rollout(trace), [{**query, "interval": 0.05}])
+    assert given.data[0]["load"] == [0.1, 0.9, 0.2, 0.2, 0.3, 0.1, 0.4, None, None]
+    assert given.text.splitlines()[-1] == "0.400 | -"
+
+
+def test_a_query_may_ask_for_the_interval_between_rows() -> None:
+    rollout = make_rollout(make_trace(4, 601, 1 / 120))
+    query = {"id": 0, "duration": [0, 0.05], "properties": ["position"], "interval": 1 / 120}
+    assert len(answer_queries(MACHINE, rollout, [query]).data[0]["times"]) == 7
+    for more, words in (
+        ({"duration": [0, 5]}, "these are 601 rows; a table has at most 240, so ask for"),
+        ({"interval": "fine"}, "\"interval\" must be a number of seconds above 0, not 'fine'"),
+        ({"interval": 0}, '"interval" must be a number of seconds above 0, not 0'),
+    ):
+        problem = answer_queries(MACHINE, rollout, [{**query, **more}]).data[0]["problem"]
+        assert problem.startswith(words)
+
+
+def test_the_tool_offers_every_property() -> None:
+    (query,) = [tool for tool in TOOLS if tool.spec.name == "query"]
+    items = query.spec.parameters["properties"]["queries"]["items"]["properties"]
+    assert items["properties"]["items"]["enum"] == list(PROPERTIES)

@@ -92,11 +92,11 @@ async def test_a_whole_session() -> None:
         ("simulate", {"machine": "deadbeef"}, "there is no machine 'deadbeef'; there is none yet"),
         ("simulate", "{", "the arguments are not JSON"),
         ("simulate", [1], "the arguments are a list; send a JSON object"),
-        ("simulate", {}, "simulate takes machine; machine: Field required"),
+        ("simulate", {}, "simulate takes machine, trial; machine: Field required"),
         (
             "simulate",
             {"machine": 3},
-            "simulate takes machine; machine.str: Input should be a valid str",
+            "simulate takes machine, trial; machine.str: Input should be a valid str",
         ),
         ("check", {"machine": "x" * 1_000_000}, "an argument has 1000000 characters"),
         ("check", {"machine": "no machine"}, "The machine is not valid:\n- no JSON list found"),
@@ -104,10 +104,10 @@ async def test_a_whole_session() -> None:
             "query",
             {
                 "machine": "x",
-                "queries": [{"id": "x" * 81, "duration": [0, 1], "properties": ["position"] * 5}],
+                "queries": [{"id": "x" * 81, "duration": [0, 1], "properties": ["position"] * 9}],
             },
             "String should have at most 80 characters; queries.0.properties: List should have at "
-            "most 4 items",
+            "most 8 items",
         ),
         ("fly", {}, "the tool 'fly' does not exist; the tools are brief, check"),
         ("brief", {"a": "\ud800"}, "brief takes no arguments; a: Extra inputs"),

@@ -9,24 +9,27 @@ from functools import partial
 
 import numpy as np
 
+from agentflow.env.constants import constants
 from agentflow.env.drawing.look import look_at
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.mechanism import classify
 from agentflow.env.perturbation import robust_score
 from agentflow.env.pool.base import Simulator
 from agentflow.env.pool.spool import Rollouts
-from agentflow.env.query import answer_queries
+from agentflow.env.query import answer_each, wanted_interval, wanted_trial
 from agentflow.env.rollout import Rollout, Trace
+from agentflow.env.simulation.trials import SHOWN_TRIAL
 from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.descriptors import measure
 from agentflow.env.verification import Verification, run_under, verify_async
+from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.balance import mass
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
-from agentflow.tools.host import Shot
+from agentflow.tools.host import Shot, Told
 from agentflow.workflows.base import SimulationSummary
 from agentflow.workflows.settings import Objective
 
@@ -51,6 +54,8 @@ class PhysicsEvaluator:
         self._seed = seed
         self.rollouts = Rollouts()
         """Every finished rollout under the default conditions, by machine digest."""
+        self._again = Rollouts()
+        """Rollouts that were looked at again: single trials, and those with finer samples."""
         self.simulated_seconds = 0.0
         """Simulated time of all rollouts."""
         self.worker_seconds = 0.0
@@ -107,9 +112,59 @@ class PhysicsEvaluator:
         run = partial(self._pool.run, machine, self._task, seed=self._seed)
         return await verify_async(run, self.rollouts[machine.digest])
 
-    async def query(self, machine: Machine, queries: Sequence[object]) -> str:
+    async def feedback(self, machine: Machine, trial: int) -> Told:
+        """The feedback of an evaluated machine, or that of one of its trials."""
+        found = (await self._look_again(machine, trial)).feedback
+        if not trial:
+            return Told(found.text, found.data)
+        lines = [line for line in found.text.splitlines() if not line.startswith("Score:")]
+        return Told("\n".join([f"Trial {trial}:", *lines]), found.data | {SHOWN_TRIAL: trial})
+
+    async def query(self, machine: Machine, queries: Sequence[object]) -> Told:
         """Answer queries on a machine that has been evaluated."""
-        return answer_queries(machine, self.rollouts[machine.digest], queries).text
+        asked = [(item, await self._rollout_for(machine, item)) for item in queries]
+        answers = answer_each(machine, asked)
+        return Told(answers.text, answers.data)
+
+    async def _rollout_for(self, machine: Machine, query: object) -> Rollout | str:
+        """The rollout that a query asks about, or why there is none."""
+        trial, interval = wanted_trial(query), wanted_interval(query)
+        usual = constants()["sample_interval"]
+        fine = interval if interval is not None and interval < usual else None
+        try:
+            if trial is not None:
+                self._trial(trial)
+            return await self._look_again(machine, trial or 0, fine)
+        except UsageError as error:
+            return str(error)
+
+    async def _look_again(
+        self, machine: Machine, trial: int = 0, interval: float | None = None
+    ) -> Rollout:
+        """The rollout of an evaluated machine, one of its trials, or either with finer samples.
+
+        What was not recorded is simulated again, which gives the same states.
+        """
+        shown = self.rollouts[machine.digest]
+        if not trial and interval is None:
+            return shown
+        number = trial or int(shown.terms.get(SHOWN_TRIAL) or 0)
+        key = f"{machine.digest}, trial {number}, every {interval}"
+        if key not in self._again:
+            task = self._trial(number) if number else self._task
+            rollout = await self._pool.run(machine, task, seed=self._seed, interval=interval)
+            terms = {SHOWN_TRIAL: float(number)} if number else {}
+            self._again.put(key, replace(rollout, terms={**rollout.terms, **terms}))
+        return self._again[key]
+
+    def _trial(self, number: int) -> Task:
+        """A trial of the task, by its number."""
+        trials = self._task.trials(self._seed)
+        if len(trials) == 1:
+            raise UsageError("this task has no trials; leave out `trial`")
+        if not 1 <= number <= len(trials):
+            raise UsageError(f"there is no trial {number}; trials go from 1 to {len(trials)}")
+        return trials[number - 1]
 
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Draw a machine as built, once, in a thread."""
@@ -120,7 +175,7 @@ class PhysicsEvaluator:
 
     async def look(self, machine: Machine, shot: Shot) -> bytes:
         """Draw a machine in a thread: as built, or at times of its rollout."""
-        rollout = self.rollouts[machine.digest] if shot.times else None
+        rollout = await self._look_again(machine, shot.trial) if shot.times else None
         return await asyncio.to_thread(
             look_at, machine, shot.view, rollout, shot.times, shot.follow, shot.within
         )

@@ -8,11 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from agentflow.env.feedback.text import Angles, number, sample_indices
+from agentflow.env.joints import joint_angle
 from agentflow.env.rollout import Array, Trace
-from agentflow.env.rotations import compose, conjugate
 from agentflow.machine.blocks.library import STEERING, library
-from agentflow.machine.blocks.types import DIRECTIONS
-from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
 MOST = 4
@@ -49,14 +47,7 @@ def _label(blocks: list[int]) -> str:
 
 def _turns(machine: Machine, trace: Trace) -> Iterator[tuple[int, Array]]:
     """Each steering block with its (T,) angles, degrees; they may exceed a turn."""
-    built = {block.id: np.array(block.quaternion) for block in place(machine).blocks}
     for step in machine:
-        if step.type not in STEERING:
-            continue
-        joint = library()[step.type].joint
-        rest = compose(conjugate(built[step.parent]), built[step.id])
-        own, parent = trace.rotation[:, step.id], trace.rotation[:, step.parent]
-        turn = compose(conjugate(rest), compose(conjugate(parent), own))
-        about = turn[:, :3] @ np.array(DIRECTIONS[joint.axis], dtype=float)
-        turned = np.unwrap(2.0 * np.arctan2(about, turn[:, 3]), period=2.0 * np.pi)
-        yield step.id, np.degrees(joint.motor_sense * turned)
+        if step.type in STEERING:
+            sense = library()[step.type].joint.motor_sense
+            yield step.id, np.degrees(sense * joint_angle(machine, trace, step.id))

@@ -30,9 +30,18 @@ class Simulator(Protocol):
     """Runs rollouts: a pool of worker processes, or a store in front of one."""
 
     async def run(
-        self, machine: Machine, task: Task, *, seed: int = 0, variation: Variation = DEFAULT
+        self,
+        machine: Machine,
+        task: Task,
+        *,
+        seed: int = 0,
+        variation: Variation = DEFAULT,
+        interval: float | None = None,
     ) -> Rollout:
-        """The rollout of a machine at a task, under the default conditions or a variation."""
+        """The rollout of a machine at a task, under the default conditions or a variation.
+
+        `interval` is the time between samples, s; None for the usual one.
+        """
 
 
 class Pool(ABC):

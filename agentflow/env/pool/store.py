@@ -60,16 +60,27 @@ class Store:
                 folder.mkdir(parents=True, exist_ok=True)
 
     async def run(
-        self, machine: Machine, task: Task, *, seed: int = 0, variation: Variation = DEFAULT
+        self,
+        machine: Machine,
+        task: Task,
+        *,
+        seed: int = 0,
+        variation: Variation = DEFAULT,
+        interval: float | None = None,
     ) -> Rollout:
         """Load the rollout, or simulate and store it.
 
         Concurrent calls for one rollout simulate it once. Rollouts without a score, which failed
-        because of the computer, are not stored.
+        because of the computer, are not stored, nor are those with another interval between
+        samples.
 
         Raises:
             UsageError: The rollout cannot be written.
         """
+        if interval is not None:
+            return await self._pool.run(
+                machine, task, seed=seed, variation=variation, interval=interval
+            )
         key = rollout_key(machine, task, seed, variation)
         async with self._busy.setdefault(key, asyncio.Lock()):
             path = self._rollouts / f"{key}.npz"

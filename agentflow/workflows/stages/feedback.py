@@ -198,7 +198,7 @@ class Trajectory:
         outcome = await run.ask(Querier(), given, location, stage=FEEDBACK)
         if outcome is None or outcome.output is None or not outcome.output.queries:
             return ""
-        return await run.query(machine, outcome.output.queries, location)
+        return (await run.query(machine, outcome.output.queries, location)).text
 
 
 def _verdict(attempt: Attempt[Revision]) -> str:

@@ -11,7 +11,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, CandidateEvent, RunEvent
 from agentflow.runs.locations import FEEDBACK, INITIAL, STAGES, Location, StageName
 from agentflow.tools.bench import Bench
-from agentflow.tools.host import Shot
+from agentflow.tools.host import Shot, Told
 from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
 from agentflow.workflows.base import Candidate, SimulationSummary, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
@@ -53,8 +53,12 @@ class RunHost:
         summary: SimulationSummary = evaluation.details
         return summary
 
-    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> str:
-        """Recorded states of a simulated machine, as tables."""
+    async def feedback(self, machine: Machine, trial: int) -> Told:
+        """What happened in a trial of a simulated machine."""
+        return await self._run.feedback(machine, trial)
+
+    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> Told:
+        """Recorded states of a simulated machine, as tables and data."""
         return await self._run.query(machine, queries, location)
 
     async def look(self, machine: Machine, shot: Shot) -> bytes:

@@ -43,6 +43,7 @@ class Scores:
         *,
         seed: int = 0,  # noqa: ARG002
         variation: Variation = DEFAULT,
+        interval: float | None = None,  # noqa: ARG002
     ) -> Rollout:
         self.asked.append(variation.name)
         score = self.known.get(variation.name.split()[0], 10.0)
