@@ -50,7 +50,8 @@ def _turned(machine: Machine, trace: Trace, body: Body) -> Array:
     since = np.where(since[:, 3:] < 0.0, -since, since)
     sine = np.linalg.norm(since[:, :3], axis=1, keepdims=True)
     angle = 2.0 * np.arctan2(sine, since[:, 3:])
-    return np.degrees(since[:, :3] * (angle / np.where(sine > 0.0, sine, 1.0)))
+    turned: Array = np.degrees(since[:, :3] * (angle / np.where(sine > 0.0, sine, 1.0)))
+    return turned
 
 
 def _length(_machine: Machine, trace: Trace, body: Body) -> Array:

@@ -33,7 +33,7 @@ class Shot:
 
 @dataclass(frozen=True)
 class Told:
-    """What is told about a simulation: words for an agent, and the same as JSON data."""
+    """An answer about a simulation: words for an agent, and the same as JSON data."""
 
     text: str
     data: Any
@@ -77,7 +77,7 @@ class BenchHost(Protocol):
 
         Args:
             machine: The machine.
-            trial: Number of the trial to tell about, from 1; 0 for the one that is told by default.
+            trial: Number of the trial to tell about, from 1; 0 for the usual one.
 
         Raises:
             UsageError: There is no such trial.

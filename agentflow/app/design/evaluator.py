@@ -118,7 +118,7 @@ class PhysicsEvaluator:
         if not trial:
             return Told(found.text, found.data)
         lines = [line for line in found.text.splitlines() if not line.startswith("Score:")]
-        return Told("\n".join([f"Trial {trial}:", *lines]), found.data | {SHOWN_TRIAL: trial})
+        return Told("\n".join([f"Trial {trial}:", *lines]), {**found.data, SHOWN_TRIAL: trial})
 
     async def query(self, machine: Machine, queries: Sequence[object]) -> Told:
         """Answer queries on a machine that has been evaluated."""
