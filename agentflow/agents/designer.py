@@ -1,11 +1,12 @@
-"""The designer: builds a whole machine, or adds one structure of a blueprint to a machine."""
+"""The designer: builds a whole machine, or adds one structure of a blueprint to a machine; before
+that it may send a draft."""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from agentflow.agents.base import Parsed, Role
@@ -15,12 +16,23 @@ from agentflow.agents.replies import machine_items, no_machine, read_reply, reje
 from agentflow.llm.procedural.designing import design
 from agentflow.llm.procedural.reading import Script
 from agentflow.machine.brief import Brief
+from agentflow.machine.description.geometry_info import describe_text
+from agentflow.machine.description.statics_text import statics_text
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
 MAX_RATIONALE = 4000
 """Maximum number of characters kept of a rationale."""
 FENCE = re.compile(r"^[ \t]*```.*?(?:^[ \t]*```[ \t]*$|\Z)", re.MULTILINE | re.DOTALL)
 """A code fence of a reply, closed or not."""
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A reply that does not count, and what its check tells the designer."""
+
+    reply: str
+    findings: str
 
 
 @dataclass(frozen=True)
@@ -36,6 +48,8 @@ class DesignerInput(RoleInput):
     """Whether this structure completes the machine."""
     rationale: str = ""
     """A plan from another run that the design should follow."""
+    draft: Draft | None = None
+    """What was sent to be checked before this."""
 
     @property
     def part(self) -> Structure | None:
@@ -80,6 +94,8 @@ class Designer(Role[DesignerInput, DesignedMachine]):
             "last": given.last,
             "next_id": len(given.machine or ()),
             "rationale": given.rationale,
+            "draft": given.draft and vars(given.draft),
+            "drafting": False,
         }
 
     def parse(self, text: str, given: DesignerInput) -> Parsed[DesignedMachine]:
@@ -98,6 +114,47 @@ class Designer(Role[DesignerInput, DesignedMachine]):
             return Parsed(None, problem, code, repaired, spatial=report.spatial_valid)
         design = DesignedMachine(machine, extract_rationale(text))
         return Parsed(design, repaired=repaired, spatial=report.spatial_valid)
+
+
+class Drafter(Role[DesignerInput, Draft]):
+    """The designer as it sends a draft: every reply is checked, and none is refused."""
+
+    name: ClassVar[str] = "drafter"
+    stage: ClassVar[str] = "initial"
+    tokens: ClassVar[tuple[int, int]] = Designer.tokens
+    model_role: ClassVar[str] = Designer.name
+    labels: ClassVar[tuple[str, ...]] = Designer.labels
+
+    @classmethod
+    def sample(cls, brief: Brief, machine: Machine) -> DesignerInput:
+        return Designer.sample(brief, machine)
+
+    def variables(self, given: DesignerInput) -> Mapping[str, object]:
+        return {**Designer().variables(given), "drafting": True}
+
+    def parse(self, text: str, given: DesignerInput) -> Parsed[Draft]:
+        """The draft with its findings. The problem and its code are what a design would have been
+        refused for."""
+        judged = Designer().parse(text, given)
+        report = read_reply(text, given.brief, given.representation, given.machine)
+        findings = [judged.problem or "The draft is valid."]
+        findings += [f"Warning: {warning.message}." for warning in report.warnings]
+        if report.machine is not None:
+            findings += _joined_pairs(report.machine)
+            if given.spatial:
+                shown = report.machine
+                findings += [describe_text(shown, given.brief), statics_text(shown)]
+        return replace(judged, output=Draft(text, "\n".join(findings)))
+
+
+def _joined_pairs(machine: Machine) -> list[str]:
+    """A warning for each pair of blocks that meeting faces join."""
+    geometry = place(machine)
+    return [
+        f"Warning: face {pair.face_id} of {geometry[pair.block].label} meets face "
+        f"{pair.partner_face} of {geometry[pair.partner].label}: the two are joined."
+        for pair in geometry.auto_connections
+    ]
 
 
 def extract_rationale(text: str) -> str:

@@ -16,6 +16,7 @@ ROLES: Registry[type[Role[Any, Any]]] = Registry(
     {
         "meta_designer": "agentflow.agents.meta_designer:MetaDesigner",
         "designer": "agentflow.agents.designer:Designer",
+        "drafter": "agentflow.agents.designer:Drafter",
         "inspector": "agentflow.agents.inspector:Inspector",
         "querier": "agentflow.agents.querier:Querier",
         "refiner": "agentflow.agents.refiner:Refiner",

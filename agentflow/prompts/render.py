@@ -28,10 +28,11 @@ _RETRY = "_parts/retry.j2"
 _REPLY = "\n## Your reply\n"
 CONTROLS = "_controls"
 """Folder of what is added to every prompt of a task with control programs."""
-_APART = frozenset({"agent", "_questions", "_sessions", CONTROLS})
+_APART = frozenset({"agent", "drafter", "_questions", "_sessions", CONTROLS})
 """Folders that came later, whose templates must not change the digests of runs without them: a run
 records the digest of its prompts, and can be continued and replayed only with the same ones. So
-each counts only for what uses it; `agent` is a role like others, but younger than recorded runs."""
+each counts only for what uses it; `agent` and `drafter` are roles like others, but younger than
+recorded runs."""
 
 
 @cache

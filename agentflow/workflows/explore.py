@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from random import Random
 
-from agentflow.agents.designer import Designer
 from agentflow.agents.querier import Querier
 from agentflow.agents.refiner import Refiner
 from agentflow.errors import BudgetSpentError, UsageError
@@ -24,7 +23,12 @@ from agentflow.search.settings import MAP_ELITES
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import Emitter, WorkflowSettings
-from agentflow.workflows.stages.designs import design_machines, draw_machine, simulate
+from agentflow.workflows.stages.designs import (
+    count_designs,
+    design_machines,
+    draw_machine,
+    simulate,
+)
 from agentflow.workflows.stages.feedback import Revision, Trajectory
 from agentflow.workflows.stages.search_record import SearchRecorder
 from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
@@ -211,7 +215,7 @@ def _calls(settings: WorkflowSettings) -> Mapping[str, int]:
     share = settings.emitters.count("refiner") / len(settings.emitters)
     edits = _rollouts(settings) - settings.trajectories
     calls = {
-        Designer.name: settings.trajectories * (not settings.start),
+        **count_designs(settings),
         Refiner.name: round(share * edits),
     }
     queried = settings.asks_querier * round(share * edits / settings.search.width)

@@ -67,6 +67,11 @@ class WorkflowSettings(BaseModel):
     rationales: tuple[str, ...] = Field(
         (), description="plans for designers to follow, one per trajectory, repeated if too few"
     )
+    drafts: bool = Field(
+        False,
+        description="let designers send a draft, which is checked, before the machine that counts "
+        "(one more call for each design)",
+    )
     inspector: bool = Field(True, description="criticise machines before the blind refinement")
     simulate_first: bool = Field(
         False,

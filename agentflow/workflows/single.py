@@ -10,7 +10,7 @@ from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.random_dsl import RANDOM_DSL
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.designs import design_machines, try_machines
+from agentflow.workflows.stages.designs import count_designs, design_machines, try_machines
 from agentflow.workflows.stages.feedback import feedback_loop
 from agentflow.workflows.workflow import Workflow
 
@@ -43,11 +43,8 @@ def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
 
 
 def _calls(settings: WorkflowSettings) -> dict[str, int]:
-    many = settings.trajectories
-    return {
-        Designer.name: many * (not settings.start),
-        Refiner.name: many * settings.search.rounds,
-    }
+    revised = settings.trajectories * settings.search.rounds
+    return {**count_designs(settings), Refiner.name: revised}
 
 
 def _rollouts(settings: WorkflowSettings) -> int:

@@ -138,6 +138,8 @@ class Author:
     def designer(self, prompt: str, chance: random.Random) -> str:
         return fenced(_written(self._designed(prompt, chance), prompt))
 
+    drafter = designer
+
     def _designed(self, prompt: str, chance: random.Random) -> list[dict[str, int]]:
         built = _current(prompt)
         if "Name: Drive" not in prompt:

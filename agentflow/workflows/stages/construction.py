@@ -16,11 +16,11 @@ from agentflow.runs.events import (
     FirstAttempt,
     RefillEvent,
 )
-from agentflow.runs.locations import INITIAL, Location
+from agentflow.runs.locations import Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate
 from agentflow.workflows.context import WorkflowContext
-from agentflow.workflows.stages.designs import failure_reason, first_attempt_of
+from agentflow.workflows.stages.designs import ask_designer, failure_reason, first_attempt_of
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ async def _build_structure(
 
     async def design(index: int) -> Slot:
         asked = Location(Designer.name, structure=number, trajectory=place, candidate=index)
-        outcome = await run.ask(Designer(), given, asked, stage=INITIAL)
+        outcome = await ask_designer(run, given, asked)
         first = slot.first & first_attempt_of(outcome)
         if outcome is None or outcome.output is None:
             return Slot(first=first, reason=failure_reason(outcome))

@@ -8,7 +8,7 @@ from random import Random
 from typing import Any
 
 from agentflow.agents.base import RoleOutcome
-from agentflow.agents.designer import Designer, DesignerInput
+from agentflow.agents.designer import DesignedMachine, Designer, DesignerInput, Drafter
 from agentflow.agents.history import EditRecord, History
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import Blueprint
@@ -24,6 +24,7 @@ from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import Candidate, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.settings import WorkflowSettings
 
 UNANSWERED = "the budget ran out before an answer"
 
@@ -67,6 +68,26 @@ def draw_machine(
     return Candidate(trajectory, machine, first=FLAWLESS)
 
 
+async def ask_designer(
+    run: WorkflowContext, given: DesignerInput, location: Location
+) -> RoleOutcome[DesignedMachine] | None:
+    """A designer's answer, which has seen the check of its draft if the settings allow one.
+
+    A draft whose reply is empty or cut off is left out: there is nothing to check.
+    """
+    if run.settings.drafts:
+        at = replace(location, name=Drafter.name)
+        drafted = await run.ask(Drafter(), given, at, stage=INITIAL, once=True)
+        given = replace(given, draft=drafted and drafted.output)
+    return await run.ask(Designer(), given, location, stage=INITIAL)
+
+
+def count_designs(settings: WorkflowSettings, each: int = 1) -> dict[str, int]:
+    """Role -> calls of a run's first designs without retries; `each` is those per trajectory."""
+    calls = settings.trajectories * each * (not settings.start)
+    return {Designer.name: calls, **({Drafter.name: calls} if settings.drafts else {})}
+
+
 async def design_machines(run: WorkflowContext) -> list[Candidate]:
     """Ask one designer per trajectory for a whole machine; nothing is simulated yet.
 
@@ -80,7 +101,7 @@ async def design_machines(run: WorkflowContext) -> list[Candidate]:
     async def design(trajectory: int) -> Candidate:
         given = DesignerInput(**run.role_input, rationale=run.settings.rationale(trajectory))
         location = Location(Designer.name, trajectory=trajectory)
-        return candidate_of(trajectory, await run.ask(Designer(), given, location, stage=INITIAL))
+        return candidate_of(trajectory, await ask_designer(run, given, location))
 
     return await run_concurrently(design(number) for number in run.trajectories)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from agentflow.agents.designer import Designer
 from agentflow.agents.inspector import Inspector
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.querier import Querier
@@ -14,7 +13,7 @@ from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.designs import refine_blindly, try_machines
+from agentflow.workflows.stages.designs import count_designs, refine_blindly, try_machines
 from agentflow.workflows.stages.feedback import feedback_loop
 
 
@@ -71,7 +70,7 @@ def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
     """Role -> calls of a run without retries; `designs` is the designer calls per trajectory."""
     many, search, blind = settings.trajectories, settings.search, not settings.start
     return {
-        Designer.name: many * designs * blind,
+        **count_designs(settings, designs),
         Inspector.name: many * settings.inspector * blind,
         Querier.name: many * search.rounds * settings.asks_querier,
         Refiner.name: many * (blind + search.rounds * search.children),
