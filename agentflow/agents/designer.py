@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from agentflow.agents.base import Parsed, Role
@@ -117,13 +117,14 @@ class Designer(Role[DesignerInput, DesignedMachine]):
 
 
 class Drafter(Role[DesignerInput, Draft]):
-    """The designer as it sends a draft: every reply is checked, and none is refused."""
+    """The designer as it sends a draft: every reply with a machine is checked and accepted."""
 
     name: ClassVar[str] = "drafter"
     stage: ClassVar[str] = "initial"
     tokens: ClassVar[tuple[int, int]] = Designer.tokens
     model_role: ClassVar[str] = Designer.name
     labels: ClassVar[tuple[str, ...]] = Designer.labels
+    script: ClassVar[Script | None] = Designer.script
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> DesignerInput:
@@ -134,8 +135,10 @@ class Drafter(Role[DesignerInput, Draft]):
 
     def parse(self, text: str, given: DesignerInput) -> Parsed[Draft]:
         """The draft with its findings. The problem and its code are what a design would have been
-        refused for."""
+        refused for; a reply without anything to check is refused."""
         judged = Designer().parse(text, given)
+        if judged.code == "not_json":
+            return Parsed(None, judged.problem, judged.code, parsed=False)
         report = read_reply(text, given.brief, given.representation, given.machine)
         findings = [judged.problem or "The draft is valid."]
         findings += [f"Warning: {warning.message}." for warning in report.warnings]
@@ -144,7 +147,9 @@ class Drafter(Role[DesignerInput, Draft]):
             if given.spatial:
                 shown = report.machine
                 findings += [describe_text(shown, given.brief), statics_text(shown)]
-        return replace(judged, output=Draft(text, "\n".join(findings)))
+        draft = Draft(text, "\n".join(findings))
+        found = (judged.problem, judged.code, judged.repaired, judged.parsed, judged.spatial)
+        return Parsed(draft, *found)
 
 
 def _joined_pairs(machine: Machine) -> list[str]:

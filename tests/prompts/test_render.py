@@ -12,7 +12,16 @@ from agentflow.machine.blocks.library import library
 from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.prompts.render import PromptSet, block_functions
 
-ROLES = ("agent", "designer", "inspector", "meta_designer", "placer", "querier", "refiner")
+ROLES = (
+    "agent",
+    "designer",
+    "drafter",
+    "inspector",
+    "meta_designer",
+    "placer",
+    "querier",
+    "refiner",
+)
 
 
 def test_sets_and_roles() -> None:

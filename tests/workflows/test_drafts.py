@@ -58,8 +58,13 @@ async def test_faces_that_meet_are_named() -> None:
     ) in check
 
 
-async def test_a_draft_without_machine_is_told_so() -> None:
-    assert "The reply contains no valid machine" in _check((await _prompts(NOTHING))[1])
+async def test_a_draft_with_a_face_that_does_not_exist_is_told_so() -> None:
+    wrong = fenced(steps((1, 0, 9), (2, 0, 2)))
+    assert "The reply contains no valid machine:\n- " in _check((await _prompts(wrong))[1])
+
+
+async def test_a_reply_without_a_machine_is_no_draft() -> None:
+    assert "draft" not in (await _prompts(NOTHING))[1]
 
 
 @pytest.mark.parametrize("workflow", ["hierarchical", "iterative", "single", "explore"])

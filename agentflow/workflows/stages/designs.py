@@ -73,12 +73,12 @@ async def ask_designer(
 ) -> RoleOutcome[DesignedMachine] | None:
     """A designer's answer, which has seen the check of its draft if the settings allow one.
 
-    A draft whose reply is empty or cut off is left out: there is nothing to check.
+    A reply without a machine is left out: there is nothing to check.
     """
     if run.settings.drafts:
         at = replace(location, name=Drafter.name)
         drafted = await run.ask(Drafter(), given, at, stage=INITIAL, once=True)
-        given = replace(given, draft=drafted and drafted.output)
+        given = replace(given, draft=None if drafted is None else drafted.output)
     return await run.ask(Designer(), given, location, stage=INITIAL)
 
 
