@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from shlex import quote
@@ -35,9 +35,10 @@ class RunSession:
     """
 
     def __init__(
-        self, begin: Begin, verify: Callable[[Path], Awaitable[None]], notify: Notify
+        self, begin: Begin, verify: Callable[[Path], Awaitable[bool]], notify: Notify
     ) -> None:
-        """Prepare a session; `verify` verifies the finished run in a folder."""
+        """Prepare a session; `verify` verifies the finished run in a folder, and says whether that
+        goes on."""
         self._begin, self._verify, self._notify = begin, verify, notify
         self._run: DesignRun | None = None
         self._working: asyncio.Task[None] | None = None
@@ -45,6 +46,8 @@ class RunSession:
         self._opening: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         """Done when the next bench is there."""
         self._gone = asyncio.Event()
+        self._verifying = False
+        """Whether the run was finished before its verification."""
 
     async def bench(self) -> Bench | None:
         """The bench of the current stage, once it is ready; None after the last stage.
@@ -71,7 +74,7 @@ class RunSession:
             return
         finally:
             self._bench = None  # with every rollout of the run
-        await self._verify(run.directory.path)
+        self._verifying = await self._verify(run.directory.path)
 
     def _tell_failure(self, working: asyncio.Task[None]) -> None:
         """Say why the run stopped, also if the client has left and cannot be informed."""
@@ -109,12 +112,27 @@ class RunSession:
         """How the run ended and where it is."""
         assert self._run is not None
         result = read_result(self._run.directory.path)
-        score, path = result.trusted_score, quote(result.run)
-        told = "without a valid machine" if score is None else f"with a score of {score:.2f}"
+        path = quote(result.run)
+        told = "without a valid machine"
+        if result.score is not None:
+            told = f"with a plain score of {result.score:.2f}"
+            if result.verified_score is not None:
+                told = f"with a verified score of {result.verified_score:.2f} (plain: "
+                told += f"{result.score:.2f})"
+            elif self._verifying:
+                told += "; it is still being verified, and any later call tells the result"
         return (
             f"The design is finished, {told}. It is in {path}; `agentflow show` and `agentflow "
             "report` show more. Connect again to start another one."
         )
+
+    @property
+    def outcome(self) -> Mapping[str, Any]:
+        """The same as data; `verifying` says whether a verified score is still to come."""
+        result = read_result(self.path)
+        verified = result.verified_score
+        scores = {"score": result.score, "verified_score": verified}
+        return {"run": result.run, **scores, "verifying": self._verifying and verified is None}
 
     @property
     def events(self) -> str:
@@ -172,8 +190,9 @@ class ClientRuns:
         self._notify(f"{author}: {run.directory.path}")
         return run
 
-    async def _verify(self, path: Path) -> None:
-        """Verify a finished run, if that is configured, and wait a while for the result.
+    async def _verify(self, path: Path) -> bool:
+        """Verify a finished run, if that is configured, and wait a while for the result; returns
+        whether it is still to come.
 
         The runs alternate, so that clients that still design need not wait for many verifications.
         """
@@ -182,11 +201,12 @@ class ClientRuns:
             async with self._turn:
                 await verify_finished(path, self._pool)
 
-        if self._verifies:
-            task = asyncio.create_task(take_turn())
-            self._verifying.add(task)
-            task.add_done_callback(self._verifying.discard)
-            await asyncio.wait({task}, timeout=PATIENCE)
+        if not self._verifies:
+            return False
+        task = asyncio.create_task(take_turn())
+        self._verifying.add(task)
+        task.add_done_callback(self._verifying.discard)
+        return bool((await asyncio.wait({task}, timeout=PATIENCE))[1])
 
     async def __aenter__(self) -> ClientRuns:
         return self

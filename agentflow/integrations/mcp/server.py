@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Protocol
 
 from mcp import types
@@ -43,6 +43,10 @@ class ClientSession(Protocol):
         """The message to a client once there are no more benches."""
 
     @property
+    def outcome(self) -> Mapping[str, Any]:
+        """The same as data."""
+
+    @property
     def events(self) -> str:
         """What has been recorded so far, one JSON object per line."""
 
@@ -61,6 +65,7 @@ class OneBench:
     only: Bench
     farewell: str = "This stage has ended; there is nothing more to do here."
     events: str = ""
+    outcome: Mapping[str, Any] = field(default_factory=dict)
 
     async def bench(self) -> Bench | None:
         """The bench, until its stage ends."""
@@ -212,13 +217,15 @@ async def _call(
     """
     bench = await session.bench()
     if bench is None:
-        return ToolResult(session.farewell, {"refused": session.farewell}, refused=True)
+        data = {"refused": session.farewell, **session.outcome}
+        return ToolResult(session.farewell, data, refused=True)
     result = await bench.call(name, arguments)
     if not bench.ended:
         return result
     following = await session.bench()
     if following is None:
-        return replace(result, text=f"{result.text}\n\n{session.farewell}")
+        data = {**result.data, **session.outcome}
+        return replace(result, text=f"{result.text}\n\n{session.farewell}", data=data)
     if following.tools != bench.tools:
         await on_change()
     tools = ", ".join(tool.name for tool in following.tools)

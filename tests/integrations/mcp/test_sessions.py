@@ -70,8 +70,12 @@ async def test_a_car_in_five_calls_over_stdio(tmp_path: Path) -> None:
         name, words = await design_a_car(client)
         run = only_run(tmp_path)
         result = read_result(run)
-        assert f"with a score of {result.verified_score:.2f}. It is in {run};" in words
+        both = f"a verified score of {result.verified_score:.2f} (plain: {result.score:.2f})"
+        assert f"The design is finished, with {both}. It is in {run};" in words
         late = await client.call_tool("simulate", {"machine": name})
+        told = data_of(late)
+        assert (told["score"], told["verified_score"]) == (result.score, result.verified_score)
+        assert (told["run"], told["verifying"]) == (str(run), False)
         assert late.is_error
         assert text_of(late).startswith("The design is finished")
         assert (await client.list_tools()).tools == []
