@@ -24,7 +24,7 @@ from agentflow.prompts.render import PromptSet
 from agentflow.runs.events import RunEvent
 from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.node import Evaluation
-from agentflow.tools.host import Shot
+from agentflow.tools.host import Shot, Told
 from agentflow.workflows.base import SimulationSummary, WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
@@ -225,9 +225,9 @@ class Shelf:
         kind = Measurement(BLOCKS, float(len(found)))
         return Evaluation(True, score, summary, measurements=(kind,))
 
-    async def query(self, found: Machine, queries: Sequence[object]) -> str:
+    async def query(self, found: Machine, queries: Sequence[object]) -> Told:
         assert found.digest in self.tried
-        return f"{len(queries)} tables."
+        return Told(f"{len(queries)} tables.", [])
 
     async def views(self, found: Machine) -> tuple[str, ...]:
         return (f"data:image/png;base64,{found.digest}",)
