@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-import yaml
 from pydantic import BaseModel, ValidationError
 
 from agentflow.errors import RunError
@@ -22,13 +21,14 @@ from agentflow.files.atomic import os_errors, remove_partial_files, write_text
 from agentflow.files.faults import explain
 from agentflow.files.folders import out_errors, require_plain_files, visible_names
 from agentflow.files.lines import parse_object
-from agentflow.files.yaml import NOT_YAML
+from agentflow.files.regular import read_regular
+from agentflow.files.yaml import FAST_LOADER, NOT_YAML, load_bounded
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
 _SEAL = "seal"
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""Both read the same data; libyaml, if installed, is seven times as fast."""
+_MOST_BYTES = 64 * 2**20
+"""Largest YAML document that is read."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ def read_part(file: Path, what: str) -> bytes:
     """
     with os_errors(f"cannot read {file}"):
         try:
-            return file.read_bytes()
+            return read_regular(file)
         except FileNotFoundError:
             raise RunError(f"{file.parent} is not {what}: it has no {file.name}") from None
 
@@ -203,7 +203,7 @@ def read_object(file: Path) -> dict[str, Any]:
         RunError: The file cannot be read, or holds something else.
     """
     try:
-        content = parse_object(file.read_bytes())
+        content = parse_object(read_regular(file))
     except FileNotFoundError:
         raise
     except OSError as error:
@@ -232,7 +232,8 @@ def read_yaml_document(
     if folder.is_dir():
         require_plain_files(folder)
     try:
-        content = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
+        text = read_regular(file, _MOST_BYTES + 1)
+        content = load_bounded(text.decode(), FAST_LOADER) if len(text) <= _MOST_BYTES else None
     except OSError:
         raise RunError(f"{folder} is not {what}: it has no readable {file.name}") from None
     except NOT_YAML:

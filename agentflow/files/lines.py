@@ -6,12 +6,14 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
 from agentflow.errors import AgentflowError, RunError
 from agentflow.files.atomic import os_errors
 from agentflow.files.faults import tell_fault
+from agentflow.files.regular import open_regular
 
 _T = TypeVar("_T")
 
@@ -118,7 +120,7 @@ def read_new_lines(file: Path, parse: Callable[[bytes], _T], offset: int) -> tup
     """
     with os_errors(f"cannot read {file}"):
         try:
-            with file.open("rb") as lines:
+            with open_regular(file, links=False) as lines:
                 lines.seek(offset)
                 content = lines.read()
         except FileNotFoundError:
@@ -161,7 +163,7 @@ def require_planned(file: Path, found: Iterable[object], planned: Iterable[objec
 
 def whole_lines(path: Path) -> Iterator[tuple[int, bytes]]:
     """Number (from 1) and content of every complete line."""
-    with path.open("rb") as lines:
+    with open_regular(path) as lines:
         for number, line in enumerate(lines, start=1):
             if is_whole(line):
                 yield number, line
@@ -173,9 +175,35 @@ def is_whole(line: bytes) -> bool:
 
 
 def parse_object(text: bytes) -> dict[str, Any] | None:
-    """The JSON object in a text; None if there is none."""
+    """The JSON object in a text; None if there is none.
+
+    Numbers that are not finite, or have hundreds of digits, are not JSON that agentflow writes.
+    """
     try:
-        item = json.loads(text)
+        item = json.loads(
+            text, parse_float=_finite, parse_int=_whole, parse_constant=_refuse_constant
+        )
     except (ValueError, RecursionError):
         return None
     return item if isinstance(item, dict) else None
+
+
+_MOST_DIGITS = 300
+"""Longest whole number; longer ones are beyond the range of floating-point numbers."""
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+def _whole(text: str) -> int:
+    if len(text) > _MOST_DIGITS:
+        raise ValueError(text)
+    return int(text)
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(name)

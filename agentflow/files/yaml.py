@@ -11,8 +11,15 @@ import yaml
 from agentflow.errors import ConfigError
 from agentflow.files.atomic import os_errors
 
-NOT_YAML = (yaml.YAMLError, ValueError, RecursionError)
-"""Errors of reading YAML, including impossible dates and deeply nested brackets."""
+NOT_YAML = (yaml.YAMLError, ValueError)
+"""Errors of reading YAML, including impossible dates."""
+
+FAST_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""Both read the same data; libyaml, if installed, is seven times as fast."""
+
+MOST_DEPTH = 100
+"""Most groups and lists inside each other; loaders call themselves for each, libyaml's up to a
+segmentation fault."""
 
 MOST_VALUES = 1_000_000
 """Most values in a document; far more than anyone writes."""
@@ -40,17 +47,18 @@ def read_yaml(text: str) -> Any:
         NOT_YAML: It is not YAML, has a duplicate key, contains itself, or expands to too many
             values.
     """
-    loader = _StrictLoader(text)
-    try:
-        node = loader.get_single_node()
-        if node is None:
-            return None
-        if _count_values(node, {}) > MOST_VALUES:  # nested aliases could fill the memory
-            problem = f"with all aliases expanded it has more than {MOST_VALUES:,} values"
-            raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
-        return loader.construct_object(node, deep=True)
-    finally:
-        loader.dispose()
+    return load_bounded(text, _StrictLoader)
+
+
+def load_bounded(text: str, loader: Any) -> Any:
+    """The data in a YAML text of bounded depth and size, read with a loader of PyYAML.
+
+    Raises:
+        NOT_YAML: It is not YAML, is nested too deeply, contains itself, or expands to too many
+            values.
+    """
+    _require_bounded(text, loader)
+    return yaml.load(text, loader)  # noqa: S506 - the loaders are safe ones
 
 
 def read_yaml_file(path: str | Path, what: str = "") -> Any:
@@ -79,14 +87,40 @@ def parse_yaml(text: str, source: str | Path) -> Any:
         raise ConfigError(f"{source} is not YAML: {yaml_problem(error)}") from None
 
 
-def _count_values(node: yaml.Node, known: dict[int, int]) -> int:
-    """Number of values, groups and lists in a node, with aliases expanded."""
-    if id(node) not in known:
-        known[id(node)] = 1  # ends the recursion for a node that contains itself; refused later
-        parts = node.value if isinstance(node, yaml.CollectionNode) else []
-        pairs = [part if isinstance(part, tuple) else (part,) for part in parts]
-        known[id(node)] += sum(_count_values(part, known) for pair in pairs for part in pair)
-    return known[id(node)]
+def _require_bounded(text: str, loader: Any) -> None:
+    """Refuse a text whose data would exhaust the stack or the memory.
+
+    It looks at the events of the parser, of which there is one after the other, whatever they say.
+
+    Raises:
+        YAMLError: It would, or it is not YAML.
+    """
+    sizes: dict[str, int] = {}  # anchor -> values, with aliases expanded
+    open_nodes: list[tuple[str | None, int]] = []  # anchor, values before it
+    values = 0
+    for event in yaml.parse(text, loader):
+        problem = ""
+        if isinstance(event, yaml.AliasEvent):
+            if any(anchor == event.anchor for anchor, _ in open_nodes):
+                problem = f"the alias {event.anchor!r} stands inside what it names"
+            values += sizes.get(event.anchor, 1)  # an undefined one is refused by the loader
+        elif isinstance(event, yaml.CollectionStartEvent):
+            open_nodes.append((event.anchor, values))
+            values += 1
+            if len(open_nodes) > MOST_DEPTH:
+                problem = f"more than {MOST_DEPTH} groups and lists are inside each other"
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = open_nodes.pop()
+            if anchor is not None:
+                sizes[anchor] = values - before
+        elif isinstance(event, yaml.ScalarEvent):
+            values += 1
+            if event.anchor is not None:
+                sizes[event.anchor] = 1
+        if values > MOST_VALUES:
+            problem = f"with all aliases expanded it has more than {MOST_VALUES:,} values"
+        if problem:
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
 
 
 def yaml_problem(error: Exception) -> str:

@@ -80,8 +80,14 @@ def read_token(path: Path) -> str:
     except OSError as error:
         raise UsageError(f"cannot create the token file {path}: {error.strerror}") from None
     try:
-        mode = path.stat().st_mode
-        text = path.read_bytes()[:4096]
+        with open_regular(path) as file:
+            mode = os.fstat(file.fileno()).st_mode
+            text = file.read(4096)
+    except FileNotFoundError:  # of what the name leads to: creating it failed, as it exists
+        raise UsageError(
+            f"the token file {path} is a link to a file that does not exist; remove it, and a "
+            "token will be made"
+        ) from None
     except OSError as error:
         raise UsageError(f"cannot read the token file {path}: {error.strerror}") from None
     if os.name == "posix" and mode & (stat.S_IRWXG | stat.S_IRWXO):
