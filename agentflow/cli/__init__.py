@@ -74,8 +74,7 @@ def _run(given: list[str]) -> int | None:
     # Typer carries its own copy of click in some versions and depends on click in others; the
     # base of its public BadParameter is click's UsageError in both.
     usage_error: type[BaseException] = typer.BadParameter.__mro__[1]
-    if sys.stdout is None:  # closed; keep later files from taking descriptor 1
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    _open_closed_streams()
     debug = "--debug" in given
     try:
         rest, renamed = update_arguments([item for item in given if item != "--debug"])
@@ -102,6 +101,23 @@ def _run(given: list[str]) -> int | None:
         if debug:
             traceback.print_exc()
         return _print_error(str(error), error.exit_status)
+
+
+def _open_closed_streams() -> None:
+    """Lead streams that are closed to the null device.
+
+    Otherwise later files would take their descriptors, and libraries that write to them, or
+    redirect them for a while, would write into those files or fail.
+    """
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free descriptor, which is this one
+            os.set_inheritable(descriptor, True)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
 
 
 @contextmanager

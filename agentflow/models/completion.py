@@ -66,7 +66,8 @@ def complete_local_model(document: Mapping[str, Any]) -> Mapping[str, Any]:
     if given.get("base_url") is not None or "label" in given:
         return document
     if not path.is_dir():
-        if path.is_absolute() or name.startswith(PATH_STARTS):
+        in_a_folder_here = len(path.parts) > 1 and Path(path.parts[0]).is_dir()
+        if path.is_absolute() or name.startswith(PATH_STARTS) or in_a_folder_here:
             raise ConfigError(f"{name} is not a folder; name a model's folder, or a model")
         return document
     path = find_model(path)

@@ -12,9 +12,15 @@ from agentflow.files.lines import parse_object, read_lines
 from agentflow.runs.reading import CALLS
 
 
+class _ToolCall(BaseModel):
+    name: str
+    arguments: str
+
+
 class _Message(BaseModel):
     role: str
     text: str
+    tool_calls: list[_ToolCall] = []
 
 
 class _Request(BaseModel):
@@ -33,6 +39,7 @@ class _Usage(BaseModel):
 class _Reply(BaseModel):
     text: str
     reasoning: str = ""
+    tool_calls: list[_ToolCall] = []
     usage: _Usage
     latency_s: float = Field(ge=0, allow_inf_nan=False)
     retries: NonNegativeInt

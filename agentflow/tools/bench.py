@@ -9,6 +9,7 @@ from dataclasses import replace
 from math import isfinite
 from typing import Any
 
+from agentflow.errors import RunError
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import EvaluationEvent, QueryEvent, RunEvent, ToolEvent
 from agentflow.runs.locations import Location, StageName
@@ -181,6 +182,9 @@ class Bench:
         Args:
             event: An event of the call; others are ignored.
             load: Content hash -> machine.
+
+        Raises:
+            RunError: The recorded call is none that a bench could have answered.
         """
         self._calls = max(self._calls, event.location.call)
         workspace, location = self._workspace, event.location
@@ -190,12 +194,16 @@ class Bench:
             await workspace.host.query(load(event.machine), event.queries, location)
         elif isinstance(event, ToolEvent):
             if event.machine:
-                self._take_over(event, load(event.machine))
+                machine = load(event.machine)
+                try:
+                    self._take_over(event, machine)
+                except RefusedCall as error:
+                    raise RunError(f"the recorded call {event.label} is damaged: {error}") from None
             workspace.host.note(event)
 
     def _take_over(self, event: ToolEvent, machine: Machine) -> None:
         """What a successful call has left in the workspace."""
-        workspace, given = self._workspace, self._tools[event.tool].read(event.arguments)
+        workspace, given = self._workspace, self._find(event.tool).read(event.arguments)
         parent = {
             designing.edit.__name__: given.get("machine"),
             designing.check.__name__: given.get("parent"),

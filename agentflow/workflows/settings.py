@@ -107,7 +107,7 @@ class WorkflowSettings(BaseModel):
         "refiner (explore)",
     )
     candidates_per_stage: int = Field(
-        8, ge=1, description="machines that an agent may submit in a stage (tools)"
+        8, ge=1, le=10_000, description="machines that an agent may submit in a stage (tools)"
     )
     max_pictures: int = Field(
         24, ge=1, description="pictures that an agent may look at in a run (tools, with vision)"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -150,24 +151,37 @@ def test_without_a_terminal_there_is_one_line_per_event(
     assert captured.err.splitlines() == [
         "throwing, iterative, a model",
         "stage initial begins, 8 trajectories",
-        "designer/traj-1/attempt-1: nothing [bold]at all[/bold]",
-        "designer/traj-1/attempt-1: valid",
-        "initial/traj-1: ok, score 12.50",
-        "initial/traj-2: timeout, score -",
         "stage initial: 7 of 8 valid, mean 12.50, best 20.00",
         "drawing pictures",
         "agentflow: a remark",
     ]
 
 
+def test_a_pipe_gets_few_lines_however_much_happens(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("time.monotonic", lambda now=itertools.count(0.0, 0.1): next(now))
+    with watch(quiet=False) as (listener, _say):
+        assert listener is not None
+        for event in (EVENTS[0], *EVENTS[3:8] * 100):
+            listener(event)
+    lines = capsys.readouterr().err.splitlines()
+    assert 2 <= len(lines) < 10
+    assert "calls, " in lines[-1]
+    assert "best 12.50" in lines[-1]
+
+
 def test_what_a_model_wrote_does_not_reach_the_terminal_raw(
-    live_view: RunView, capsys: pytest.CaptureFixture[str]
+    live_view: RunView,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     evil = attempt(False, 1, "\x1b]0;title\x07\x1b[2J\u202e\rgone")
     live_view.note(evil)
     assert plain(seen(live_view, 100))[-1] == (
         r"designer/traj-1/attempt-1: \x1b]0;title\x07\x1b[2J\u202e\rgone"
     )
+    monkeypatch.setattr("agentflow.cli.display.live.EVERY_S", 0.0)
     with watch(quiet=False) as (listener, _say):
         assert listener is not None
         listener(evil)
@@ -197,25 +211,27 @@ def test_quiet_leaves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_progress_gives_the_reason_of_a_refused_reply_in_words_for_people(
-    code: str, parsed: bool, problem: str, shown: str, capsys: pytest.CaptureFixture[str]
+    code: str,
+    parsed: bool,
+    problem: str,
+    shown: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr("agentflow.cli.display.live.EVERY_S", 0.0)
     event = answered("designer/traj-1/attempt-1", 3, valid=False, problem=problem)
     refused = replace(event, code=code, parsed=parsed)
     with watch(quiet=False) as (listener, _):
         assert listener is not None
         listener(refused)
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"designer/traj-1/attempt-1: {shown}")
+    assert f"; refused designer/traj-1/attempt-1: {shown}" in line
     assert "Send" not in line
     assert "Put" not in line
     assert "write" not in line
 
 
-def test_calls_of_tools_in_a_pipe_and_on_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    with watch(quiet=False) as (listener, _):
-        assert listener is not None
-        listener(REFUSED)
-    assert capsys.readouterr().err == "initial/call-7: check, refused\n"
+def test_refused_calls_of_tools_on_a_terminal() -> None:
     live_view = RunView()
     live_view.note(REFUSED)
     assert "initial/call-7: check: Not valid:" in "\n".join(seen(live_view, 80))

@@ -423,3 +423,29 @@ def test_wrong_input_is_one_line(
     assert captured.err.startswith(f"agentflow: {message}")
     assert captured.err.count("\n") == 1
     assert not list(Path().glob("x.*"))
+
+
+def test_check_says_whether_the_rules_of_the_task_are_met(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert "rules of movement: met\n" in out(capsys, "check", "car.json", "--task", "movement")
+    assert "rules of" not in out(capsys, "check", "car.json")
+    Path("none.json").write_text("[]")
+    assert "rules of movement: met" not in out(capsys, "check", "none.json", "--task", "movement")
+
+
+def test_edit_with_out_names_the_file_in_place_of_its_content(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("script.txt").write_text("Remove 3")
+    edit = ("edit", "car.json", "--script", "script.txt")
+    assert '"blocks"' in out(capsys, *edit) or '"type"' in out(capsys, *edit)
+    told = out(capsys, *edit, "--out", "new.json")
+    assert told.endswith("success\nmachine: new.json\n")
+    assert json.loads(Path("new.json").read_text())
+
+
+def test_the_line_of_frames_is_explained_to_people(capsys: pytest.CaptureFixture[str]) -> None:
+    told = out(capsys, "simulate", "car.json", "--task", "movement")
+    assert "Frames: " in told
+    assert "(Frames: positions above are in the world" in told

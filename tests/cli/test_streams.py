@@ -79,3 +79,17 @@ def test_an_interruption_is_told_in_one_line() -> None:
     )
     assert process.wait(30) == 130
     assert process.communicate() == (b"", b"agentflow: interrupted\n")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="closes a descriptor in a shell")
+def test_a_closed_stderr_is_no_obstacle(tmp_path: Path) -> None:
+    machine = Path(__file__).parents[2] / "examples" / "car.json"
+    command = f"simulate {machine} --task movement --engine pybullet"
+    done = subprocess.run(
+        ["sh", "-c", f"{sys.executable} -m agentflow {command} 2>&-"],
+        stdout=subprocess.PIPE,
+        timeout=120,
+        text=True,
+    )
+    assert done.returncode == 0
+    assert done.stdout.startswith("ok, score")

@@ -103,6 +103,8 @@ def check(
     report = check_machine(read_for(brief, source, form), brief, limits)
     warnings = [warning.to_json() for warning in report.warnings]
     answer: dict[str, Any] = {**report.to_json(), "warnings": warnings}
+    if brief is not None:
+        answer["task"] = brief.name
     if geometry:
         machine = report.machine
         answer["blocks"] = [] if machine is None else place(machine).to_json()

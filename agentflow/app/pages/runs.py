@@ -121,7 +121,8 @@ def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:
     data = story.to_json(cost_function(config.model), priced)
     data["failures"] = count_failures(path)["kinds"]  # last: the run may be in progress
     data |= {"task": task_summary(path, document), "robustness": kept_figure(path, best)}
-    if result and (record := record_json(task_of_run(path, document), result.trusted_score)):
+    record = record_json(task_of_run(path, document), result.trusted_score) if result else None
+    if record and record["share"] is not None:  # a run may end without a score
         data["run"]["about"] += f"; {record['share']:.0%} of the {record['of']}"
     if note := level_note(path, document):
         data["facts"].append(["Level", note])

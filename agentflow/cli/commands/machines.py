@@ -96,7 +96,8 @@ def edit(
         for outcome in edits.edit_lines(read_lines(machine), brief):
             print_json(outcome)
         return
-    print_result(edits.edit_file(machine, script, brief, out), as_json, show_edit)
+    outcome = edits.edit_file(machine, script, brief, out)
+    print_result(outcome, as_json, lambda found: show_edit(found, out))
 
 
 @commands.command(epilog="Example: agentflow convert machine.json machine.bsg")

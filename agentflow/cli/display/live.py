@@ -52,7 +52,7 @@ def watch(quiet: bool) -> Iterator[tuple[Listener | None, Notify]]:
             yield view.note, lambda line: console.print(Text(escape_controls(line)))
             live.transient = True  # the result follows; a failed run leaves its view
     else:
-        yield _print_event, lambda line: print_line(f"agentflow: {line}")
+        yield PlainProgress().note, lambda line: print_line(f"agentflow: {line}")
 
 
 def print_line(line: str) -> None:
@@ -176,19 +176,43 @@ def _refusal(event: AttemptEvent) -> str:
     return reason if event.parsed else reason.partition(";")[0]
 
 
-def _print_event(event: RunEvent | Event) -> None:
-    if line := _line(event):
-        print_line(line)
+EVERY_S = 30.0
+"""Shortest time between two lines about calls and simulations, seconds."""
+
+
+@dataclass
+class PlainProgress:
+    """Progress where there is no terminal: a line per stage, and now and then one in between."""
+
+    record: RunRecord = field(default_factory=RunRecord)
+    _told: float = field(default_factory=time.monotonic)
+
+    def note(self, event: RunEvent | Event) -> None:
+        """Take in one event, and print what is worth a line."""
+        if isinstance(event, RunStartEvent):  # the next of several runs
+            self.record = RunRecord()
+        self.record.add(event)
+        line = _line(event)
+        if not line and time.monotonic() - self._told >= EVERY_S:
+            run = self.record
+            line = (
+                f"{run.calls} calls, {run.evaluations} simulations, best {number(run.best)}"
+                f"{_last_refusal(event)}"
+            )
+        if line:
+            self._told = time.monotonic()
+            print_line(line)
+
+
+def _last_refusal(event: RunEvent | Event) -> str:
+    """The refusal that an event is, to follow a line; else ""."""
+    if isinstance(event, AttemptEvent) and not event.valid:
+        return f"; refused {event.label}: {_refusal(event)}"
+    return ""
 
 
 def _line(event: RunEvent | Event) -> str:
-    """One line about an event; "" for those that add nothing to an attempt or evaluation."""
-    if isinstance(event, AttemptEvent):
-        return f"{event.label}: {'valid' if event.valid else _refusal(event)}"
-    if isinstance(event, EvaluationEvent):
-        return f"{event.label}: {event.status}, score {number(event.score)}"
-    if isinstance(event, ToolEvent):
-        return f"{event.label}: {event.tool}{', refused' * event.refused}"
+    """One line about an event that comes a few times in a run; "" for all others."""
     if isinstance(event, ProgramEvent):
         return f"{event.label}: {event}"
     if isinstance(event, StageEvent):
@@ -205,5 +229,4 @@ def _line(event: RunEvent | Event) -> str:
         return "drawing pictures"
     if isinstance(event, RunStartEvent):
         return f"{event.task}, {event.workflow}, {event.model}"
-    known = isinstance(event, RunEvent) and not isinstance(event, ConstructionEndEvent)
-    return "" if known else f"{event.kind} {event.label}"
+    return f"construction ends: {event.reason}" if isinstance(event, ConstructionEndEvent) else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 
 from agentflow.cli.display.output import (
     Data,
@@ -18,6 +19,11 @@ from agentflow.cli.display.output import (
 )
 from agentflow.metrics.formats import block_count, extents, number
 
+FRAMES = (
+    "(Frames: positions above are in the world; a machine's own file counts from below its root "
+    "block, so add what the line says to its positions)"
+)
+"""What the feedback's line of that name is, for people; models are told by their prompts."""
 MARGINAL = 3
 """Most marginal connections that are printed; the data holds all."""
 
@@ -50,6 +56,9 @@ def show_report(report: Data) -> None:
     """Print a validity report and its warnings."""
     console = output()
     print_lines(console, CHECKED, report)
+    if "task" in report:
+        met = {True: "met", False: "not met"}.get(report["machine_valid"], "not checked")
+        console.print(f"rules of {report['task']}: {met}")
     print_problems(console, report["problems"])
     for warning in report["warnings"]:
         console.print(f"warning: {warning['message']}")
@@ -62,8 +71,8 @@ def show_report(report: Data) -> None:
             )
 
 
-def show_edit(outcome: Data) -> None:
-    """Print the verdict of each step, and the new machine if all succeeded."""
+def show_edit(outcome: Data, out: Path | None = None) -> None:
+    """Print the verdict of each step and, if all succeeded, the new machine or its file."""
     console = output()
     for step in outcome["steps"]:
         console.print(f"{step['verdict']}: {step['text']}")
@@ -71,7 +80,7 @@ def show_edit(outcome: Data) -> None:
             console.print(f"  {step['code']}: {step['reason']}")
     console.print(outcome["outcome"])
     if outcome["outcome"] == "success":
-        console.print(json.dumps(outcome["machine"]))
+        console.print(json.dumps(outcome["machine"]) if out is None else f"machine: {out}")
 
 
 def show_conversion(result: Data) -> None:
@@ -98,6 +107,7 @@ def show_rollout(result: Data) -> None:
     print_problems(console, result["problems"])
     if result["feedback"]:
         console.print(result["feedback"])
+        console.print(FRAMES)
     if result["marginal"]:
         console.print(marginal_line(result["marginal"]))
     for answered in result.get("answers", ()):

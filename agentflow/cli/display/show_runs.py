@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from itertools import pairwise
 
 from agentflow.cli.display.output import Data, Field, columns, field, output, print_lines, table
 from agentflow.cli.display.show_machines import marginal_line
@@ -59,6 +60,8 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
         console.print(verified_line(verified))
     show_objectives(result)
     console.print(table(STAGE, result["stages"]))
+    if note := _lower_stage(result["stages"]):
+        console.print(note)
     show_tools(result["stages"])
     if attempts := result.get("attempts"):
         console.print(_passes(attempts))
@@ -73,6 +76,19 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
     console.print(f"see every step in 3D: agentflow report {shlex.quote(result['run'])}")
     if ending := ending_of(result):
         console.print(ending)
+
+
+def _lower_stage(stages: Sequence[Data]) -> str:
+    """Why the best of a later stage scores below that of an earlier one, for the first; else ""."""
+    for before, stage in pairwise(stages):
+        if None not in (before["max"], stage["max"]) and stage["max"] < before["max"]:
+            blind = stage["name"] == "blind_refinement"
+            why = " changes machines without having seen them simulated, and" * blind
+            return (
+                f"{stage['name']}{why} scored below {before['name']}: a stage's scores are those "
+                "of the machines it made; the best machine of all stages is kept"
+            )
+    return ""
 
 
 def _show_seeds(runs: Sequence[Data]) -> None:

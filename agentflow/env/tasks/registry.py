@@ -68,7 +68,7 @@ class LevelFile(BaseModel):
 
     family: str
     title: str
-    good: float
+    good: float = Field(gt=0, allow_inf_nan=False)
     """A good score, in the family's unit."""
     note: str = ""
     """What makes the level hard, or why its numbers were chosen."""
