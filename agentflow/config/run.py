@@ -214,6 +214,9 @@ def build_config(document: object) -> DesignConfig:
     """
     if not isinstance(document, Mapping):
         raise ConfigError("the configuration must be a mapping of keys")
+    for key in document:
+        if key in WorkflowSettings.model_fields and key not in DesignConfig.model_fields:
+            raise ConfigError(f"{key} is a setting of the workflow: write it as settings.{key}")
     try:
         found = DesignConfig.model_validate(update_names(document))
     except ValidationError as error:

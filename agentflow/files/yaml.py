@@ -58,7 +58,7 @@ def load_bounded(text: str, loader: Any) -> Any:
             values.
     """
     _require_bounded(text, loader)
-    return yaml.load(text, loader)  # noqa: S506 - the loaders are safe ones
+    return yaml.load(text, loader)
 
 
 def read_yaml_file(path: str | Path, what: str = "") -> Any:
@@ -95,7 +95,7 @@ def _require_bounded(text: str, loader: Any) -> None:
     Raises:
         YAMLError: It would, or it is not YAML.
     """
-    sizes: dict[str, int] = {}  # anchor -> values, with aliases expanded
+    sizes: dict[str | None, int] = {}  # anchor -> values, with aliases expanded
     open_nodes: list[tuple[str | None, int]] = []  # anchor, values before it
     values = 0
     for event in yaml.parse(text, loader):
@@ -120,7 +120,8 @@ def _require_bounded(text: str, loader: Any) -> None:
         if values > MOST_VALUES:
             problem = f"with all aliases expanded it has more than {MOST_VALUES:,} values"
         if problem:
-            raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
+            mark: Any = event.start_mark  # of either loader
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
 
 
 def yaml_problem(error: Exception) -> str:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -86,7 +88,7 @@ def test_a_closed_stderr_is_no_obstacle(tmp_path: Path) -> None:
     machine = Path(__file__).parents[2] / "examples" / "car.json"
     command = f"simulate {machine} --task movement --engine pybullet"
     done = subprocess.run(
-        ["sh", "-c", f"{sys.executable} -m agentflow {command} 2>&-"],
+        ["sh", "-c", f"{AGENTFLOW} {command} 2>&-"],
         stdout=subprocess.PIPE,
         timeout=120,
         text=True,

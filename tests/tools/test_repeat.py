@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from agentflow.errors import RunError
 from agentflow.machine.tree import Machine
 from agentflow.runs import Event
 from agentflow.runs.events import RunEvent, typed_event
@@ -68,3 +69,27 @@ async def repeat(
     for event in events:
         assert isinstance(event, RunEvent)
         await bench.repeat(event, machines.__getitem__)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"tool": "unknown"},
+        {"arguments": {"machine": "nothing", "script": "Remove 1"}},
+        {"arguments": 7},
+        {"arguments": {}},
+    ],
+)
+async def test_a_forged_call_is_damage(change: dict[str, object]) -> None:
+    async with open_bench(stage="initial", rollouts=None) as (first, recorded):
+        await first.call("check", {"machine": CAR})
+        (known,) = first.machines
+        await first.call("edit", {"machine": known.name, "script": "Add 15 to 0 in 4"})
+        machines = {known.machine.digest: known.machine for known in first.machines}
+    events = [
+        typed_event(Event(*key, data | change if data.get("tool") == "edit" else data))
+        for key, data in recorded.events.items()
+    ]
+    async with open_bench(stage="initial", rollouts=None) as (second, _):
+        with pytest.raises(RunError, match="call-2 is damaged"):
+            await repeat(second, events, machines)

@@ -14,6 +14,18 @@ from agentflow.cli.root import PARTLY, allow, approve, commands, print_json, pri
 from agentflow.errors import EndpointError, UsageError
 from agentflow.workflows.registry import WORKFLOWS
 
+LONGEST_NAME = 255
+"""Bytes of a directory's name on common file systems."""
+OPTION_OF = {
+    "model.name": "--model",
+    "model.base_url": "--base-url",
+    "settings.start": "--start",
+    "settings.max_simulations": "--rollouts",
+    "--config": "--config",
+    "--set": "--set",
+}
+"""Configuration key -> the option that sets it, where their names differ."""
+
 
 @commands.command(
     epilog="Example: agentflow design --task movement --workflow hierarchical --seed 3"
@@ -100,12 +112,21 @@ def design(
         "settings.max_simulations": rollouts,
         "keep_rollouts": keep_rollouts,
     }
+    if name is not None and len(name.encode()) > LONGEST_NAME:
+        raise UsageError(
+            f"--name has {len(name.encode())} bytes, and names of directories at most "
+            f"{LONGEST_NAME}: choose a shorter one"
+        )
     if name is not None and (seeds is not None or Path(name).name != name or name.startswith(".")):
         raise UsageError("--name takes the name of one directory, without slashes, for one run")
     others = {**keys, "seeds": seeds, "name": name}
     given = [option for option, value in others.items() if value is not None]
-    if resume is not None and (given or config or settings):
-        raise UsageError("--resume uses the settings of the run; remove the other options")
+    given += ["--config"] * bool(config) + ["--set"] * bool(settings)
+    if resume is not None and given:
+        raise UsageError(
+            "--resume uses the settings of the run; remove the other options: "
+            + ", ".join(OPTION_OF.get(key, "--" + key.replace("_", "-")) for key in given)
+        )
     if minutes is not None and seeds is None:
         raise UsageError("--minutes limits the runs of --seeds; give their number, as in --seeds 5")
     finished = resume is not None and state_of(resume) == "done"
