@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -160,7 +161,7 @@ def test_without_a_terminal_there_is_one_line_per_event(
 def test_a_pipe_gets_few_lines_however_much_happens(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("time.monotonic", lambda now=itertools.count(0.0, 0.1): next(now))
+    monkeypatch.setattr("time.monotonic", partial(next, itertools.count(0.0, 0.1)))
     with watch(quiet=False) as (listener, _say):
         assert listener is not None
         for event in (EVENTS[0], *EVENTS[3:8] * 100):

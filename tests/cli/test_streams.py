@@ -84,7 +84,7 @@ def test_an_interruption_is_told_in_one_line() -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="closes a descriptor in a shell")
-def test_a_closed_stderr_is_no_obstacle(tmp_path: Path) -> None:
+def test_a_closed_stderr_is_no_obstacle() -> None:
     machine = Path(__file__).parents[2] / "examples" / "car.json"
     command = f"simulate {machine} --task movement --engine pybullet"
     done = subprocess.run(
