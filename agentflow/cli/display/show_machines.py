@@ -23,7 +23,7 @@ FRAMES = (
     "(Frames: positions above are in the world; a machine's own file counts from below its root "
     "block, so add what the line says to its positions)"
 )
-"""What the feedback's line of that name is, for people; models are told by their prompts."""
+"""What the feedback's line of that name is, for people; prompts tell models the same."""
 MARGINAL = 3
 """Most marginal connections that are printed; the data holds all."""
 
