@@ -48,6 +48,8 @@ class Design:
     verified: float | None
     """Verified score of the best machine; None without one, if verification is switched off, or if
     one of its simulations failed."""
+    fragile: bool | None
+    """Whether the best machine fails under some small change; None without a verified score."""
     machine: Machine | None
     """The best machine."""
     model: str
@@ -310,7 +312,8 @@ async def verify_async(
     level, report = _read(machine, task, knobs, engine)
     if report.machine is None:
         return verification.Verification.invalid(report.problems)
-    return await verification.verify_async(partial(pool.run, report.machine, level, seed=seed))
+    run = partial(pool.run, report.machine, level, seed=seed)
+    return await verification.verify_async(report.machine, level, run)
 
 
 def design_prompt(
@@ -412,6 +415,7 @@ def _to_design(result: RunResult) -> Design:
         valid=result.valid,
         score=result.score,
         verified=result.verified_score,
+        fragile=result.fragile,
         machine=best_machine(result),
         model=result.model,
         stages=tuple(data["stages"]),

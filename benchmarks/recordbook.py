@@ -48,8 +48,9 @@ class Target:
         """The verified machine; None if some simulation failed."""
         found = verify(machine, self.task, seed=self.seed)
         plain, verified, low = found.default.score, found.score, found.low
-        if plain is None or verified is None or low is None:
+        if plain is None or verified is None or low is None or found.holding is None:
             return None
+        scores = {name: rollout.score or 0.0 for name, rollout in found.rollouts.items()}
         return TaskRecord(
             task=self.level,
             knobs=dict(self.knobs),
@@ -57,6 +58,8 @@ class Target:
             score=round(plain, DIGITS),
             verified=round(verified, DIGITS),
             low=round(low, DIGITS),
+            of=found.holding.of,
+            fails={name: round(scores[name], DIGITS) for name in found.holding.fails},
             how=how,
             platform=here(),
             blocks=tuple(step.to_json() for step in machine),
@@ -133,6 +136,6 @@ def line(target: Target, record: TaskRecord | None) -> str:
         return f"{target.name:24s} good {good:7g}  no record"
     return (
         f"{target.name:24s} good {good:7g}  score {record.score:8.2f}  verified "
-        f"{record.verified:8.2f}  lowest {record.low:8.2f}  {len(record.blocks):3d} blocks  "
-        f"{record.how}"
+        f"{record.verified:8.2f}  lowest {record.low:8.2f}  "
+        f"{len(record.blocks):3d} blocks  {record.holding}  {record.how}"
     )

@@ -8,19 +8,31 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from agentflow.env.physics.engine import AUTO, EngineSpec
 from agentflow.env.physics.engines import default_engine, installed_engines
 from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.simulation.variations import DEFAULT, VARIATIONS, Variation
+from agentflow.env.simulation.variations import (
+    DEFAULT,
+    GENERAL,
+    PERHAPS_IDLE,
+    Variation,
+    variations_of,
+)
 from agentflow.env.tasks.base import Task
+from agentflow.holding import Holding
 from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
+
+SAME_PLACE = 1e-6
+"""Greatest distance of places that differ by rounding errors alone, m; chosen."""
 
 
 @dataclass(frozen=True)
 class Verification:
-    """One machine under every variation.
+    """One machine under every variation that can change what it does.
 
     It is incomplete if a simulation timed out or crashed, which says nothing about the machine:
     `score`, `low` and `high` are then None.
@@ -32,7 +44,7 @@ class Verification:
     @classmethod
     def invalid(cls, problems: Sequence[Problem]) -> Verification:
         """The result of a machine that is not simulated because of these problems."""
-        return cls({v.name: invalid_rollout(problems) for v in VARIATIONS})
+        return cls({v.name: invalid_rollout(problems) for v in GENERAL})
 
     @property
     def default(self) -> Rollout:
@@ -56,6 +68,11 @@ class Verification:
         return max(self._scores, default=None)
 
     @property
+    def holding(self) -> Holding | None:
+        """In which simulations the score holds; None if the verification is incomplete."""
+        return Holding.of_verified(self.to_json())
+
+    @property
     def _scores(self) -> list[float]:
         """All scores; none if any is missing."""
         found = [rollout.score for rollout in self.rollouts.values()]
@@ -73,22 +90,49 @@ class Verification:
 
 def verify(machine: Machine, task: Task, *, seed: int = 0) -> Verification:
     """Simulate a machine under every variation, one after the other, in this process."""
+    variations = variations_of(machine, task)
     return Verification(
-        {v.name: simulate(machine, task, seed=seed, variation=v) for v in VARIATIONS}
+        _without_idle({v.name: simulate(machine, task, seed=seed, variation=v) for v in variations})
     )
 
 
 async def verify_async(
-    run: Callable[..., Awaitable[Rollout]], default: Rollout | None = None
+    machine: Machine,
+    task: Task,
+    run: Callable[..., Awaitable[Rollout]],
+    default: Rollout | None = None,
+    repeated: Sequence[Variation] = (),
 ) -> Verification:
     """Like `verify`, with all simulations at once.
 
     Args:
+        machine: The machine.
+        task: Its task.
         run: Simulates the machine under the variation that it gets as `variation`: the `run` of a
             pool, with its other arguments bound.
         default: The rollout under the default conditions, if there is one already.
+        repeated: The variations of an earlier verification that is repeated: no others count.
     """
-    return Verification(await run_under(VARIATIONS, run, default))
+    found = await run_under(repeated or variations_of(machine, task), run, default)
+    return Verification(found if repeated else _without_idle(found))
+
+
+def _without_idle(rollouts: Mapping[str, Rollout]) -> dict[str, Rollout]:
+    """The rollouts without those that a variation left as they are, but for rounding errors."""
+    default = rollouts[DEFAULT.name]
+    return {
+        name: rollout
+        for name, rollout in rollouts.items()
+        if not (name in PERHAPS_IDLE and _moves_alike(rollout, default))
+    }
+
+
+def _moves_alike(one: Rollout, other: Rollout) -> bool:
+    """Whether all blocks move along the same paths."""
+    if one.trace is None or other.trace is None or one.terms.keys() != other.terms.keys():
+        return False
+    a, b = one.trace.centre, other.trace.centre
+    return a.shape == b.shape and bool(np.allclose(a, b, rtol=0.0, atol=SAME_PLACE))
 
 
 async def run_under(

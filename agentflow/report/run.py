@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from agentflow.holding import with_holding
 from agentflow.metrics.usage import Cost, summarize_usage
 from agentflow.report.elites import archive_of, classes_of
 from agentflow.report.film import deflate_json
@@ -102,7 +103,7 @@ class RunStory:
             "workflow": config.get("workflow", ""),
             "seed": config.get("seed", 0),
             "score": self.result.score if self.result else record.best,
-            "verified": self._result_data.get("verified"),
+            "verified": with_holding(self._result_data.get("verified")),
             "sentence": self._sentence(record.best is not None),
             "about": f"{model}: {record.calls} calls, {len(record.machines)} machines simulated",
             "prices": priced,

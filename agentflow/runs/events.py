@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from agentflow.errors import RunError
 from agentflow.files.lines import damaged_line
+from agentflow.holding import Holding
 from agentflow.runs.locations import Location
 from agentflow.runs.reading import EVENTS, Event, read_events, read_new_events
 
@@ -445,6 +446,11 @@ class VerificationEvent(RunEvent, kind="verification"):
     high: float | None
     scores: tuple[VariedScore, ...]
     """The first is that under the default conditions."""
+
+    @property
+    def holding(self) -> Holding | None:
+        """In which simulations the score holds; None if any crashed or timed out."""
+        return Holding.of_verified(self.data)
 
 
 @dataclass(frozen=True)

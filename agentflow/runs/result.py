@@ -22,6 +22,7 @@ from pydantic import (
 from agentflow.errors import RunError
 from agentflow.files.atomic import write_output
 from agentflow.files.documents import read_object
+from agentflow.holding import Holding
 from agentflow.runs.reading import RESULT, state_of
 
 if TYPE_CHECKING:
@@ -102,6 +103,11 @@ class VerifiedScore(_Part):
     scores: Annotated[Sequence[VariationScore], Field(min_length=1)]
     """The first is that under the default conditions."""
 
+    @property
+    def holding(self) -> Holding | None:
+        """In which simulations the score holds; None if the verification is incomplete."""
+        return Holding.of_verified(self.model_dump())
+
 
 def _as_a_whole(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
     """Name the whole value, not its first wrong part."""
@@ -146,6 +152,12 @@ class RunFinding(_Part):
     def verified_score(self) -> float | None:
         """The verified score; None if there is none or the verification is incomplete."""
         return None if self.verified is None else self.verified.score
+
+    @property
+    def fragile(self) -> bool | None:
+        """Whether the best machine fails under a small change; None if that is not known."""
+        found = None if self.verified is None else self.verified.holding
+        return None if found is None else found.fragile
 
     @property
     def trusted_score(self) -> float | None:

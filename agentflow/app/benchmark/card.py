@@ -60,6 +60,8 @@ class CountedMachine(_Part):
     """Of the full score; None unless the outcome counts."""
     reason: str = ""
     """Why there is no score."""
+    fragile: bool | None = None
+    """Of a verified machine: whether it fails under some small change; None if nobody looked."""
 
 
 class ItemResult(_Part):
@@ -122,6 +124,11 @@ class Scorecard(_Part, populate_by_name=True):
     families: dict[str, FamilyShares]
     items: tuple[ItemResult, ...]
     cost: Cost
+
+    @property
+    def fragile(self) -> int:
+        """Number of items whose best machine is fragile."""
+        return sum(bool(item.refined.fragile) for item in self.items)
 
     @property
     def missing(self) -> tuple[str, ...]:

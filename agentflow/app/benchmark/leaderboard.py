@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from agentflow.app.benchmark.card import Scorecard, read_card
+from agentflow.app.benchmark.card import ItemResult, Scorecard, read_card
 from agentflow.env.tasks.records import other_recorders
 from agentflow.errors import UsageError
 from agentflow.metrics.formats import interval_text, number
@@ -16,7 +16,9 @@ INTERVAL = "95 %"
 ABOUT = (
     "Shares are scores divided by the greatest possible score of the item or, if there is none, "
     "by the record, averaged over items; an invalid machine counts as 0. refined: verified score "
-    "of the best machine of a run with two rounds of feedback; cards are ranked by it. first: "
+    "of the best machine of a run with two rounds of feedback; cards are ranked by it. fragile: "
+    "items whose best machine fails under some small change of masses, friction, drives or time "
+    "step. first: "
     "plain scores of single replies without feedback. Intervals are bootstrap intervals over items."
 )
 
@@ -58,6 +60,7 @@ def _ranking(cards: Sequence[Scorecard]) -> Table:
     columns = (
         Column("refined", "share", percent=True),
         Column("refined", INTERVAL),
+        Column("refined", "fragile"),
         Column("first", "share", percent=True),
         Column("first", INTERVAL),
         *(Column("", name) for name in ("calls", "tokens", "money", "rollouts")),
@@ -67,6 +70,7 @@ def _ranking(cards: Sequence[Scorecard]) -> Table:
         cost, total = card.cost, card.total
         values: tuple[Value, ...] = (
             *(total.refined.mean, interval_text(total.refined.interval, 1, in_percent=True)),
+            card.fragile,
             *(total.first.mean, interval_text(total.first.interval, 1, in_percent=True)),
             *(cost.calls, cost.prompt_tokens + cost.completion_tokens, cost.money, cost.rollouts),
         )
@@ -106,14 +110,26 @@ def _by_family(cards: Sequence[Scorecard]) -> Table:
     return Table("Shares by family", ("model",), columns, rows)
 
 
+def _values(item: ItemResult) -> tuple[Value, ...]:
+    """What a card says about an item."""
+    fragile = {True: "yes", False: "no", None: None}[item.refined.fragile]
+    return item.first_share, item.refined.share, fragile
+
+
 def _by_item(cards: Sequence[Scorecard]) -> Table:
     columns = tuple(
-        Column(card.model, part, percent=True) for card in cards for part in ("first", "refined")
+        column
+        for card in cards
+        for column in (
+            Column(card.model, "first", percent=True),
+            Column(card.model, "refined", percent=True),
+            Column(card.model, "fragile"),
+        )
     )
     rows = tuple(
         Row(
             (of[0].item, of[0].family, number(of[0].full)),
-            tuple(share for item in of for share in (item.first_share, item.refined.share)),
+            tuple(value for item in of for value in _values(item)),
         )
         for of in zip(*(card.items for card in cards), strict=True)
     )

@@ -136,15 +136,21 @@ def _best(run: FinishedRun, item: Item) -> CountedMachine:
     if status in ("ok", "diverged") and result.verified_score is None:
         return _without_score("unverified", "a simulation of the verification failed")
     lowest = None if verified is None else verified.low
-    return _attempt(status, lowest if item.lowest else result.verified_score, item.full)
+    score = lowest if item.lowest else result.verified_score
+    return _attempt(status, score, item.full, result.fragile)
 
 
-def _attempt(status: str, score: float | None, full: float) -> CountedMachine:
+def _attempt(
+    status: str, score: float | None, full: float, fragile: bool | None = None
+) -> CountedMachine:
     if score is None:
         return _without_score("simulation_failed", f"the simulation ended with status {status}")
     outcome: Outcome = "diverged" if status == "diverged" else "scored"
     return CountedMachine(
-        outcome=outcome, score=round(score, DIGITS), share=round(score / full, DIGITS)
+        outcome=outcome,
+        score=round(score, DIGITS),
+        share=round(score / full, DIGITS),
+        fragile=fragile,
     )
 
 

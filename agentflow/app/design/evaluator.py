@@ -104,13 +104,14 @@ class PhysicsEvaluator:
         self.worker_seconds += rollout.wall_seconds or 0.0
         return rollout
 
-    async def verify(self, machine: Machine) -> Verification:
-        """Simulate an evaluated machine under every variation.
+    async def verify(self, machine: Machine, repeated: Sequence[Variation] = ()) -> Verification:
+        """Verify an evaluated machine; see `verify_async`.
 
         These simulations count neither as rollouts nor in the times of this evaluator.
         """
         run = partial(self._pool.run, machine, self._task, seed=self._seed)
-        return await verify_async(run, self.rollouts[machine.digest])
+        default = self.rollouts[machine.digest]
+        return await verify_async(machine, self._task, run, default, repeated)
 
     async def feedback(self, machine: Machine, trial: int) -> Told:
         """The feedback of an evaluated machine, or that of one of its trials."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.base import OpenPool, Simulator
 from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.simulation.variations import Variation
 from agentflow.env.verification import Verification
 from agentflow.machine.tree import Machine
 from agentflow.models.clients import Models
@@ -41,6 +43,7 @@ async def execute(
     pool: Simulator | None = None,
     workflow: Workflow | None = None,
     open_pool: OpenPool = RolloutPool,
+    repeated: Sequence[Variation] = (),
 ) -> Execution:
     """Run a workflow, close the models, and verify the best machine.
 
@@ -51,6 +54,7 @@ async def execute(
         pool: Simulates machines; by default a new pool of `config.workers` processes.
         workflow: Runs in place of the configured one of the same name.
         open_pool: Opens the new pool.
+        repeated: The variations that a run that is repeated verified its best machine under.
     """
     config = plan.config
     workflow = workflow or WORKFLOWS[config.workflow]
@@ -70,7 +74,7 @@ async def execute(
             )
             verification = None
             if config.verify and result.best is not None and result.best.machine is not None:
-                verification = await evaluator.verify(result.best.machine)
+                verification = await evaluator.verify(result.best.machine, repeated)
                 record.event(verification_event(result.best.machine, verification))
     finally:
         await models.aclose()

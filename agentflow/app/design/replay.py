@@ -14,6 +14,8 @@ from agentflow.app.design.notices import REMARK
 from agentflow.app.design.plan import RunPlan, level_note, repetition
 from agentflow.app.design.results import finding_of
 from agentflow.env.pool.base import Simulator
+from agentflow.env.simulation.variations import VARIATIONS, Variation
+from agentflow.errors import RunError
 from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.models.clients import replay_models
 from agentflow.runs import Event, Notify, read_document, read_events, read_result
@@ -29,7 +31,7 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
         None if identical, else the first difference.
 
     Raises:
-        RunError: The run is unfinished or damaged.
+        RunError: The run is unfinished or damaged, or was verified in another way.
         ReplayMissError: A request was not recorded.
     """
     document = read_document(path)
@@ -46,10 +48,31 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
     memory = MemoryRecord(path)
     with CallLog(path / "calls.jsonl", notify, writable=False) as call_log:
         models = replay_models(plan.config, call_log, budget_spent=recorded.stopped == BUDGET)
-        execution = asyncio.run(execute(plan, models, memory, pool, repetition(path, document)))
+        execution = asyncio.run(
+            execute(
+                plan,
+                models,
+                memory,
+                pool,
+                repetition(path, document),
+                repeated=_variations_of(path, recorded),
+            )
+        )
     return first_difference(read_events(path), memory.events) or _result_difference(
         recorded, finding_of(plan, execution)
     )
+
+
+def _variations_of(path: Path, recorded: RunResult) -> list[Variation]:
+    """Those that the best machine was verified under, which other versions may choose otherwise."""
+    scores = () if recorded.verified is None else recorded.verified.scores
+    names = [item.variation for item in scores]
+    if unknown := [name for name in names if name not in VARIATIONS]:
+        raise RunError(
+            f"{path} was verified under {unknown[0]!r}, which this version does not know; replay "
+            "it with the version that made it"
+        )
+    return [VARIATIONS[name] for name in names]
 
 
 @dataclass

@@ -14,7 +14,7 @@ from agentflow.errors import AgentflowError, EndpointError, FamilyError, RunErro
 from agentflow.runs.result import RunResult
 
 KEYS = ("seed", "score", "best_stage", "calls", "seconds", "run")
-"""What the summary says about each run, besides `verified` and `failed`."""
+"""What the summary says about each run, besides `verified`, `fragile` and `failed`."""
 FAULTS = (EndpointError, RunError, FamilyError)
 """Errors that end one run; any other would end all of them alike."""
 
@@ -25,8 +25,8 @@ class SeedsResult:
 
     best: RunResult
     rows: Sequence[Mapping[str, Any]]
-    """`KEYS`, `verified` and `failed`: why the run failed, or ""; all else but the seed is then
-    None."""
+    """`KEYS`, `verified`, `fragile` and `failed`: why the run failed, or ""; all else but the seed
+    is then None."""
 
     def to_json(self) -> dict[str, Any]:
         """The best result, with the rows as `seeds`."""
@@ -81,11 +81,12 @@ def design_seeds(
 
 def _row(result: RunResult) -> dict[str, Any]:
     known = {key: getattr(result, key) for key in KEYS}
-    return {**known, "verified": result.verified_score, "failed": ""}
+    verified = {"verified": result.verified_score, "fragile": result.fragile}
+    return {**known, **verified, "failed": ""}
 
 
 def _failed_row(seed: int, error: AgentflowError) -> dict[str, Any]:
-    unknown = dict.fromkeys((*KEYS, "verified"))
+    unknown = dict.fromkeys((*KEYS, "verified", "fragile"))
     return {**unknown, "seed": seed, "failed": str(error).strip().partition("\n")[0]}
 
 

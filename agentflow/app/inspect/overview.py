@@ -17,6 +17,7 @@ from agentflow.config.run import build_config
 from agentflow.env.archive import load_npz
 from agentflow.env.tasks.records import record_json
 from agentflow.errors import RunError, UsageError
+from agentflow.holding import with_holding
 from agentflow.machine import Machine
 from agentflow.metrics.usage import summarize_usage
 from agentflow.models.choices import cost_function
@@ -30,8 +31,8 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
     """List the runs in a folder and its subfolders.
 
     Each is `run`, `state` (done, running, stopped, damaged), `task`, `workflow`, `model`, `seed`,
-    `engine` (name and version), `score`, `verified` (see `Verification.to_json`; None if the best
-    machine was not verified), `calls`, `cost`, `problem` (why it is damaged, or empty).
+    `engine` (name and version), `score`, `verified` (see `with_holding`; None if the best machine
+    was not verified), `calls`, `cost`, `problem` (why it is damaged, or empty).
     """
     if not folder.is_dir():
         raise RunError(f"no such directory: {folder}")
@@ -45,6 +46,7 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
 def _row(path: Path, state: str, result: Mapping[str, Any], problem: str = "") -> dict[str, Any]:
     keys = ("task", "workflow", "model", "seed", "engine", "score", "verified", "calls", "cost")
     known = {key: result.get(key) for key in keys}
+    known["verified"] = with_holding(known["verified"])
     return {"run": str(path), "state": state, **known, "problem": problem}
 
 

@@ -88,6 +88,7 @@ def _read_run(path: Path) -> Run:
         "run": path.name,
         "score": result.score,
         "verified": result.verified_score,
+        "fragile": bool(result.fragile),
         "why": "" if best else result.reason or "no valid machine was found",
         "picture": picture,
     }

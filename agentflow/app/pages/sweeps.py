@@ -58,11 +58,12 @@ def _runs(result: SweepResult) -> list[dict[str, Any]]:
             "state": "done",
             "score": run.result.score,
             "verified": (found := run.numbers.record.verification) and found.score,
+            "fragile": bool(found and found.holding and found.holding.fragile),
         }
         for run in result.finished
     ]
     return done + [
         {"name": name, "state": "failed" if name in result.failed else "missing", "score": None}
-        | {"verified": None, "why": result.failed.get(name, "")}
+        | {"verified": None, "fragile": False, "why": result.failed.get(name, "")}
         for name in result.missing
     ]

@@ -14,6 +14,7 @@ from agentflow.env.physics.engines import choose_engine
 from agentflow.env.pool.base import Simulator
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.verification import Verification, other_engines, score_on_others, verify_async
+from agentflow.holding import with_holding
 from agentflow.runs import Notify, RunDirectory, read_result
 
 
@@ -30,7 +31,7 @@ def verify(subject: Subject, workers: int, notify: Notify) -> dict[str, Any]:
 
     Returns:
         `task`, `seed`, `engine` (name and version, that of the run), `score` (the plain one, that
-        of the run), `verified` (see `Verification.to_json`), `others` (see `score_on_others`) and
+        of the run), `verified` (see `with_holding`), `others` (see `score_on_others`) and
         `problems` (why the machine is invalid); `run` first if there is one.
 
     Raises:
@@ -43,7 +44,7 @@ def verify(subject: Subject, workers: int, notify: Notify) -> dict[str, Any]:
         subject.require_engine()
     verification, others = asyncio.run(_simulate(subject, workers, missing))
     told = {"task": subject.task.name, "seed": subject.seed, "engine": _engine_of(subject)}
-    verified = None if verification is None else verification.to_json()
+    verified = None if verification is None else with_holding(verification.to_json())
     if run is None:
         assert verification is not None  # was missing
         now = verification.default
@@ -52,7 +53,7 @@ def verify(subject: Subject, workers: int, notify: Notify) -> dict[str, Any]:
         return {**told, **found, "problems": problems}
     if verification is not None:
         _keep(run, subject, verification, notify)
-    verified = verified or run.result.to_json()["verified"]
+    verified = verified or with_holding(run.result.to_json()["verified"])
     found = {"score": run.result.score, "verified": verified, "others": others}
     return {"run": str(run.path), **told, **found, "problems": []}
 
@@ -65,7 +66,7 @@ async def verify_finished(path: Path, pool: Simulator) -> None:
         assert subject.machine is not None
         assert subject.run is not None
         run = partial(pool.run, subject.machine, subject.task, seed=subject.seed)
-        _store(subject.run, subject, await verify_async(run))
+        _store(subject.run, subject, await verify_async(subject.machine, subject.task, run))
 
 
 def _engine_of(subject: Subject) -> str | None:
@@ -84,7 +85,7 @@ async def _simulate(
     pool = RolloutPool(workers)
     run = partial(subject.simulate, pool)
     async with pool if missing or other_engines(subject.task) else nullcontext():
-        found = await verify_async(run) if missing else None
+        found = await verify_async(subject.machine, subject.task, run) if missing else None
         return found, await score_on_others(run, subject.task)
 
 

@@ -38,8 +38,9 @@ OWN_SCALE = (
 OF_VERIFIED_RUNS = (
     "Means over the best machines of the verified runs: their score, and the median (verified), "
     "lowest and highest score in simulations with a finer time step and slightly different masses, "
-    "friction and motor torque. The share is the verified score divided by the greatest possible "
-    "score or, if there is none, by the verified score of the best known machine."
+    "friction and drives. fragile: how many of them fail in some of these simulations. The share "
+    "is the verified score divided by the greatest possible score or, if there is none, by the "
+    "verified score of the best known machine."
 )
 
 
@@ -174,13 +175,15 @@ def verified_table(result: SweepResult) -> Table:
             mean_known(item.high for item in complete),
         )
         done = Rate(len(complete), len(found))
+        fragile = sum(item.holding is not None and item.holding.fragile for item in complete)
         share = mean_known(run.numbers.share for run in runs if run.numbers.record.verification)
-        rows.append(Row(key, (done, mean_known(scores), verified, low, high, share)))
+        rows.append(Row(key, (done, mean_known(scores), verified, low, high, fragile, share)))
+    names = ("verified runs", "score", "verified", "low", "high", "fragile")
     return Table(
         f"{result.sweep.title}: verified scores",
         ("task", "model", "variant"),
         (
-            *(Column("", name) for name in ("verified runs", "score", "verified", "low", "high")),
+            *(Column("", name) for name in names),
             Column("", "share", percent=True),
         ),
         tuple(rows),

@@ -96,6 +96,7 @@ def design(
     from agentflow.app.pools import pools_on
     from agentflow.cli.display.live import watch
     from agentflow.cli.display.show_runs import show_result
+    from agentflow.holding import with_holding
     from agentflow.runs import RunResult, state_of
     from agentflow.runs.events import DrawingEvent
 
@@ -154,10 +155,12 @@ def design(
         if drawn and listener is not None:
             listener(DrawingEvent())
         pictures = render_run(Path(best.run)) if drawn else {}
+    data = found.to_json()
+    data = {**data, "verified": with_holding(data.get("verified"))}
     if as_json:
-        print_json(found.to_json())
+        print_json(data)
     else:
-        show_result(found.to_json(), pictures)
+        show_result(data, pictures)
     if any(row["failed"] for row in rows):
         raise typer.Exit(PARTLY)
 

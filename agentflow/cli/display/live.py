@@ -224,7 +224,8 @@ def _line(event: RunEvent | Event) -> str:
         noun = "trajectory" if event.trajectories == 1 else "trajectories"
         return f"stage {event.label} begins, {event.trajectories} {noun}"
     if isinstance(event, VerificationEvent):
-        return f"verified score {number(event.score)}"
+        held = "" if event.holding is None else f", {event.holding}"
+        return f"verified score {number(event.score)}{held}"
     if isinstance(event, DrawingEvent):
         return "drawing pictures"
     if isinstance(event, RunStartEvent):

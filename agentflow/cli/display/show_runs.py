@@ -9,7 +9,12 @@ from itertools import pairwise
 
 from agentflow.cli.display.output import Data, Field, columns, field, output, print_lines, table
 from agentflow.cli.display.show_machines import marginal_line
-from agentflow.cli.display.show_scores import outcome, record_line, verified_line
+from agentflow.cli.display.show_scores import (
+    outcome,
+    record_line,
+    verified_line,
+    verified_text,
+)
 from agentflow.metrics.formats import NOTHING, block_count, change, money, number
 
 STAGE = (
@@ -22,7 +27,7 @@ STAGE = (
 SEED = (
     field("seed"),
     field("score", show=number),
-    field("verified", show=number),
+    Field("verified", lambda run: verified_text(run["verified"], run["fragile"])),
     Field("found in stage", lambda run: run["best_stage"] or None),
     field("calls"),
     field("seconds", show=partial(number, digits=1)),
@@ -166,7 +171,7 @@ def show_runs(runs: Iterable[Data]) -> None:
     fields = (
         *map(field, named),
         field("score", show=number),
-        Field("verified", lambda item: number((item["verified"] or {}).get("score"))),
+        Field("verified", _verified),
         field("cost", show=money),
     )
     for item in runs:
@@ -178,6 +183,12 @@ def show_runs(runs: Iterable[Data]) -> None:
     console.print_wide(table(fields, runs))
     if len(engines) == 1:
         console.print(f"engine: {engines.pop()}")
+
+
+def _verified(item: Data) -> str:
+    """The verified score of a listed run."""
+    found = item["verified"] or {}
+    return verified_text(found.get("score"), found.get("fragile"))
 
 
 def show_run(run: Data) -> None:

@@ -29,7 +29,8 @@ def outcome(item: Data) -> str:
 def record_text(record: Data) -> str:
     """A record: "70.21 (verified, pybullet 3.2.7) with 40 blocks, by hand"."""
     blocks = block_count(record["blocks"], None)
-    made = f"{number(record['verified'])} (verified, {record['engine']})"
+    fragile = ", fragile" * record["fragile"]
+    made = f"{number(record['verified'])} (verified{fragile}, {record['engine']})"
     return f"{made} with {blocks}, {record['how']}"
 
 
@@ -46,8 +47,27 @@ def verified_line(verified: Data) -> str:
         return f"no verified score, because simulations failed ({', '.join(missing)})"
     return (
         f"verified score {number(verified['score'])}, the median of {len(scores)} simulations "
-        f"that scored {number(verified['low'])} to {number(verified['high'])}"
+        f"that scored {number(verified['low'])} to {number(verified['high'])}; "
+        f"{_holding_text(verified)}"
     )
+
+
+def _holding_text(verified: Data) -> str:
+    """In how many simulations a score holds; of a fragile machine, where it fails."""
+    count = f"holds in {verified['holds']} of {len(verified['scores'])}"
+    if not verified["fragile"]:
+        return count
+    fails = ", ".join(
+        f"{item['variation']}: {number(item['score'])}"
+        for item in verified["scores"]
+        if item["variation"] in verified["fails"]
+    )
+    return f"fragile, {count} ({fails})"
+
+
+def verified_text(score: float | None, fragile: bool | None) -> str:
+    """A verified score in a table, marked if its machine is fragile."""
+    return number(score) + " (fragile)" * bool(fragile)
 
 
 def show_verified(found: Data) -> None:
@@ -59,7 +79,12 @@ def show_verified(found: Data) -> None:
         return
     console.print(f"score {number(found['score'])} ({found['task']}, {found['engine']})")
     console.print(verified_line(found["verified"]))
-    console.print(_variation_table("simulation", found["verified"]["scores"]))
+    fails = found["verified"]["fails"] or ()
+    scores = [
+        {**item, "holds": "no" if item["variation"] in fails else ""}
+        for item in found["verified"]["scores"]
+    ]
+    console.print(_variation_table("simulation", scores, *[field("holds")] * bool(fails)))
     for other in found["others"]:
         console.print(f"not part of the median: {outcome(other)} with {other['engine']}")
 
@@ -81,7 +106,7 @@ def show_robustness(found: Data) -> None:
     _show_edits(console, found)
 
 
-def _variation_table(heading: str, scores: Sequence[Data]) -> Cells:
+def _variation_table(heading: str, scores: Sequence[Data], *more: Field) -> Cells:
     """The score under each variation, and its change against the first, the default one."""
     default = scores[0]
 
@@ -89,7 +114,7 @@ def _variation_table(heading: str, scores: Sequence[Data]) -> Cells:
         return "" if item is default else _relative(default["score"], item["score"])
 
     fields = (field(heading, "variation"), Field("score", outcome), Field("change", changed))
-    return table(fields, scores)
+    return table((*fields, *more), scores)
 
 
 def _relative(before: float | None, after: float | None) -> str:

@@ -78,7 +78,9 @@ def simulate(
     finished: list[Rollout] = []
     for task_of_trial in task.trials(seed):
         try:
-            trial = Trial(machine, task_of_trial, chosen, rate, power, interval, wall_limit, value)
+            trial = Trial(
+                machine, task_of_trial, chosen, rate, power, interval, wall_limit, value, variation
+            )
         except TooLargeError as error:
             return invalid_rollout([error.problem], str(chosen.identity))
         finished.append(trial.run())

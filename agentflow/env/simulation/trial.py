@@ -29,6 +29,7 @@ from agentflow.env.simulation.logs import split_wrench
 from agentflow.env.simulation.monitor import Monitor
 from agentflow.env.simulation.recorder import digest
 from agentflow.env.simulation.settling import Settling
+from agentflow.env.simulation.variations import Variation
 from agentflow.env.tasks.base import Task
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
@@ -60,10 +61,12 @@ class Trial:
         interval: float,
         wall_limit: float,
         physics: Constants,
+        variation: Variation,
     ) -> None:
         self._began = perf_counter()
         self._machine, self._task, self._identity = machine, task, str(engine.identity)
         self._rate, self._power, self._wall_limit = rate, power, wall_limit
+        self._switches = variation.vary_switches(task.switches(machine))
         self._sample_every = max(1.0, interval * rate)
         self._constants = physics
         self._fastest = physics["speed_limit"]
@@ -165,8 +168,7 @@ class Trial:
         """Step since t = 0, entry and level of each switch, in order; none with power off."""
         if not self._power:
             return []
-        switches = self._task.switches(self._machine)
-        return [(round(time * self._rate), entry, level) for time, entry, level in switches]
+        return [(round(time * self._rate), entry, level) for time, entry, level in self._switches]
 
     def _switch(self, entry: Entry, level: float) -> None:
         """Apply a switch; decouplers release their parents, once and for all."""
@@ -309,8 +311,7 @@ class Trial:
             trace = self._monitor.thin_out(whole, verdict.moment, broken)
             trace = replace(trace, measured=measured)
             if self._power:
-                switches = self._task.switches(self._machine)
-                stalls = stalled_motors(self._machine, trace.even, switches)
+                stalls = stalled_motors(self._machine, trace.even, self._switches)
                 verdict = replace(verdict, events=(*verdict.events, *stalls))
             return trace, verdict, self._task.feedback(self._machine, trace, broken, verdict)
         recorded = self._settled and status != "timeout"

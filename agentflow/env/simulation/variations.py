@@ -1,4 +1,4 @@
-"""Variations of a simulation: a finer step, and different masses, friction, motors or strength.
+"""Variations of a simulation: a finer step, and different masses, friction, drives or strength.
 
 A machine that works scores about the same under all of them. One that scores only under the default
 conditions is about to fail, or profits from an error of the simulation.
@@ -6,12 +6,19 @@ conditions is about to fail, or profits from an error of the simulation.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 
+from agentflow.env.constants import constants
 from agentflow.env.physics.engine import Engine, EngineIdentity, World
-from agentflow.env.physics.model import Assembly, Strength
+from agentflow.env.physics.laws.forces import Entry
+from agentflow.env.physics.model import Assembly, Devices, Strength
 from agentflow.env.scene import Scene
+from agentflow.env.tasks.base import Switch, Task
+from agentflow.machine.blocks.library import library
+from agentflow.machine.controls import GROUPS, driven_types
 from agentflow.machine.geometry.vectors import scale
+from agentflow.machine.tree import Machine
 
 
 @dataclass(frozen=True)
@@ -31,18 +38,34 @@ class Variation:
     """Of the target speed of every motor, and of winches."""
     strength: float = 1.0
     """Of the greatest load of every connection, and of what grabbers hold."""
+    thrust: float = 1.0
+    """Of the force of every thruster, and of the lift of every propeller blade."""
+    pull: float = 1.0
+    """Of the force of every spring, and of the greatest force of every winch."""
+    times: float = 1.0
+    """Of the time at which each block of the machine is switched, from t = 0."""
 
     @property
     def varies_bodies(self) -> bool:
-        """Whether it changes the machine or the scene, not only the rate."""
-        return replace(self, name=DEFAULT.name, rate=1.0) != DEFAULT
+        """Whether it changes the machine or the scene, not only the rate or when it is driven."""
+        return replace(self, name=DEFAULT.name, rate=1.0, times=1.0) != DEFAULT
+
+    def vary_switches(self, switches: Iterable[Switch]) -> list[Switch]:
+        """The switches at other times, in order; those of the scene, such as wind, stay."""
+        return sorted(
+            (
+                (time * self.times if drives_blocks(entry) else time, entry, level)
+                for time, entry, level in switches
+            ),
+            key=lambda switch: switch[0],
+        )
 
     @property
     def key(self) -> dict[str, str | float]:
         """What names it in keys of stored rollouts: factors that variations did not have from the
         start are left out where they are 1, so that older rollouts are still found."""
         usual = asdict(DEFAULT)
-        later = ("motor_speed", "strength")
+        later = ("motor_speed", "strength", "thrust", "pull", "times")
         return {
             name: value
             for name, value in asdict(self).items()
@@ -53,17 +76,59 @@ class Variation:
 DEFAULT = Variation("default")
 LITTLE = 0.02
 """Relative change of a quantity; chosen."""
-VARIATIONS = (
+
+
+def _both(quantity: str, *names: str) -> tuple[Variation, Variation]:
+    """A little more of a quantity, and a little less; `names` are the factors."""
+    more, less = (dict.fromkeys(names, 1 + sign * LITTLE) for sign in (1, -1))
+    return Variation(f"{quantity} +2 %", **more), Variation(f"{quantity} -2 %", **less)
+
+
+FRICTION = _both("friction", "friction")
+TIMES = _both("start times", "times")
+GENERAL = (
     DEFAULT,
     Variation("4 x step rate", rate=4.0),
-    Variation("masses +2 %", masses=1 + LITTLE),
-    Variation("masses -2 %", masses=1 - LITTLE),
-    Variation("friction +2 %", friction=1 + LITTLE),
-    Variation("friction -2 %", friction=1 - LITTLE),
-    Variation("motor torque +2 %", motor_torque=1 + LITTLE),
-    Variation("motor torque -2 %", motor_torque=1 - LITTLE),
+    *_both("masses", "masses"),
+    *FRICTION,
 )
-"""The default conditions, then those that a score is verified under."""
+"""The default conditions, then variations that can change what any machine does."""
+MOTORS = _both("motor torque", "motor_torque")
+THRUST = _both("thrust", "thrust")
+PULL = _both("pull of springs and winches", "pull")
+VARIATIONS = {one.name: one for one in (*GENERAL, *MOTORS, *THRUST, *PULL, *TIMES)}
+"""All that a score can be verified under, by name. Finished runs name theirs, so a name keeps its
+meaning."""
+PERHAPS_IDLE = frozenset(one.name for one in (*FRICTION, *TIMES))
+"""Variations that change nothing for some machines, which only a simulation shows."""
+
+
+def variations_of(machine: Machine, task: Task) -> tuple[Variation, ...]:
+    """The default conditions, then what the score of a machine is verified under.
+
+    Left out is what cannot change anything: for example thrust, of a machine without thrusters and
+    blades. If everything starts at t = 0, so are start times: a common delay would only move the
+    whole rollout.
+    """
+    return variations_for([step.type for step in machine], task.switches(machine))
+
+
+def variations_for(types: Collection[int], switches: Sequence[Switch]) -> tuple[Variation, ...]:
+    """As `variations_of`, for a machine with these types of blocks, and these switches."""
+    kinds = [library()[kind] for kind in types]
+    value = constants()
+    groups = set(driven_types(dict(enumerate(types))).values())
+    has = {
+        MOTORS: any(value.of("motor_torque", kind.type) for kind in kinds),
+        THRUST: any(kind.thrust or kind.blade for kind in kinds),
+        PULL: any(kind.connector in ("spring", "rope") for kind in kinds),
+        TIMES: any(
+            time and (isinstance(entry, int) or entry in groups) for time, entry, _ in switches
+        ),
+    }
+    return (*GENERAL, *(one for both, varied in has.items() if varied for one in both))
+
+
 MUCH = 0.1
 """Relative change of a quantity that a robust machine bears; chosen."""
 PERTURBATIONS = (
@@ -81,9 +146,14 @@ PERTURBATIONS = (
 """The default conditions, then those that show whether a design is robust."""
 
 
+def drives_blocks(entry: Entry) -> bool:
+    """Whether an entry drives blocks of the machine: one of them, or a group."""
+    return isinstance(entry, int) or entry in GROUPS
+
+
 @dataclass(frozen=True)
 class VariedEngine:
-    """An engine that builds every world with changed masses, friction, motors and strength."""
+    """An engine that builds every world with changed masses, friction, drives and strength."""
 
     engine: Engine
     variation: Variation
@@ -128,18 +198,27 @@ class VariedEngine:
             )
             for joint in assembly.joints
         )
-        devices = replace(
-            assembly.devices,
+        return replace(
+            assembly, parts=parts, joints=joints, devices=self._vary_devices(assembly.devices)
+        )
+
+    def _vary_devices(self, devices: Devices) -> Devices:
+        by = self.variation
+        return replace(
+            devices,
+            springs=tuple(replace(each, force=each.force * by.pull) for each in devices.springs),
+            thrusters=tuple(
+                replace(each, force=scale(each.force, by.thrust)) for each in devices.thrusters
+            ),
+            moved=tuple(each.scaled(by.thrust) for each in devices.moved),
             winches=tuple(
-                replace(winch, speed=winch.speed * by.motor_speed)
-                for winch in assembly.devices.winches
+                replace(each, speed=each.speed * by.motor_speed, force=each.force * by.pull)
+                for each in devices.winches
             ),
             grippers=tuple(
-                replace(gripper, force=gripper.force * by.strength)
-                for gripper in assembly.devices.grippers
+                replace(each, force=each.force * by.strength) for each in devices.grippers
             ),
         )
-        return replace(assembly, parts=parts, joints=joints, devices=devices)
 
     def _vary_strength(self, value: Strength) -> Strength:
         by = self.variation.strength

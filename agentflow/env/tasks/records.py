@@ -18,6 +18,7 @@ from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import default_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
+from agentflow.holding import Holding
 from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
@@ -41,6 +42,10 @@ class TaskRecord(BaseModel):
     """Median of the scores under small variations of physics; see `env.verification`."""
     low: float
     """Lowest of these scores."""
+    of: int = 0
+    """How many there are; 0 in a file that `benchmarks/records.py update` has yet to complete."""
+    fails: dict[str, float] = {}
+    """The scores that do not hold, by variation; see `holding`."""
     how: str
     """How the machine was found."""
     platform: str
@@ -54,6 +59,11 @@ class TaskRecord(BaseModel):
     def engine(self) -> str:
         """Name and version of the physics engine that simulated it, e.g. "pybullet 3.2.7"."""
         return self.platform.split(", ")[1]
+
+    @property
+    def holding(self) -> Holding:
+        """In which simulations the score holds."""
+        return Holding(self.of, tuple(self.fails))
 
     @property
     def machine(self) -> Machine:
@@ -126,9 +136,9 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
     """The record of a task for readers; None if there is none.
 
     Returns:
-        `score`, `verified`, `engine`, `how`, `blocks` (how many count), and the share that `score`
-        reaches as `share` and `of`: "record", with the name of its engine if that of the task is
-        another one, or "greatest possible score".
+        `score`, `verified`, `fragile`, `engine`, `how`, `blocks` (how many count), and the share
+        that `score` reaches as `share` and `of`: "record", with the name of its engine if that of
+        the task is another one, or "greatest possible score".
     """
     found = record_of(task)
     if found is None:
@@ -136,6 +146,7 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
     return {
         "score": found.score,
         "verified": found.verified,
+        "fragile": found.holding.fragile,
         "engine": found.engine,
         "how": found.how,
         "blocks": task.brief.count_blocks(len(found.blocks)),

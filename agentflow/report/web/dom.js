@@ -27,6 +27,9 @@ export function formatNumber(value, digits = 2) {
   return value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits });
 }
 
+/** A verified score, marked if its machine is fragile. */
+export const verifiedText = (score, fragile) => formatNumber(score) + (fragile ? " (fragile)" : "");
+
 const LONG = 40; // characters from which a cell may wrap
 
 /** A table; cells are strings, numbers or elements. Heads are strings, or [group, string] for columns

@@ -1,7 +1,7 @@
 // The gallery: machines with their scores, one player for all of them. The part of the address
 // after # chooses a machine: gallery.html#throwing/3.
 
-import { el, formatNumber } from "./dom.js";
+import { el, formatNumber, verifiedText } from "./dom.js";
 import { Player } from "./player.js";
 import { taskDetails, problem } from "./text.js";
 
@@ -37,7 +37,7 @@ export function galleryPage(data) {
   ];
 }
 
-function scoreText({ score, verified }) {
+function scoreText({ score, verified, fragile }) {
   if (score === null) return "no score";
-  return formatNumber(score) + (verified === null ? "" : ` (verified: ${formatNumber(verified)})`);
+  return formatNumber(score) + (verified === null ? "" : ` (verified: ${verifiedText(verified, fragile)})`);
 }

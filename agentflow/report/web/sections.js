@@ -18,13 +18,14 @@ export function header(data) {
     taskDetails(data.task));
 }
 
-/** The verified score, and the scores that it is the median of. */
-function verification({ score, low, high, scores }) {
+/** The verified score, in how many simulations it holds, and the scores that it is the median of. */
+function verification({ score, low, high, holds, fails, fragile, scores }) {
   const summary = score === null ? "No verified score: some simulations failed"
-    : `Verified score ${formatNumber(score)}, from simulations that scored ${formatNumber(low)} to ${formatNumber(high)}`;
+    : `Verified score ${formatNumber(score)}, from simulations that scored ${formatNumber(low)} to ${formatNumber(high)}; `
+      + `${fragile ? "fragile, " : ""}holds in ${holds} of ${scores.length}`;
   return el("details", {}, el("summary", {}, summary),
-    el("p", { class: "quiet" }, "The best machine was simulated again with a finer time step, and with slightly different masses, friction and motor torque. The verified score is the median."),
-    scoreTable("Scores of the best machine", "Simulation", scores));
+    el("p", { class: "quiet" }, "The best machine was simulated again with a finer time step, and with slightly different masses, friction and drives. The verified score is the median. It holds where a score is above 0 and at least half of it."),
+    scoreTable("Scores of the best machine", "Simulation", scores.map((item) => (fails?.includes(item.variation) ? { ...item, variation: `${item.variation}: fails` } : item))));
 }
 
 export function legend() {

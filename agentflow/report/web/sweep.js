@@ -1,7 +1,7 @@
 // The page of a sweep: distribution of scores, tables, runs.
 
 import { intervalChart } from "./charts.js";
-import { el, section, table } from "./dom.js";
+import { el, section, table, verifiedText } from "./dom.js";
 
 export function sweepPage(data) {
   return [
@@ -54,7 +54,7 @@ function runsSection(rows) {
   const failed = rows.filter((row) => row.state !== "done");
   const verified = rows.some((row) => row.verified !== null);
   const list = table("", ["Run", "State", "Best score", ...(verified ? ["Verified score"] : []), ...(failed.length ? ["Reason"] : [])],
-    rows.map((row) => [row.name, row.state, row.score, ...(verified ? [row.verified] : []), ...(failed.length ? [row.why ?? ""] : [])]));
+    rows.map((row) => [row.name, row.state, row.score, ...(verified ? [row.fragile ? verifiedText(row.verified, true) : row.verified] : []), ...(failed.length ? [row.why ?? ""] : [])]));
   const count = rows.length === 1 ? "1 run" : `${rows.length} runs`;
   const word = failed.length ? `${count}, ${failed.length} not done` : `${count}, all done`;
   const details = el("details", {}, el("summary", {}, word), list);

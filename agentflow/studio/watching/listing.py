@@ -99,6 +99,7 @@ class Listing:
             **row,
             "run": self._folder.name_of(path),
             "verified": verified["score"] if verified else None,
+            "fragile": bool(verified and verified["fragile"]),
             "sweep": self._sweep_of(path),
             "begun": (path / FILE_NAME).stat().st_mtime,
             "curve": known.curve,

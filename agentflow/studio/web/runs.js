@@ -1,6 +1,6 @@
 // The page of all runs: a list that grows by itself, filters, and the form of a new design.
 
-import { el, formatNumber, svg } from "../../report/web/dom.js";
+import { el, formatNumber, svg, verifiedText } from "../../report/web/dom.js";
 import { address, ask, follow } from "./api.js";
 import { designForm } from "./design.js";
 
@@ -103,7 +103,7 @@ class RunList {
     return el("tr", { "data-run": row.run, class: row.state },
       el("td", {}, tick), el("td", {}, el("a", { href: address("run", { run: row.run }) }, row.run)),
       el("td", { title: row.problem }, el("span", { class: `state ${row.state}` }, row.state)),
-      el("td", {}, curve(row.curve)), number(row.score), number(row.verified),
+      el("td", {}, curve(row.curve)), number(row.score), el("td", { class: "number" }, verifiedText(row.verified, row.fragile)),
       text(row.task), text(row.workflow), text(row.model), number(row.calls),
       el("td", { class: "number" }, new Date(1000 * row.begun).toLocaleString("en-GB", { dateStyle: "short", timeStyle: "short" })));
   }

@@ -6,7 +6,7 @@ On plain floats: machines have few of them, and arrays only pay for many.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, dist, radians, sin
 from typing import ClassVar
 
@@ -70,6 +70,9 @@ class PropellerBlade(MotionDevice):
         normal = add(scale(block.up, cos(angle)), scale(block.right, -sin(angle)))
         cap = blade.speed_cap * blade.speed_cap
         return cls(part, swap(block.up), swap(normal), blade.axial_drag, cap)
+
+    def scaled(self, factor: float) -> PropellerBlade:
+        return replace(self, drag=self.drag * factor)
 
     def push(self, velocity: Vec3) -> Vec3:
         square = dot(velocity, velocity)

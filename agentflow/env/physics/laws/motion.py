@@ -34,6 +34,10 @@ class MotionDevice(ABC):
         """The device of a block whose part has this index; None if blocks of its kind have none."""
 
     @abstractmethod
+    def scaled(self, factor: float) -> MotionDevice:
+        """The device whose pushes are those of this one times a factor."""
+
+    @abstractmethod
     def push(self, velocity: Vec3) -> Vec3:
         """Force at the part's centre, N, for its velocity over the ground, m/s."""
 
