@@ -120,6 +120,7 @@ def _card(item: Exhibit) -> dict[str, Any]:
         "run": f"{record.how}; {record.engine}",
         "score": record.score,
         "verified": record.verified,
+        "fragile": record.holding.fragile,
         "why": "",
         "picture": item.picture,
     }
@@ -139,5 +140,6 @@ def _link(item: Exhibit) -> str:
     width, height = THUMBNAIL
     name, about = item.record.task, html.escape(f"{item.title}, {item.blocks}")
     picture = f'<img src="{item.file}" alt="" loading="lazy" width="{width}" height="{height}">'
-    text = f"<b>{name}</b> {item.record.verified:.4g}<br><small>{about}</small>"
+    fragile = " (fragile)" * item.record.holding.fragile
+    text = f"<b>{name}</b> {item.record.verified:.4g}{fragile}<br><small>{about}</small>"
     return f'<a href="{VIEWER}#{name}">{picture}<span>{text}</span></a>'

@@ -50,7 +50,8 @@ def _levels() -> str:
     for level in list_tasks():
         record = level["record"]
         best = "" if level["greatest"] is None else f"{level['greatest']:g}"
-        found = (f"{record['verified']:.4g}", str(record["blocks"]))
+        fragile = " (fragile)" * record["fragile"]
+        found = (f"{record['verified']:.4g}{fragile}", str(record["blocks"]))
         numbers = (f"{level['window']:g}", f"{level['good']:g}", best)
         rows.append((code(level["name"]), level["title"], *numbers, *found))
         engines.add(record["engine"])

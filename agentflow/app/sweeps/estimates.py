@@ -9,7 +9,12 @@ from typing import Any
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import PROCEDURAL, DesignConfig
-from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, VARIATIONS, Variation
+from agentflow.env.simulation.variations import (
+    DEFAULT,
+    PERTURBATIONS,
+    Variation,
+    most_variations_of,
+)
 from agentflow.llm.messages import Usage
 from agentflow.workflows.registry import WORKFLOWS
 
@@ -33,7 +38,7 @@ class Estimate:
     perturbation: int
     """Further simulations of machines, for robust scores; not among the rollouts."""
     verification: int
-    """Simulations to verify the best machines; not among the rollouts."""
+    """Most simulations to verify the best machines; not among the rollouts."""
     worker_seconds: float
     """For all simulations."""
 
@@ -58,7 +63,7 @@ def estimate(plan: RunPlan) -> Estimate:
     settings = workflow.adapt(config.settings)
     calls = workflow.calls_on(settings, plan.task.brief)
     rollouts = workflow.rollouts(settings) + workflow.retries(settings, plan.task.brief)
-    verified = _rates(VARIATIONS) if config.verify else []
+    verified = _rates(most_variations_of(plan.task)) if config.verify else []
     perturbed = [] if settings.objective == "score" else _rates(PERTURBATIONS)
     seconds = len(plan.task.trials(config.seed)) * ROLLOUT_SECONDS * plan.task.window / WINDOW
     return Estimate(

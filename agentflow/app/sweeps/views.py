@@ -175,7 +175,8 @@ def verified_table(result: SweepResult) -> Table:
             mean_known(item.high for item in complete),
         )
         done = Rate(len(complete), len(found))
-        fragile = sum(item.holding is not None and item.holding.fragile for item in complete)
+        holding = [item.holding for item in complete]
+        fragile = sum(bool(item and item.fragile) for item in holding) if complete else None
         share = mean_known(run.numbers.share for run in runs if run.numbers.record.verification)
         rows.append(Row(key, (done, mean_known(scores), verified, low, high, fragile, share)))
     names = ("verified runs", "score", "verified", "low", "high", "fragile")

@@ -25,8 +25,10 @@ def verify(
     """Check whether a score holds when the simulation changes a little.
 
     The machine is simulated with the default physics, with time steps a quarter as long, and with
-    masses, friction and motor torque changed by +2 % and -2 %, one at a time. The verified score is
-    the median of the eight scores.
+    one quantity at a time changed by +2 % and -2 %: masses, friction, motor torque, thrust, pull of
+    springs and winches, and start times, as far as that changes anything. The verified score is the
+    median of the scores. It holds where a score is above 0 and at least half of the median; a
+    machine whose score holds in some simulations but not in all is called fragile.
 
     For a run, its best machine is used. Without --task, the run's own task, knobs and seed are
     used, and the result is stored in the run unless it has one already.

@@ -8,8 +8,7 @@ from itertools import groupby
 from rich.text import Text
 
 from agentflow.cli.display.output import Data, Field, answer, field, output, print_lines, table
-from agentflow.cli.display.show_scores import record_text
-from agentflow.metrics.formats import number
+from agentflow.cli.display.show_scores import record_text, verified_text
 
 
 def _good_score(task: Data) -> str:
@@ -23,7 +22,7 @@ TASK = (
     field("level", "title"),
     field("window", show=lambda seconds: f"{seconds:g} s"),
     Field("good score", _good_score),
-    field("record", show=lambda record: number(record["verified"])),
+    field("record", show=lambda record: verified_text(record["verified"], record["fragile"])),
     Field("blocks", lambda task: str(len(task["blocks"]))),
     field("objective"),
 )

@@ -6,7 +6,7 @@ conditions is about to fail, or profits from an error of the simulation.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import asdict, dataclass, replace
 
 from agentflow.env.constants import constants
@@ -16,7 +16,7 @@ from agentflow.env.physics.model import Assembly, Devices, Strength
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Switch, Task
 from agentflow.machine.blocks.library import library
-from agentflow.machine.controls import GROUPS, driven_types
+from agentflow.machine.controls import GROUPS, driven_blocks
 from agentflow.machine.geometry.vectors import scale
 from agentflow.machine.tree import Machine
 
@@ -110,21 +110,30 @@ def variations_of(machine: Machine, task: Task) -> tuple[Variation, ...]:
     blades. If everything starts at t = 0, so are start times: a common delay would only move the
     whole rollout.
     """
-    return variations_for([step.type for step in machine], task.switches(machine))
+    groups = set(driven_blocks(machine).values())
+    later = any(
+        time and (isinstance(entry, int) or entry in groups)
+        for time, entry, _ in task.switches(machine)
+    )
+    return _variations({step.type for step in machine}, later)
 
 
-def variations_for(types: Collection[int], switches: Sequence[Switch]) -> tuple[Variation, ...]:
-    """As `variations_of`, for a machine with these types of blocks, and these switches."""
-    kinds = [library()[kind] for kind in types]
-    value = constants()
-    groups = set(driven_types(dict(enumerate(types))).values())
+def most_variations_of(task: Task) -> tuple[Variation, ...]:
+    """Those of a machine with all blocks that a task allows: no other has more."""
+    switches, brief = task.schedule.switches(), task.brief
+    later = any(time and drives_blocks(entry) for time, entry, _ in switches)
+    types = {*brief.blocks, *(step.type for step in brief.given)}
+    return _variations(types, later or task.schedule.designed)
+
+
+def _variations(types: Collection[int], later: bool) -> tuple[Variation, ...]:
+    """Those of a machine with these types of blocks; whether some are switched after t = 0."""
+    kinds, value = [library()[kind] for kind in types], constants()
     has = {
         MOTORS: any(value.of("motor_torque", kind.type) for kind in kinds),
         THRUST: any(kind.thrust or kind.blade for kind in kinds),
         PULL: any(kind.connector in ("spring", "rope") for kind in kinds),
-        TIMES: any(
-            time and (isinstance(entry, int) or entry in groups) for time, entry, _ in switches
-        ),
+        TIMES: later,
     }
     return (*GENERAL, *(one for both, varied in has.items() if varied for one in both))
 

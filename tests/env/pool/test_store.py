@@ -11,7 +11,7 @@ import pytest
 from agentflow.env.archive import save_npz
 from agentflow.env.pool.store import Store, rollout_key
 from agentflow.env.rollout import Feedback, Rollout
-from agentflow.env.simulation.variations import DEFAULT, VARIATIONS, Variation
+from agentflow.env.simulation.variations import DEFAULT, GENERAL, MOTORS, VARIATIONS, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError
@@ -140,8 +140,13 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
         Store(tmp_path / "file" / "store", Counter())
 
 
-@pytest.mark.parametrize("variation", VARIATIONS)
+@pytest.mark.parametrize("variation", [*GENERAL, *MOTORS])
 def test_factors_that_came_later_leave_older_keys_alone(variation: Variation) -> None:
     assert list(variation.key) == ["name", "rate", "masses", "friction", "motor_torque"]
     faster = replace(variation, motor_speed=1.1)
     assert faster.key == {**variation.key, "motor_speed": 1.1}
+    assert VARIATIONS["start times +2 %"].key == {
+        **DEFAULT.key,
+        "name": "start times +2 %",
+        "times": 1.02,
+    }
