@@ -13,6 +13,7 @@ import yaml
 from agentflow.cli import main
 from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.rollout import Marginal
+from agentflow.holding import with_holding
 from agentflow.machine import read_machine
 from agentflow.metrics.failure_kinds import KINDS
 from agentflow.runs import read_document, read_result
@@ -67,7 +68,11 @@ def test_a_finished_run_that_is_resumed_keeps_every_byte(tmp_path: Path, capsys:
     shutil.copytree(RECORDED, run)
     before = contents(run)
     out = shown(capsys, "design", "--resume", str(run), "--json", "--quiet")
-    assert json.loads(out) == {**read_result(RECORDED).to_json(), "run": str(run)}
+    result = read_result(RECORDED).to_json()
+    verified = with_holding(result["verified"])
+    assert json.loads(out) == {**result, "verified": verified, "run": str(run)}
+    assert verified is not None
+    assert (verified["holds"], verified["fragile"]) == (8, False)
     assert contents(run) == before
 
 

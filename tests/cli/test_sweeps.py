@@ -99,16 +99,16 @@ def test_a_dry_run_lists_runs_and_costs_and_writes_nothing(
     words = ["sweep", str(ROOT / "configs/inspector.yaml"), "--seeds", "1", "--dry-run"]
     assert main([*words, "--out", str(tmp_path / "out")]) == 0
     assert capsys.readouterr().out == (
-        "baseline.seed-0: 49 calls, 16 rollouts and 7 for verification\n"
-        "no_inspector.seed-0: 41 calls, 16 rollouts and 7 for verification\n"
-        "2 runs to do: about 90 calls (excluding retries), at most 32 rollouts and 14 for "
-        "verification, about 5 s with 2 workers. No tokens and no cost, because the "
+        "baseline.seed-0: 49 calls, 16 rollouts and 9 for verification\n"
+        "no_inspector.seed-0: 41 calls, 16 rollouts and 9 for verification\n"
+        "2 runs to do: about 90 calls (excluding retries), at most 32 rollouts and 18 for "
+        "verification, about 6 s with 2 workers. No tokens and no cost, because the "
         "procedural model is used.\n"
     )
     price = "model.prices={m: {input: 1, output: 2}}"
     assert main([*words, "--model", "m", "--set", price, "--workers", "4"]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == (
-        "2 runs to do: about 90 calls (excluding retries), at most 32 rollouts and 14 for "
+        "2 runs to do: about 90 calls (excluding retries), at most 32 rollouts and 18 for "
         "verification, about 3 s with 4 workers, plus the time of the model calls. "
         "About 333280 tokens, excluding reasoning; cost 0.35."
     )
@@ -126,7 +126,7 @@ def test_a_dry_run_of_very_many_runs_takes_seeds_together(
     assert main([*words, "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out.splitlines()[:2] == [
         f"{name}.seed-0 ... {name}.seed-1999: 2000 runs, 0 done, {calls} calls, "
-        "16 rollouts and 7 for verification each"
+        "16 rollouts and 9 for verification each"
         for name, calls in (("baseline", 49), ("no_inspector", 41))
     ]
 

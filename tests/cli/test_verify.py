@@ -21,7 +21,8 @@ def test_a_machine_is_verified_as_text_and_as_json(capsys: Captured) -> None:
     found = json.loads(capsys.readouterr().out)
     assert list(found) == ["task", "seed", "engine", "score", "verified", "others", "problems"]
     verified = found["verified"]
-    assert list(verified) == ["score", "low", "high", "scores"]
+    assert list(verified) == ["score", "low", "high", "scores", "holds", "fails", "fragile"]
+    assert (verified["holds"], verified["fails"], verified["fragile"]) == (8, [], False)
     assert verified["low"] <= verified["score"] <= verified["high"]
     assert [list(item) for item in verified["scores"]] == [["variation", "status", "score"]] * 8
     assert verified["scores"][0]["score"] == found["score"]
@@ -31,7 +32,7 @@ def test_a_machine_is_verified_as_text_and_as_json(capsys: Captured) -> None:
     assert first == f"score {found['score']:.2f} (movement, {default_engine().identity})"
     assert second == (
         f"verified score {verified['score']:.2f}, the median of 8 simulations that scored "
-        f"{verified['low']:.2f} to {verified['high']:.2f}"
+        f"{verified['low']:.2f} to {verified['high']:.2f}; holds in 8 of 8"
     )
     assert head.split() == ["simulation", "score", "change"]
     assert default.split() == ["default", f"{found['score']:.2f}"]

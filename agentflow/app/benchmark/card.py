@@ -126,9 +126,10 @@ class Scorecard(_Part, populate_by_name=True):
     cost: Cost
 
     @property
-    def fragile(self) -> int:
-        """Number of items whose best machine is fragile."""
-        return sum(bool(item.refined.fragile) for item in self.items)
+    def fragile(self) -> int | None:
+        """Number of items whose best machine is fragile; None if nobody looked."""
+        known = [item.refined.fragile for item in self.items if item.refined.fragile is not None]
+        return sum(known) if known else None
 
     @property
     def missing(self) -> tuple[str, ...]:

@@ -16,10 +16,12 @@ INTERVAL = "95 %"
 ABOUT = (
     "Shares are scores divided by the greatest possible score of the item or, if there is none, "
     "by the record, averaged over items; an invalid machine counts as 0. refined: verified score "
-    "of the best machine of a run with two rounds of feedback; cards are ranked by it. fragile: "
-    "items whose best machine fails under some small change of masses, friction, drives or time "
-    "step. first: "
+    "of the best machine of a run with two rounds of feedback; cards are ranked by it. first: "
     "plain scores of single replies without feedback. Intervals are bootstrap intervals over items."
+)
+OF_FRAGILE = (
+    "fragile: number of items whose best machine fails under some small change of masses, "
+    "friction, drives or time step."
 )
 
 
@@ -60,7 +62,7 @@ def _ranking(cards: Sequence[Scorecard]) -> Table:
     columns = (
         Column("refined", "share", percent=True),
         Column("refined", INTERVAL),
-        Column("refined", "fragile"),
+        *[Column("refined", "fragile")] * tell_fragile(cards),
         Column("first", "share", percent=True),
         Column("first", INTERVAL),
         *(Column("", name) for name in ("calls", "tokens", "money", "rollouts")),
@@ -70,7 +72,7 @@ def _ranking(cards: Sequence[Scorecard]) -> Table:
         cost, total = card.cost, card.total
         values: tuple[Value, ...] = (
             *(total.refined.mean, interval_text(total.refined.interval, 1, in_percent=True)),
-            card.fragile,
+            *[card.fragile] * tell_fragile(cards),
             *(total.first.mean, interval_text(total.first.interval, 1, in_percent=True)),
             *(cost.calls, cost.prompt_tokens + cost.completion_tokens, cost.money, cost.rollouts),
         )
@@ -87,7 +89,8 @@ def _ranking(cards: Sequence[Scorecard]) -> Table:
     ]
     others = other_recorders([engine])
     of_records = f"The records were simulated by {others}." if others else ""
-    notes = (*incomplete, ABOUT, *filter(None, [of_records, missing_scipy()]))
+    about = (ABOUT, *[OF_FRAGILE] * tell_fragile(cards))
+    notes = (*incomplete, *about, *filter(None, [of_records, missing_scipy()]))
     return Table(title, ("rank", "model"), columns, tuple(rows), notes=notes)
 
 
@@ -110,10 +113,15 @@ def _by_family(cards: Sequence[Scorecard]) -> Table:
     return Table("Shares by family", ("model",), columns, rows)
 
 
-def _values(item: ItemResult) -> tuple[Value, ...]:
-    """What a card says about an item."""
-    fragile = {True: "yes", False: "no", None: None}[item.refined.fragile]
-    return item.first_share, item.refined.share, fragile
+def tell_fragile(cards: Sequence[Scorecard]) -> bool:
+    """Whether any card knows which machines are fragile: those of old versions do not."""
+    return any(card.fragile is not None for card in cards)
+
+
+def _values(item: ItemResult, fragile: bool) -> tuple[Value, ...]:
+    """What a card says about an item; `fragile`: also whether its best machine is."""
+    told = {True: "yes", False: "no", None: None}[item.refined.fragile]
+    return (item.first_share, item.refined.share, *[told] * fragile)
 
 
 def _by_item(cards: Sequence[Scorecard]) -> Table:
@@ -123,13 +131,13 @@ def _by_item(cards: Sequence[Scorecard]) -> Table:
         for column in (
             Column(card.model, "first", percent=True),
             Column(card.model, "refined", percent=True),
-            Column(card.model, "fragile"),
+            *[Column(card.model, "fragile")] * tell_fragile(cards),
         )
     )
     rows = tuple(
         Row(
             (of[0].item, of[0].family, number(of[0].full)),
-            tuple(value for item in of for value in _values(item)),
+            tuple(value for item in of for value in _values(item, tell_fragile(cards))),
         )
         for of in zip(*(card.items for card in cards), strict=True)
     )

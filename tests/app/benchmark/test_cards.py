@@ -26,8 +26,8 @@ SHIPPED = Path(__file__).parents[3] / "docs" / "cards"
 MISSING = CountedMachine(outcome="missing", score=None, share=None, reason="the run is unfinished")
 
 
-def scored(share: float) -> CountedMachine:
-    return CountedMachine(outcome="scored", score=10 * share, share=share)
+def scored(share: float, fragile: bool | None = None) -> CountedMachine:
+    return CountedMachine(outcome="scored", score=10 * share, share=share, fragile=fragile)
 
 
 def item(name: str, firsts: tuple[float, ...], refined: CountedMachine) -> ItemResult:
@@ -116,6 +116,21 @@ def written(folder: Path, name: str, of: Scorecard) -> Path:
 
 def test_a_card_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert read_card(written(tmp_path, "a", GOOD)) == GOOD
+
+
+def test_fragile_machines_are_counted_where_somebody_looked(tmp_path: Path) -> None:
+    """Cards of old versions do not say; beside a new one they have no number."""
+    fragile, sturdy = scored(0.75, fragile=True), scored(1, fragile=False)
+    new = card("new", item("throwing-1", (0.5,), fragile), item("flying-1", (0.0,), sturdy))
+    assert (new.fragile, GOOD.fragile) == (1, None)
+    cards = read_cards([written(tmp_path, each.model, each) for each in (new, POOR)])
+    ranking, _, by_item = leaderboard(cards)
+    at = [(column.group, column.name) for column in ranking.columns].index(("refined", "fragile"))
+    assert [row.values[at] for row in ranking.rows] == [1, None]
+    assert [row.values for row in by_item.rows] == [
+        (0.5, 0.75, "yes", 0.1, 0.2, None),
+        (0.0, 1.0, "no", 0.0, 0.0, None),
+    ]
 
 
 def test_a_missing_item_counts_neither_as_nothing_nor_as_complete() -> None:

@@ -16,6 +16,7 @@ from agentflow.app.subjects.rescore import rescore
 from agentflow.cli.display.show_runs import show_rescored
 from agentflow.config.run import build_config
 from agentflow.errors import RunError
+from agentflow.holding import with_holding
 from agentflow.runs import RunDirectory, read_calls, read_document, read_result
 from agentflow.runs.reading import document_text
 
@@ -46,7 +47,7 @@ def test_the_list_tells_the_state_of_each(folder: Path) -> None:
         "seed": 0,
         "engine": read_document(RECORDED)["engine"],
         "score": result.score,
-        "verified": result.to_json()["verified"],
+        "verified": with_holding(result.to_json()["verified"]),
         "calls": result.calls,
         "cost": 0.0,
         "problem": "",

@@ -6,7 +6,9 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pytest
@@ -16,7 +18,10 @@ from agentflow.app.design.replay import replay
 from agentflow.app.inspect.overview import run_details, run_list
 from agentflow.app.subjects.subject import Subject
 from agentflow.app.subjects.verify import verify
+from agentflow.cli.display.show_runs import show_run, show_runs
+from agentflow.cli.display.show_scores import show_verified
 from agentflow.errors import RunError
+from agentflow.holding import with_holding
 from agentflow.runs import Notify, read_events, read_result, state_of
 
 ROOT = Path(__file__).parents[3]
@@ -90,8 +95,8 @@ def test_verification_can_be_switched_off_and_made_later(
     run = tmp_path / "run"
     shutil.copytree(plain.run, run)
     found = verify_run(run, 2, pytest.fail)
-    assert found["verified"] == verified.data["verified"]
-    assert read_result(run).to_json()["verified"] == found["verified"]
+    assert found["verified"] == with_holding(verified.data["verified"])
+    assert read_result(run).to_json()["verified"] == verified.data["verified"]
     assert replay(run, ignore) is None
     assert state_of(run) == "done"
 
@@ -99,7 +104,8 @@ def test_verification_can_be_switched_off_and_made_later(
 @pytest.mark.slow
 def test_a_verified_run_is_not_verified_again(verified: agentflow.Design) -> None:
     before = {path: path.stat().st_mtime_ns for path in verified.run.rglob("*")}
-    assert verify_run(verified.run, 1, pytest.fail)["verified"] == verified.data["verified"]
+    found = verify_run(verified.run, 1, pytest.fail)
+    assert found["verified"] == with_holding(verified.data["verified"])
     assert {path: path.stat().st_mtime_ns for path in verified.run.rglob("*")} == before
 
 
@@ -114,7 +120,8 @@ def test_an_incomplete_verification_is_made_again(
         part["score"] = None
     lost["status"] = "timeout"
     (run / "result.json").write_text(json.dumps(result))
-    assert verify_run(run, 2, pytest.fail)["verified"] == verified.data["verified"]
+    found = verify_run(run, 2, pytest.fail)
+    assert found["verified"] == with_holding(verified.data["verified"])
     assert read_result(run).to_json()["verified"] == verified.data["verified"]
 
 
@@ -162,7 +169,63 @@ def test_lists_and_details_show_the_verified_score(
 ) -> None:
     for run in (verified, plain):
         (row,) = run_list(run.run.parent)
-        assert row["verified"] == run_details(run.run)["verified"] == run.data["verified"]
+        told = with_holding(run.data["verified"])
+        assert row["verified"] == run_details(run.run)["verified"] == told
+
+
+def with_scores(run: Path, change: Callable[[list[dict[str, Any]]], list[dict[str, Any]]]) -> None:
+    """Change the scores of a run's verification, in its result and in its event alike."""
+    result = json.loads((run / "result.json").read_text())
+    scores = change(result["verified"]["scores"])
+    known = [item["score"] for item in scores]
+    found = {"score": median(known), "low": min(known), "high": max(known), "scores": scores}
+    (run / "result.json").write_text(json.dumps({**result, "verified": found}))
+    lines = [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
+    for line in lines:
+        if line["kind"] == "verification":
+            line["data"].update(found)
+    (run / "events.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+
+
+@pytest.mark.slow
+def test_a_run_that_was_verified_otherwise_replays_identical(
+    verified: agentflow.Design, tmp_path: Path
+) -> None:
+    """Other versions verify under other variations: those of the run are repeated."""
+    run = tmp_path / "run"
+    shutil.copytree(verified.run, run)
+    with_scores(run, lambda scores: scores[:3])
+    assert replay(run, ignore) is None
+    assert [item["variation"] for item in run_details(run)["verified"]["scores"]] == [
+        "default", "4 x step rate", "masses +2 %",
+    ]  # fmt: skip
+    with_scores(run, lambda scores: [{**item, "variation": "moonlight"} for item in scores])
+    with pytest.raises(RunError, match="was verified under 'moonlight', which this version does"):
+        replay(run, ignore)
+
+
+@pytest.mark.slow
+def test_a_machine_that_fails_under_a_variation_is_fragile_everywhere(
+    verified: agentflow.Design, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The median is above 0, and the verified score alone would hide the failure."""
+    run = tmp_path / "run"
+    shutil.copytree(verified.run, run)
+    with_scores(run, lambda scores: [{**item, "score": item["score"] * (i != 2)}
+                                     for i, item in enumerate(scores)])  # fmt: skip
+    assert read_result(run).fragile is True
+    assert verified.fragile is False
+    (row,) = run_list(run)
+    told = [row["verified"][key] for key in ("holds", "fails", "fragile")]
+    assert told == [7, ["masses +2 %"], True]
+    show_run(run_details(run))
+    text = " ".join(capsys.readouterr().out.split())
+    assert "; fragile, holds in 7 of 8 (masses +2 %: 0.00)" in text
+    show_runs([row])
+    assert f"{row['verified']['score']:.2f} (fragile)" in capsys.readouterr().out
+    show_verified(verify_run(run, 1, ignore))
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[-1] for line in lines if line.startswith("masses")] == ["no", "%"]
 
 
 @pytest.mark.slow

@@ -425,6 +425,6 @@ def test_verified_scores_stand_beside_the_plain_ones(tmp_path: Path) -> None:
     assert record is not None
     share = pytest.approx(22.5 / record.verified)
     assert values(view(path, "verified")) == {
-        ("throwing", MODEL, "one"): (Rate(2, 2), 25.0, 22.5, 19.0, 25.5, share),
-        ("throwing", MODEL, "other"): (Rate(0, 2), None, None, None, None, None),
+        ("throwing", MODEL, "one"): (Rate(2, 2), 25.0, 22.5, 19.0, 25.5, 0, share),
+        ("throwing", MODEL, "other"): (Rate(0, 2), None, None, None, None, None, None),
     }
