@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,22 @@ from agentflow.machine.validity import check as check_machine
 
 FOLDER = Path(records.__file__).parent / records.FOLDER
 BENCHMARK = Path(__file__).parent.parent / "configs" / "benchmark.yaml"
+
+
+HEAD = """\
+# Fragile records
+
+This page shows which of the best known machines fail when the simulation changes a little. Use it \
+to see how far a record can be trusted, and where a sturdier machine is worth looking for.
+
+A machine is [fragile](../explanation/scores.md#fragile-machines) if its score holds in some \
+simulations of its verification but not in all. That is so for {of_levels} of the {levels} records \
+of levels, and for {of_items} of the {items} further ones of [the benchmark](../how-to/benchmark.md). \
+`python benchmarks/records.py page` writes this page.
+
+| record | verified score | holds in | scores where it fails |
+|---|--:|---|---|
+"""
 
 
 @dataclass(frozen=True)
@@ -138,4 +154,21 @@ def line(target: Target, record: TaskRecord | None) -> str:
         f"{target.name:24s} good {good:7g}  score {record.score:8.2f}  verified "
         f"{record.verified:8.2f}  lowest {record.low:8.2f}  "
         f"{len(record.blocks):3d} blocks  {record.holding}  {record.how}"
+    )
+
+
+def fragile_page(known: Sequence[Target]) -> str:
+    """The page of the records whose machines are fragile."""
+    levels = [target for target in known if not target.knobs]
+    rows = [
+        f"| `{target.name}` | {record.verified:.2f} | {record.holding.holds} of {record.of} | "
+        f"{'; '.join(f'{name}: {score:.2f}' for name, score in record.fails.items())} |"
+        for target in known
+        if (record := stored(target)) and record.holding.fragile
+    ]
+    fragile = {row.split("`")[1] for row in rows}
+    of_levels = sum(target.name in fragile for target in levels)
+    of_items, items = len(rows) - of_levels, len(known) - len(levels)
+    return HEAD.format(of_levels=of_levels, levels=len(levels), of_items=of_items, items=items) + (
+        "\n".join(rows) + "\n"
     )

@@ -4,8 +4,10 @@
     python benchmarks/records.py find [NAME ...] [--seconds 60] [--seed 0]
     python benchmarks/records.py check [NAME ...]
     python benchmarks/records.py list [NAME ...]
+    python benchmarks/records.py page
 
-Records are ranked by verified score and stored in agentflow/env/tasks/records, one file each: NAME
+Records are ranked by verified score, of which a fragile machine loses a tenth: a sturdy one within
+10 % replaces it. They are stored in agentflow/env/tasks/records, one file each: NAME
 is the file's name, for example throwing-3. Every improvement is stored at once, so that a command
 that was stopped loses nothing and can be run again.
 
@@ -14,7 +16,8 @@ reference machines, other records, and the machines of recorded runs in the give
 runs hill climbing from the record for some seconds; a step that scores more counts only if its
 verified score is higher, too. An item of the benchmark without a record starts from another machine
 of its family, adapted to the item's budget and block types. `check` simulates the records and fails
-if a score differs from the file. `list` prints the records.
+if a score differs from the file. `list` prints the records, and `page` writes which are fragile to
+docs/results/records.md.
 """
 
 from __future__ import annotations
@@ -28,12 +31,24 @@ from pathlib import Path
 
 from adapting import adapt
 from climbing import PATIENCE, change
-from recordbook import Target, line, own_machines, recorded_machines, store, stored, targets
+from recordbook import (
+    Target,
+    fragile_page,
+    line,
+    own_machines,
+    recorded_machines,
+    store,
+    stored,
+    targets,
+)
 
 from agentflow.env.tasks.records import TaskRecord
 from agentflow.machine.tree import Machine
 
 CLIMB = "hill climbing from "
+LOSS = 0.1
+"""Share of its verified score that a fragile machine loses when records are ranked; chosen."""
+PAGE = Path(__file__).parent.parent / "docs" / "results" / "records.md"
 VERIFIED = 3
 """Candidates of a level that are verified, best plain scores first."""
 
@@ -43,7 +58,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("command", choices=("update", "find", "check", "list"))
+    parser.add_argument("command", choices=("update", "find", "check", "list", "page"))
     parser.add_argument("names", nargs="*", help="all by default")
     parser.add_argument("--machines", type=Path, action="append", default=[])
     parser.add_argument("--seconds", type=float, default=60)
@@ -63,6 +78,8 @@ def main() -> int:
     elif options.command == "check":
         wrong = [target.name for target in chosen if not holds(target)]
         return 1 if wrong else 0
+    elif options.command == "page":
+        PAGE.write_text(fragile_page(list(known.values())), encoding="utf-8")
     else:
         for target in chosen:
             print(line(target, stored(target)))
@@ -75,16 +92,16 @@ def update(target: Target, machines: Mapping[Machine, str]) -> None:
     scores: dict[Machine, float] = {}
     for machine in ([old.machine] if old else []) + list(reversed(machines)):
         scores.setdefault(machine, target.score(machine) or 0.0)
-        if scores[machine] == greatest:
+        if scores[machine] == greatest and not (old and old.holding.fragile):
             break
     ordered = sorted(scores, key=lambda machine: -scores[machine])[:VERIFIED]
     best: TaskRecord | None = None
     for machine in ordered:
         how = old.how if old and machine == old.machine else machines[machine]
         found = target.record(machine, how)
-        if found and (best is None or found.verified > best.verified):
+        if found and (best is None or worth(found) > worth(best)):
             best = found
-        if best and best.verified == greatest:
+        if best and best.verified == greatest and not best.holding.fragile:
             break
     if best is None:
         print(line(target, None), flush=True)
@@ -106,13 +123,13 @@ def find(target: Target, seconds: float, rng: random.Random) -> None:
     how = best.how if best.how.startswith(CLIMB) else CLIMB + best.how
     brief = target.task.brief
     machine, score, idle, tried = best.machine, best.score, 0, 0
-    while time.monotonic() < end and best.verified != brief.greatest:
+    while time.monotonic() < end and worth(best) != brief.greatest:
         other = change(machine, brief, rng)
         value = target.score(other) or 0.0
         tried, idle = tried + 1, idle + 1
-        if value > best.score:
+        if value > (1 - LOSS * best.holding.fragile) * best.score:
             better = target.record(other, how)
-            if better is None or better.verified <= best.verified:
+            if better is None or worth(better) <= worth(best):
                 continue  # an error of the simulation
             best, idle = better, 0
             store(target, best)
@@ -121,6 +138,11 @@ def find(target: Target, seconds: float, rng: random.Random) -> None:
         if idle >= PATIENCE:
             machine, score, idle = best.machine, best.score, 0
     print(f"{target.name}: {tried} machines tried", flush=True)
+
+
+def worth(record: TaskRecord) -> float:
+    """What records are ranked by: the verified score, less for a fragile machine."""
+    return (1 - LOSS * record.holding.fragile) * record.verified
 
 
 def holds(target: Target) -> bool:

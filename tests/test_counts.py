@@ -26,7 +26,7 @@ from agentflow.diversity.solid import POINTS
 from agentflow.env.constants import constants
 from agentflow.env.physics.registry import ENGINES
 from agentflow.env.pool.base import GRACE
-from agentflow.env.simulation.variations import PERTURBATIONS, VARIATIONS
+from agentflow.env.simulation.variations import GENERAL, PERTURBATIONS, VARIATIONS
 from agentflow.env.tasks.records import read_records
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.llm.endpoint.faults import TRANSIENT_STATUSES
@@ -103,8 +103,8 @@ NUMBERS: tuple[tuple[str, float], ...] = (
     (r"after N calls,", MOST_CALLS),
     (r"texts of more than N characters", MOST_CHARACTERS),
     # scores
-    (r"median of the N scores", len(VARIATIONS)),
-    (r"adds N simulations", len(VARIATIONS) - 1),
+    (r"(?:adds|simulated) N to \d+ (?:more times|simulations)", len(GENERAL) - 1),
+    (r"(?:adds|simulated) \d+ to N (?:more times|simulations)", len(VARIATIONS) - 1),
     (r"simulated N times, all with the same task", len(PERTURBATIONS)),
     (r"10 % quantile of the N scores", len(PERTURBATIONS)),
     (r"[Oo]ne of the N (?:simulations|times)", len(PERTURBATIONS)),
