@@ -33,7 +33,8 @@ to see how far a record can be trusted, and where a sturdier machine is worth lo
 
 A machine is [fragile](../explanation/scores.md#fragile-machines) if its score holds in some \
 simulations of its verification but not in all. That is so for {of_levels} of the {levels} records \
-of levels, and for {of_items} of the {items} further ones of [the benchmark](../how-to/benchmark.md). \
+of levels, and for {of_items} of the {items} further ones of \
+[the benchmark](../how-to/benchmark.md). \
 `python benchmarks/records.py page` writes this page.
 
 | record | verified score | holds in | scores where it fails |
