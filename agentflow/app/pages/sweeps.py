@@ -63,7 +63,13 @@ def _runs(result: SweepResult) -> list[dict[str, Any]]:
         for run in result.finished
     ]
     return done + [
-        {"name": name, "state": "failed" if name in result.failed else "missing", "score": None}
-        | {"verified": None, "fragile": False, "why": result.failed.get(name, "")}
+        {
+            "name": name,
+            "state": "failed" if name in result.failed else "missing",
+            "score": None,
+            "verified": None,
+            "fragile": False,
+            "why": result.failed.get(name, ""),
+        }
         for name in result.missing
     ]

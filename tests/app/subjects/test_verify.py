@@ -148,7 +148,8 @@ def test_a_score_that_physics_no_longer_gives_is_not_verified_in_the_run(
 def test_a_damaged_verification_is_reported(verified: agentflow.Design, tmp_path: Path) -> None:
     run = tmp_path / "run"
     shutil.copytree(verified.run, run)
-    for wrong in ({}, [], {**verified.data["verified"], "low": "much"}, {"scores": []}):
+    wrongs: tuple[Any, ...] = ({}, [], {**verified.data["verified"], "low": "much"}, {"scores": []})
+    for wrong in wrongs:
         (run / "result.json").write_text(json.dumps({**verified.data, "verified": wrong}))
         with pytest.raises(RunError, match=r"result\.json is damaged: its verified is "):
             verify_run(run, 1, ignore)
