@@ -74,7 +74,7 @@ async def describe(call: Call, machine: str, short: bool = False) -> ToolResult:
         **geometry_of(known.machine),
         "statics": statics,
     }
-    whole = f"Machine {known.name}\n{text}\n{statics}"
+    whole = f"Machine {known.name}, in the machine frame\n{text}\n{statics}"
     return ToolResult(whole.rstrip(), data)
 
 

@@ -143,7 +143,10 @@ async def query(
     named = ({"interval": interval} if interval else {}) | ({"trial": trial} if trial else {})
     asked = [item.model_dump() | named for item in queries]
     told = await call.workspace.host.query(known.machine, asked, call.location)
-    return ToolResult(told.text, {"machine": known.name, "answers": brief_numbers(told.data)})
+    return ToolResult(
+        f"In the world frame:\n{told.text}",
+        {"machine": known.name, "answers": brief_numbers(told.data)},
+    )
 
 
 async def look(
@@ -237,7 +240,8 @@ async def _feedback(workspace: Workspace, machine: Machine, trial: int) -> Told:
 
 def _result_text(result: Simulation) -> str:
     score = "no score" if result.score is None else f"score {result.score:.2f}"
-    return f"{score} ({result.status})."
+    ended = "" if result.status == "ok" else f" ({result.status})"
+    return f"{score}{ended}."
 
 
 def _counted(workspace: Workspace, text: str, data: Mapping[str, object]) -> ToolResult:

@@ -31,6 +31,7 @@ async def test_a_whole_session() -> None:
         assert len(name) == 8
 
         described = await bench.call("describe", {"machine": name, "short": True})
+        assert described.text.startswith(f"Machine {name}, in the machine frame\n")
         assert described.data["tree"] == json.loads(CAR)
 
         simulated = await bench.call("simulate", json.dumps({"machine": name}))
@@ -45,7 +46,7 @@ async def test_a_whole_session() -> None:
 
         asked = [{"id": 0, "duration": [0, 1], "properties": ["position"]}]
         answer = await bench.call("query", {"machine": name, "queries": asked})
-        assert answer.text.startswith("Block 0 (Starting Block), 0 to 1 s:")
+        assert answer.text.startswith("In the world frame:\nBlock 0 (Starting Block), 0 to 1 s:")
 
         for given, size, left in (
             ({"view": "side"}, (640, 480), 2),
