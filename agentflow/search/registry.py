@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from agentflow.registry import Registry, is_callable
 
 if TYPE_CHECKING:
-    from agentflow.search.node import SearchResult
+    from agentflow.search.pool import PooledStrategy
 
-STRATEGIES: Registry[Callable[..., Awaitable[SearchResult[Any]]]] = Registry(
+STRATEGIES: Registry[Callable[..., Any]] = Registry(
     "search strategy",
     "agentflow.strategies",
     {
         "mcts": "agentflow.search.mcts:mcts",
         "best_of_n": "agentflow.search.best_of_n:best_of_n",
         "random": "agentflow.search.random:random",
+        "ab-mcts": "agentflow.search.ab_mcts:AdaptiveBranching",
+        "independent": "agentflow.search.independent:Independent",
         "map-elites": "agentflow.search.elites.map_elites:map_elites",
     },
     is_callable,
 )
-"""All take the arguments of `mcts`."""
+"""A strategy is a coroutine function with the arguments of `mcts`, which searches from one
+candidate, or a class derived from `PooledStrategy`, which deals the budget of a whole run."""
+
+
+def pooled(name: str) -> PooledStrategy | None:
+    """The strategy of this name if it deals the budget of a whole run; None if it does not."""
+    from agentflow.search.pool import PooledStrategy
+
+    strategy = STRATEGIES[name]
+    is_pooled = isinstance(strategy, type) and issubclass(strategy, PooledStrategy)
+    return strategy() if is_pooled else None

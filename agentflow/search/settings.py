@@ -9,6 +9,8 @@ from pydantic import BaseModel, Field
 
 from agentflow.search.registry import STRATEGIES
 
+INDEPENDENT = "independent"
+"""The strategy that refines nothing."""
 MAP_ELITES = "map-elites"
 """The strategy that needs pyribs."""
 

@@ -6,9 +6,10 @@ Nodes are numbered by attempt, not by arrival, so the tree does not depend on co
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Coroutine, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import takewhile
-from typing import Generic
+from typing import Any, Generic
 
 from agentflow.errors import BudgetSpentError
 from agentflow.search.concurrency import EvaluateOnce, run_concurrently
@@ -40,6 +41,17 @@ def is_better(new: Evaluation, old: Evaluation) -> bool:
     return new.reward > old.reward
 
 
+@dataclass(frozen=True)
+class Growth(Generic[C]):
+    """New children of one node, numbered but not evaluated yet."""
+
+    parent: Node[C]
+    round: int
+    ids: tuple[int, ...]
+    new: tuple[tuple[C, str], ...]
+    """(candidate, label of the attempt that made it)."""
+
+
 class SearchTree(Generic[C]):
     """The nodes of one search, by id; expanded one node at a time."""
 
@@ -63,6 +75,7 @@ class SearchTree(Generic[C]):
         self._observe = observe
         self._started = time.perf_counter()
         self._join([Node(0, root, None, evaluation)])
+        self._next_id = 1
 
     def path(self, node: Node[C]) -> list[Node[C]]:
         """The nodes from the root to `node`, inclusive."""
@@ -96,29 +109,70 @@ class SearchTree(Generic[C]):
         Returns:
             The children by id; empty only if the budget ran out before the first valid one.
         """
+        attempts = await self.request(parent, round_, width, self._expand)
+        fallback = not self.stopped and all(attempt.candidate is None for attempt in attempts)
+        growth = self.number(parent, round_, attempts, fallback=fallback)
+        return self.join(growth, await run_concurrently(self.evaluations(growth)))
+
+    async def request(
+        self, parent: Node[C], round_: int, width: int, expand: Expand[C]
+    ) -> list[Attempt[C]]:
+        """Ask until `width` attempts are valid, no request round is left or the budget is spent.
+
+        The first round makes `width` attempts; each later one makes one per missing child and is
+        given the earlier attempts. Attempts are numbered across rounds.
+        """
         self._observe(Selected(round_, tuple(node.id for node in self.path(parent))))
-        attempts = await self._request_children(parent, f"round-{round_}/node-{parent.id}", width)
+        attempts: list[Attempt[C]] = []
+        for _ in range(self._request_rounds):
+            missing = width - sum(attempt.candidate is not None for attempt in attempts)
+            if not missing or self.stopped:
+                break
+            first = len(attempts) + 1
+            prefix = f"round-{round_}/node-{parent.id}"
+            labels = [f"{prefix}/try-{number}" for number in range(first, first + missing)]
+            try:
+                made = await expand(parent, labels, tuple(attempts))
+            except BudgetSpentError:
+                made = ()
+            attempts += made
+            self.stopped = len(made) < missing
+        return attempts
+
+    def number(
+        self, parent: Node[C], round_: int, attempts: Sequence[Attempt[C]], *, fallback: bool
+    ) -> Growth[C]:
+        """Give the valid attempts their ids; with `fallback`, the parent's candidate as well."""
         new = [(item.candidate, item.label) for item in attempts if item.candidate is not None]
         self._cost.expansions += bool(attempts)
         self._cost.attempts += len(attempts)
         self._cost.valid += len(new)
-        fallback = not new and not self.stopped
         if fallback:
             new = [(parent.candidate, "")]
-        ids = tuple(range(len(self.nodes), len(self.nodes) + len(new)))
+        ids = tuple(range(self._next_id, self._next_id + len(new)))
+        self._next_id += len(new)
         self._observe(Expanded(round_, parent.id, tuple(attempts), ids, fallback))
-        evaluations = await run_concurrently(
-            self._evaluate(candidate, f"round-{round_}/node-{id_}")
-            for id_, (candidate, _) in zip(ids, new, strict=True)
-        )
+        return Growth(parent, round_, ids, tuple(new))
+
+    def evaluations(self, growth: Growth[C]) -> list[Coroutine[Any, Any, Evaluation]]:
+        """The evaluations of new children, to be awaited in any order."""
+        return [
+            self._evaluate(candidate, f"round-{growth.round}/node-{id_}")
+            for id_, (candidate, _) in zip(growth.ids, growth.new, strict=True)
+        ]
+
+    def join(self, growth: Growth[C], evaluations: Sequence[Evaluation]) -> list[Node[C]]:
+        """Add evaluated children to the tree, in the order in which they were numbered."""
         children = [
-            Node(id_, candidate, parent.id, evaluation, label)
-            for id_, (candidate, label), evaluation in zip(ids, new, evaluations, strict=True)
+            Node(id_, candidate, growth.parent.id, evaluation, label)
+            for id_, (candidate, label), evaluation in zip(
+                growth.ids, growth.new, evaluations, strict=True
+            )
         ]
         self._join(children)
-        parent.children += ids
+        growth.parent.children += growth.ids
         for child in children:
-            self._observe(Simulated(round_, child))
+            self._observe(Simulated(growth.round, child))
         return children
 
     def _join(self, new: Sequence[Node[C]]) -> None:
@@ -138,27 +192,6 @@ class SearchTree(Generic[C]):
         for node in new:
             front = front_of.get(node.id)
             node.reward = node.evaluation.reward if front is None else 1 / front
-
-    async def _request_children(self, node: Node[C], prefix: str, width: int) -> list[Attempt[C]]:
-        """Ask until enough attempts are valid, no request round is left or the budget is spent.
-
-        The first round makes `width` attempts; each later one makes one per missing child and is
-        given the earlier attempts. Attempts are numbered across rounds.
-        """
-        attempts: list[Attempt[C]] = []
-        for _ in range(self._request_rounds):
-            missing = width - sum(attempt.candidate is not None for attempt in attempts)
-            if not missing or self.stopped:
-                break
-            first = len(attempts) + 1
-            labels = [f"{prefix}/try-{number}" for number in range(first, first + missing)]
-            try:
-                made = await self._expand(node, labels, tuple(attempts))
-            except BudgetSpentError:
-                made = ()
-            attempts += made
-            self.stopped = len(made) < missing
-        return attempts
 
     def result(self, result: Node[C]) -> SearchResult[C]:
         """The outcome of the search, with `result` as the node that the strategy returns."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -30,6 +31,7 @@ from agentflow.runs.events import (
 from agentflow.runs.locations import Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
+from agentflow.search.registry import pooled
 from agentflow.tools.host import Shot, Told
 from agentflow.workflows.base import (
     GREATEST,
@@ -87,13 +89,20 @@ class WorkflowContext:
         self._evaluator, self._record = evaluator, record
         self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
         self._stages: list[Stage] = []
+        self._opened = settings.trajectories
+        self._tried: dict[int, set[Machine]] = {}
+        """Trajectory -> the machines that were simulated in it."""
         self._counts: dict[str, _Count] = {}
         """By stage name; trajectories may be in different stages at the same time."""
 
     @property
     def trajectories(self) -> range:
         """The numbers of the trajectories, from 1."""
-        return range(1, self.settings.trajectories + 1)
+        return range(1, self._opened + 1)
+
+    def open_trajectories(self, count: int) -> None:
+        """Set their number, where a search decides how many there are."""
+        self._opened = count
 
     @property
     def role_input(self) -> dict[str, Any]:
@@ -169,6 +178,7 @@ class WorkflowContext:
         """Simulate a machine or reuse its result, and record that at a location in a stage."""
         evaluation = await self._simulate(machine, f"machine-{machine.digest}")
         self._counts[location.name].machines.add(machine)
+        self._tried.setdefault(location.trajectory, set()).add(machine)
         summary: SimulationSummary = evaluation.details
         self.note(
             EvaluationEvent(
@@ -224,6 +234,28 @@ class WorkflowContext:
     def rollouts(self) -> int:
         """Number of distinct machines simulated so far."""
         return self._simulate.count
+
+    @property
+    def simulations_left(self) -> int:
+        """How many more machines may be simulated in the run; very many without a limit."""
+        most = self.settings.max_simulations
+        return sys.maxsize if most is None else most - self.rollouts
+
+    def has_tried(self, trajectory: int, machine: Machine) -> bool:
+        """Whether a machine was simulated in a trajectory."""
+        return machine in self._tried.get(trajectory, ())
+
+    def left_in(self, trajectory: int) -> int:
+        """How many more machines a trajectory may simulate; very many without a limit.
+
+        The trajectories share the simulations of the run evenly, so that what one does depends on
+        no other; a search over the whole run deals them itself.
+        """
+        most, many = self.settings.max_simulations, self.settings.trajectories
+        if most is None or pooled(self.settings.search.strategy):
+            return sys.maxsize
+        share = most // many + (trajectory <= most % many)
+        return share - len(self._tried.get(trajectory, ()))
 
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Pictures of a machine for a refiner; none if vision is switched off."""

@@ -8,9 +8,8 @@ from random import Random
 
 from agentflow.agents.querier import Querier
 from agentflow.agents.refiner import Refiner
-from agentflow.errors import BudgetSpentError, UsageError
+from agentflow.errors import BudgetSpentError
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits.crossover import cross
 from agentflow.machine.edits.random import random_edit
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS
@@ -29,12 +28,10 @@ from agentflow.workflows.stages.designs import (
     draw_machine,
     simulate,
 )
+from agentflow.workflows.stages.emitters import draw_revision
 from agentflow.workflows.stages.feedback import Revision, Trajectory
 from agentflow.workflows.stages.search_record import SearchRecorder
 from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
-
-MAX_REPEATS = 20
-"""Maximum number of edits or crossovers that are drawn to find a new machine."""
 
 
 class Emitters:
@@ -75,7 +72,7 @@ class Emitters:
 
     def emitter_of(self, label: str) -> Emitter:
         """What makes the machine of an attempt."""
-        return self._stream(label).choice(self._run.settings.emitters)
+        return self._stream(label).choice(_emitters(self._run.settings))
 
     async def evaluate(self, revision: Revision, label: str) -> Evaluation:
         """Simulate a revision; the greatest score does not end a search for other kinds."""
@@ -88,24 +85,22 @@ class Emitters:
 
     def _draw(self, node: Node[Revision], label: str) -> Attempt[Revision]:
         """An edit or a crossover that leads to a new machine; without another elite, an edit."""
-        emitter, machine = self.emitter_of(label), node.candidate.machine
+        emitter, brief = self.emitter_of(label), self._run.brief
+        elites = self._archive.elites.values() if emitter == "crossover" else ()
+        mates = [item.candidate.machine for item in elites if item.id != node.id]
         rng = self._stream(f"{label}/{emitter}")
-        mates = [item for item in self._archive.elites.values() if item.id != node.id]
-        crossing = emitter == "crossover" and bool(mates)
-        note = "crossover" if crossing else "random edit"
-        for _ in range(MAX_REPEATS):
-            try:
-                if crossing:
-                    mate = rng.choice(mates).candidate.machine
-                    made = cross(machine, mate, rng, self._run.brief)
-                else:
-                    made = random_edit(machine, rng, self._run.brief)
-            except UsageError as error:
-                return Attempt(label, None, str(error))
-            if made not in self._seen:
-                self._count(made)
-                return Attempt(label, Revision(made, label=label), note)
-        return Attempt(label, None, f"no {note} leads to a new machine")
+        made = draw_revision(
+            node.candidate.machine,
+            mates,
+            label,
+            rng,
+            brief,
+            lambda machine, rng: random_edit(machine, rng, brief),
+            lambda machine: machine not in self._seen,
+        )
+        if made.candidate is not None:
+            self._count(made.candidate.machine)
+        return made
 
     def _stream(self, label: str) -> Random:
         return self._run.stream(f"explore/traj-{self._number}/{label}")
@@ -194,7 +189,11 @@ def _draw(run: WorkflowContext) -> list[Candidate]:
 
 
 def _asks_models(settings: WorkflowSettings) -> bool:
-    return "refiner" in settings.emitters
+    return "refiner" in _emitters(settings)
+
+
+def _emitters(settings: WorkflowSettings) -> tuple[Emitter, ...]:
+    return settings.emitters or ("edit", "crossover")
 
 
 def _rollouts(settings: WorkflowSettings) -> int:
@@ -212,7 +211,8 @@ def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
 def _calls(settings: WorkflowSettings) -> Mapping[str, int]:
     if not _asks_models(settings):
         return {}
-    share = settings.emitters.count("refiner") / len(settings.emitters)
+    emitters = _emitters(settings)
+    share = emitters.count("refiner") / len(emitters)
     edits = _rollouts(settings) - settings.trajectories
     calls = {
         **count_designs(settings),
@@ -229,5 +229,4 @@ EXPLORE = Workflow(
     rollouts=_rollouts,
     adapt=_adapt,
     author=lambda settings: "" if _asks_models(settings) else RANDOM_EDITS,
-    has_rollout_limit=True,
 )

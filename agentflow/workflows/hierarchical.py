@@ -7,13 +7,15 @@ from dataclasses import replace
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
 from agentflow.runs.events import BlueprintEvent
 from agentflow.runs.locations import INITIAL, Location
+from agentflow.search.registry import pooled
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.iterative import ITERATIVE
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.construction import build
-from agentflow.workflows.stages.designs import design_machines, failure_reason
-from agentflow.workflows.stages.refinement import count_calls, refine
+from agentflow.workflows.stages.designs import failure_reason
+from agentflow.workflows.stages.pooled import search_all
+from agentflow.workflows.stages.refinement import count_calls, design_and_refine, refine
 
 STRUCTURES = 4
 """Structures of a typical blueprint, for cost estimates."""
@@ -25,17 +27,20 @@ async def hierarchical(run: WorkflowContext) -> WorkflowResult:
     With the meta-designer off, designers build whole machines; a start machine needs neither.
     """
     run.begin_stage(INITIAL)
-    blueprint: Blueprint | None = None
     if _builds_whole_machines(run.settings):
-        candidates = await design_machines(run)
-    else:
-        blueprint, reason = await _plan(run)
-        candidates = (
-            await build(run, blueprint)
-            if blueprint
-            else [Candidate(t, reason=reason) for t in run.trajectories]
-        )
-    return await refine(run, candidates, blueprint)
+        return await design_and_refine(run)
+    blueprint, reason = await _plan(run)
+    if blueprint is None:
+        candidates = [Candidate(t, reason=reason) for t in run.trajectories]
+        return await refine(run, candidates, None)
+
+    async def design(trajectory: int) -> Candidate:
+        (candidate,) = await build(run, blueprint, only=trajectory)
+        return candidate
+
+    if (strategy := pooled(run.settings.search.strategy)) is not None:
+        return await search_all(run, strategy, design, blueprint)
+    return await refine(run, await build(run, blueprint), blueprint)
 
 
 async def _plan(run: WorkflowContext) -> tuple[Blueprint | None, str]:

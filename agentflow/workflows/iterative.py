@@ -6,12 +6,12 @@ from agentflow.runs.locations import INITIAL
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.random_dsl import RANDOM_DSL
-from agentflow.workflows.stages.designs import design_machines
 from agentflow.workflows.stages.refinement import (
     count_calls,
     count_rollouts,
     count_tried,
-    refine,
+    design_and_refine,
+    within_limit,
 )
 from agentflow.workflows.workflow import Workflow
 
@@ -19,9 +19,15 @@ from agentflow.workflows.workflow import Workflow
 async def iterative(run: WorkflowContext) -> WorkflowResult:
     """Designer, inspector, blind refinement, feedback loop."""
     run.begin_stage(INITIAL)
-    return await refine(run, await design_machines(run), None)
+    return await design_and_refine(run)
 
 
 ITERATIVE = Workflow(
-    "iterative", iterative, count_calls, count_rollouts, tried=count_tried, baseline=RANDOM_DSL.name
+    "iterative",
+    iterative,
+    count_calls,
+    count_rollouts,
+    tried=count_tried,
+    adapt=within_limit,
+    baseline=RANDOM_DSL.name,
 )

@@ -55,8 +55,9 @@ def _brief(run: WorkflowContext) -> Brief:
 
 
 def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
-    """One trajectory per placement."""
-    return settings.model_copy(update={"trajectories": settings.placements})
+    """One trajectory per placement; each simulates one machine."""
+    many = min(settings.placements, settings.max_simulations or settings.placements)
+    return settings.model_copy(update={"trajectories": many, "placements": many})
 
 
 RANDOM_PLACEMENT = Workflow(

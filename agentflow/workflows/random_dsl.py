@@ -161,5 +161,4 @@ RANDOM_DSL = Workflow(
     calls=lambda _: {},
     rollouts=_rollouts,
     author=lambda _: RANDOM_EDITS,
-    has_rollout_limit=True,
 )

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
-from agentflow.search.settings import SearchSettings
+from agentflow.search.settings import INDEPENDENT, SearchSettings
 
 Emitter = Literal["edit", "crossover", "refiner"]
 """What makes new machines in the workflow `explore`."""
@@ -98,13 +98,13 @@ class WorkflowSettings(BaseModel):
         None,
         ge=1,
         description="simulations of a run; default: 3 per trajectory (random-dsl), 24 (tools), as "
-        "many as a search with that many rounds can need (explore)",
+        "many as the rounds of a search can need (explore; ab-mcts and independent); else no limit",
     )
     emitters: tuple[Emitter, ...] = Field(
-        ("edit", "crossover"),
-        min_length=1,
-        description="what makes new machines, each equally often: edit (random), crossover, "
-        "refiner (explore)",
+        (),
+        description="what makes new machines from others: edit (random), crossover, refiner; "
+        "default: edit and crossover, equally often (explore); refiner and edit, as the search "
+        "decides (ab-mcts)",
     )
     candidates_per_stage: int = Field(
         8, ge=1, le=10_000, description="machines that an agent may submit in a stage (tools)"
@@ -151,6 +151,13 @@ class WorkflowSettings(BaseModel):
         """The plan for the designers of a trajectory (1, 2, ...); "" for none."""
         plans = self.rationales
         return plans[(trajectory - 1) % len(plans)] if plans else ""
+
+    @property
+    def arms(self) -> tuple[Emitter, ...]:
+        """Who makes new machines from others in a search that deals the budget of a whole run."""
+        if self.search.strategy == INDEPENDENT:
+            return ()
+        return tuple(dict.fromkeys(self.emitters)) or ("refiner", "edit")
 
     @property
     def asks_querier(self) -> bool:

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from agentflow.agents.designer import Designer
 from agentflow.agents.refiner import Refiner
 from agentflow.runs.locations import FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
+from agentflow.search.registry import pooled
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.random_dsl import RANDOM_DSL
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.designs import count_designs, design_machines, try_machines
+from agentflow.workflows.stages.designs import (
+    count_designs,
+    design_machine,
+    design_machines,
+    try_machines,
+)
 from agentflow.workflows.stages.feedback import feedback_loop
+from agentflow.workflows.stages.pooled import search_all
+from agentflow.workflows.stages.refinement import within_limit
 from agentflow.workflows.workflow import Workflow
 
 
@@ -22,6 +32,9 @@ async def single(run: WorkflowContext) -> WorkflowResult:
     feedback. There is no inspector. With 0 rounds there is no feedback.
     """
     run.begin_stage(INITIAL)
+    if (strategy := pooled(run.settings.search.strategy)) is not None:
+        design = partial(design_machine, run)
+        return await search_all(run, strategy, design, model_role=Designer.name)
     designed = await design_machines(run)
     initial = run.end_stage(
         INITIAL, await try_machines(run, INITIAL, designed, model_role=Designer.name)
@@ -37,9 +50,13 @@ async def single(run: WorkflowContext) -> WorkflowResult:
 
 
 def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
-    """Without a querier, and with the strategy `random`, which refines the last machine."""
-    chain = settings.search.model_copy(update={"strategy": "random"})
-    return settings.model_copy(update={"querier": False, "search": chain})
+    """Without a querier; strategies that search from one machine give way to `random`, which
+    refines the last machine."""
+    search = settings.search
+    if pooled(search.strategy) is None:
+        search = search.model_copy(update={"strategy": "random"})
+    adapted = settings.model_copy(update={"querier": False, "search": search})
+    return within_limit(adapted)
 
 
 def _calls(settings: WorkflowSettings) -> dict[str, int]:
@@ -48,7 +65,8 @@ def _calls(settings: WorkflowSettings) -> dict[str, int]:
 
 
 def _rollouts(settings: WorkflowSettings) -> int:
-    return settings.trajectories * (1 + settings.search.rounds)
+    most = settings.trajectories * (1 + settings.search.rounds)
+    return min(most, settings.max_simulations or most)
 
 
 SINGLE = Workflow(

@@ -61,8 +61,6 @@ class Workflow:
     """Raises ConfigError unless a run with these settings can begin here and now."""
     runs_program: bool = False
     """Whether it runs the program that settings name, so that nobody else's page may start it."""
-    has_rollout_limit: bool = False
-    """Whether `settings.max_simulations` limits its simulations."""
     baseline: str = ""
     """Workflow without a model that benchmarks compare it with; "" if there is none."""
     counts_passes: bool = False

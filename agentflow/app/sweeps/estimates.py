@@ -63,6 +63,7 @@ def estimate(plan: RunPlan) -> Estimate:
     settings = workflow.adapt(config.settings)
     calls = workflow.calls_on(settings, plan.task.brief)
     rollouts = workflow.rollouts(settings) + workflow.retries(settings, plan.task.brief)
+    rollouts = min(rollouts, settings.max_simulations or rollouts)
     verified = _rates(most_variations_of(plan.task)) if config.verify else []
     perturbed = [] if settings.objective == "score" else _rates(PERTURBATIONS)
     seconds = len(plan.task.trials(config.seed)) * ROLLOUT_SECONDS * plan.task.window / WINDOW

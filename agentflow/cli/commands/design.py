@@ -140,11 +140,6 @@ def design(
         carry_out = partial(run.resume, resume)
     else:
         built = load_config(config, settings or (), keys, allowed)
-        if rollouts is not None and not WORKFLOWS[built.workflow].has_rollout_limit:
-            raise UsageError(
-                f"--rollouts does not work with --workflow {built.workflow}; use "
-                "--set search.rounds=N and --set trajectories=N"
-            )
         carry_out = partial(run.design, built, out, name=name or "")
         if seeds is not None:
             carry_out = partial(design_seeds, built, out, seeds, minutes)

@@ -171,5 +171,4 @@ EXTERNAL = Workflow(
     author=_author,
     require=require_program,
     runs_program=True,
-    has_rollout_limit=True,
 )

@@ -77,20 +77,27 @@ def random_edit(machine: Machine, rng: Random, brief: Brief | None = None) -> Ma
     Raises:
         UsageError: There is no legal edit.
     """
+    return draw_legal(machine, rng, brief, kinds_of_moves(brief))[1]
+
+
+def draw_legal(
+    machine: Machine, rng: Random, brief: Brief | None, kinds: Kinds
+) -> tuple[str, Machine]:
+    """As `random_edit`, among these kinds of edits; also returns the kind."""
     types, complete = _allowed_types(brief), _has_required_blocks(machine, brief)
 
     def legal(move: Move) -> Machine | None:
         edited = _apply_if_valid(rng, brief, move)
         return edited if edited and (_has_required_blocks(edited, brief) or not complete) else None
 
-    def of_kind(kind: str) -> Machine | None:
-        return _draw_first_success(rng, kinds[kind](machine, types), legal)
+    def of_kind(kind: str) -> tuple[str, Machine] | None:
+        edited = _draw_first_success(rng, kinds[kind](machine, types), legal)
+        return None if edited is None else (kind, edited)
 
-    kinds = kinds_of_moves(brief)
-    edited = _draw_first_success(rng, tuple(kinds), of_kind)
-    if edited is None:
+    drawn = _draw_first_success(rng, tuple(kinds), of_kind)
+    if drawn is None:
         raise UsageError("this machine has no legal edit")
-    return edited
+    return drawn
 
 
 def kinds_of_moves(brief: Brief | None) -> Kinds:

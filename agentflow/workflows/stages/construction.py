@@ -37,20 +37,23 @@ class Slot:
     """Further valid designs, for places without one."""
 
 
-async def build(run: WorkflowContext, blueprint: Blueprint) -> list[Candidate]:
-    """Build all structures in order; nothing is simulated yet.
+async def build(
+    run: WorkflowContext, blueprint: Blueprint, only: int | None = None
+) -> list[Candidate]:
+    """Build all structures in order, for all trajectories or only one; nothing is simulated yet.
 
     Construction ends with the machines built so far if no trajectory gets a valid design for a
     structure, or if the budget is spent; machines that lack required blocks are invalid candidates.
     """
+    places = run.trajectories if only is None else [only]
     chance = run.stream("beam")
-    beam = [Slot() for _ in run.trajectories]
+    beam = [Slot() for _ in places]
     for number, structure in enumerate(blueprint.structures, start=1):
-        here = Location(structure=number)
-        places = beam if number == 1 else _refill(run, beam, here, chance)
+        here = Location(structure=number, trajectory=only or 0)
+        slots = beam if number == 1 or only else _refill(run, beam, here, chance)
         built = await run_concurrently(
             _build_structure(run, blueprint, number, slot, place)
-            for place, slot in zip(run.trajectories, places, strict=True)
+            for place, slot in zip(places, slots, strict=True)
         )
         if not any(slot.machine for slot in built):
             reason = f"no valid design for structure {structure.name!r}: {built[0].reason}"
@@ -67,7 +70,7 @@ async def build(run: WorkflowContext, blueprint: Blueprint) -> list[Candidate]:
             break
     return [
         Candidate(t, slot.machine, first=slot.first, reason=slot.reason, groups=slot.groups)
-        for t, slot in zip(run.trajectories, beam, strict=True)
+        for t, slot in zip(places, beam, strict=True)
     ]
 
 

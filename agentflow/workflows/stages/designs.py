@@ -88,22 +88,22 @@ def count_designs(settings: WorkflowSettings, each: int = 1) -> dict[str, int]:
     return {Designer.name: calls, **({Drafter.name: calls} if settings.drafts else {})}
 
 
-async def design_machines(run: WorkflowContext) -> list[Candidate]:
-    """Ask one designer per trajectory for a whole machine; nothing is simulated yet.
+async def design_machine(run: WorkflowContext, trajectory: int) -> Candidate:
+    """Ask a designer for a whole machine; it is not simulated yet.
 
-    A start machine takes the place of every design.
+    A start machine takes the place of the design.
     """
     start = run.settings.start_machine
     if start is not None:
-        machine = check(start, run.brief).machine or start
-        return [Candidate(number, machine, first=FLAWLESS) for number in run.trajectories]
+        return Candidate(trajectory, check(start, run.brief).machine or start, first=FLAWLESS)
+    given = DesignerInput(**run.role_input, rationale=run.settings.rationale(trajectory))
+    location = Location(Designer.name, trajectory=trajectory)
+    return candidate_of(trajectory, await ask_designer(run, given, location))
 
-    async def design(trajectory: int) -> Candidate:
-        given = DesignerInput(**run.role_input, rationale=run.settings.rationale(trajectory))
-        location = Location(Designer.name, trajectory=trajectory)
-        return candidate_of(trajectory, await ask_designer(run, given, location))
 
-    return await run_concurrently(design(number) for number in run.trajectories)
+async def design_machines(run: WorkflowContext) -> list[Candidate]:
+    """A whole machine per trajectory; nothing is simulated yet."""
+    return await run_concurrently(design_machine(run, number) for number in run.trajectories)
 
 
 async def simulate(
@@ -149,6 +149,8 @@ async def _retry(
         history = history.add(with_result(candidate.edit, candidate.evaluation))
     for trial in range(1, run.brief.limits.trials):
         if not best.valid or best.perfect or best.machine is None or best.evaluation is None:
+            break
+        if not run.left_in(candidate.trajectory):
             break
         given = RefinerInput(
             **run.role_input,

@@ -120,6 +120,11 @@ class Trajectory:
     ) -> list[Attempt[Revision]]:
         """Ask refiners once about a node; they see the results of earlier requests."""
         self._evaluations[node.candidate.machine] = node.evaluation
+        made = {attempt.candidate.machine for attempt in earlier if attempt.candidate}
+        waiting = sum(not self._run.has_tried(self._number, machine) for machine in made)
+        labels = labels[: max(0, self._run.left_in(self._number) - waiting)]
+        if not labels:
+            raise BudgetSpentError("the simulations of this trajectory are used up")
         if not earlier:
             self._history = self._history_of(node)
             self._views = await self._run.views(node.candidate.machine)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from agentflow.agents.inspector import Inspector
 from agentflow.agents.meta_designer import Blueprint
@@ -10,11 +11,27 @@ from agentflow.agents.querier import Querier
 from agentflow.agents.refiner import Refiner
 from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
+from agentflow.search.registry import pooled
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.designs import count_designs, refine_blindly, try_machines
+from agentflow.workflows.stages.designs import (
+    count_designs,
+    design_machine,
+    design_machines,
+    refine_blindly,
+    try_machines,
+)
 from agentflow.workflows.stages.feedback import feedback_loop
+from agentflow.workflows.stages.pooled import search_all
+
+
+async def design_and_refine(run: WorkflowContext) -> WorkflowResult:
+    """Designers make whole machines, which are refined, or searched all together."""
+    strategy = pooled(run.settings.search.strategy)
+    if strategy is not None:
+        return await search_all(run, strategy, partial(design_machine, run))
+    return await refine(run, await design_machines(run), None)
 
 
 async def refine(
@@ -48,13 +65,15 @@ async def refine(
         if over or not candidate.valid:
             return None
         better = candidate
-        if not run.settings.start:
+        if not run.settings.start and run.left_in(candidate.trajectory):
             run.begin_stage(BLIND)
             if not candidate.perfect:
                 better = await refine_blindly(run, candidate, blueprint)
             blind.append(better)
             close()
         if not better.valid or not run.settings.search.rounds:
+            return None
+        if not run.left_in(candidate.trajectory):
             return None
         run.begin_stage(FEEDBACK)
         return await feedback_loop(run, better, blueprint)
@@ -86,4 +105,14 @@ def count_rollouts(settings: WorkflowSettings) -> int:
     """Simulations of a run that designs and refines, if no two machines are equal."""
     search = settings.search
     first = 1 if settings.start else 2
-    return settings.trajectories * (first + search.rounds * search.children)
+    most = settings.trajectories * (first + search.rounds * search.children)
+    return min(most, settings.max_simulations or most)
+
+
+def within_limit(settings: WorkflowSettings) -> WorkflowSettings:
+    """At most as many trajectories as simulations; a search over the whole run has a limit."""
+    total = settings.max_simulations
+    if pooled(settings.search.strategy):
+        return settings.model_copy(update={"max_simulations": total or count_rollouts(settings)})
+    many = min(settings.trajectories, total or settings.trajectories)
+    return settings.model_copy(update={"trajectories": many})

@@ -118,7 +118,6 @@ TOOLS = Workflow(
     calls=_calls,
     rollouts=count_rollouts,
     adapt=submit_each,
-    has_rollout_limit=True,
     baseline=RANDOM_DSL.name,
 )
 

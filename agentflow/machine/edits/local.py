@@ -1,0 +1,181 @@
+"""Local edits: what an engineer would try on a machine that works, for searches that climb.
+
+Besides the moves of random edits: longer and shorter chains, the same change on both sides, every
+block of a type at once, and small changes of times. A choice of ours; random edits stay as they
+are, since baselines draw them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from random import Random
+
+from agentflow.machine.blocks.library import library
+from agentflow.machine.brief import Brief
+from agentflow.machine.edits.moves import Kinds, Move
+from agentflow.machine.edits.random import draw_legal, kinds_of_moves
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.pose import UNITS
+from agentflow.machine.tree import Control, Machine, Step, renumber
+
+NUDGES = (0.8, 0.9, 1.1, 1.25)
+"""Factors of times and levels."""
+_MIRRORED = {"x+": "x-", "x-": "x+"}
+
+
+def local_edit(machine: Machine, rng: Random, brief: Brief) -> tuple[str, Machine]:
+    """Apply one random legal edit, as `random_edit` does, of more kinds; with its kind.
+
+    Raises:
+        UsageError: There is no legal edit.
+    """
+    return draw_legal(machine, rng, brief, {**kinds_of_moves(brief), **LOCAL_MOVES})
+
+
+def insertions(machine: Machine, types: Sequence[int]) -> list[Move]:
+    """Every standard type between every block and its parent."""
+    return [
+        partial(_insert, machine, step, kind, face)
+        for step in machine.steps[1:]
+        if not step.two_ended
+        for kind in types
+        if not library()[kind].linear
+        for face in library()[kind].open_faces
+    ]
+
+
+def _insert(machine: Machine, step: Step, kind: int, face: int, rng: Random) -> Machine:  # noqa: ARG001
+    new = Step(len(machine), kind, step.parent, step.face_id)
+    moved = replace(step, parent=new.id, face_id=face)
+    return _rebuilt(machine, {step.id: (new, moved)})
+
+
+def bridgings(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
+    """Every block that carries one standard block, left out: what it carries takes its place."""
+    moves: list[Move] = []
+    for step in machine.steps[1:]:
+        carried = [other for other in machine if step.id in other.parents]
+        if not step.two_ended and len(carried) == 1 and not carried[0].two_ended:
+            moved = replace(carried[0], parent=step.parent, face_id=step.face_id)
+            moves.append(partial(_replaced, machine, {step.id: (), moved.id: (moved,)}))
+    return moves
+
+
+def pairs(machine: Machine, types: Sequence[int]) -> list[Move]:
+    """Every standard type on every two free faces that mirror each other about x = 0."""
+    return [
+        partial(_add_pair, machine, kind, *pair)
+        for pair in _mirrored_faces(machine)
+        for kind in types
+        if not library()[kind].linear
+    ]
+
+
+def _add_pair(
+    machine: Machine,
+    kind: int,
+    left: tuple[int, int],
+    right: tuple[int, int],
+    rng: Random,  # noqa: ARG001
+) -> Machine:
+    count = len(machine)
+    new = (Step(count, kind, *left), Step(count + 1, kind, *right))
+    return replace(machine, steps=(*machine.steps, *new))
+
+
+def _mirrored_faces(machine: Machine) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    geometry = place(machine)
+    free = {}
+    for block in geometry.blocks:
+        for face in block.faces:
+            if face.face_id in geometry.free_faces(block.step.id):
+                x, y, z = (round(number * UNITS) for number in face.position)
+                free[x, y, z, face.facing] = (block.step.id, face.face_id)
+    for (x, y, z, facing), end in free.items():
+        other = free.get((-x, y, z, _MIRRORED.get(facing, facing)))
+        if other is not None and end < other:
+            yield end, other
+
+
+def twin_changes(machine: Machine, types: Sequence[int]) -> list[Move]:
+    """Every type of the machine in favour of another one, in all its blocks."""
+    present = sorted({step.type for step in machine.steps[1:]})
+    return [
+        partial(_replaced, machine, _retyped(machine, old, new))
+        for old in present
+        if machine.count(old) > 1
+        for new in types
+        if new != old and library()[new].linear == library()[old].linear
+    ]
+
+
+def _retyped(machine: Machine, old: int, new: int) -> dict[int, tuple[Step, ...]]:
+    return {step.id: (replace(step, type=new),) for step in machine if step.type == old}
+
+
+def doublings(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
+    """Every two-ended block once more, between the same faces."""
+    return [partial(_double, machine, step) for step in machine if step.two_ended]
+
+
+def _double(machine: Machine, step: Step, rng: Random) -> Machine:  # noqa: ARG001
+    return replace(machine, steps=(*machine.steps, replace(step, id=len(machine))))
+
+
+def ends(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
+    """Either end of every two-ended block on every face of the earlier blocks."""
+    moves: list[Move] = []
+    for step in machine:
+        if step.two_ended:
+            for other in machine.steps[: step.id]:
+                for face in library()[other.type].open_faces:
+                    for moved in (
+                        replace(step, parent=other.id, face_id=face),
+                        replace(step, parent_b=other.id, face_id_b=face),
+                    ):
+                        if moved.parent != moved.parent_b and moved != step:
+                            moves.append(partial(_replaced, machine, {step.id: (moved,)}))
+    return moves
+
+
+def nudges(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
+    """Begin, duration or level of every control, a little more or less."""
+    moves: list[Move] = []
+    for number, control in enumerate(machine.controls):
+        for factor in NUDGES:
+            for name in ("at", "lasts", "level"):
+                value = round(getattr(control, name) * factor, 2)
+                if name == "level":
+                    value = max(-1.0, min(1.0, value))
+                changed = replace(control, **{name: value})
+                entries = (*machine.controls[:number], changed, *machine.controls[number + 1 :])
+                moves.append(partial(_with_controls, machine, entries))
+    return moves
+
+
+def _with_controls(machine: Machine, entries: tuple[Control, ...], rng: Random) -> Machine:  # noqa: ARG001
+    return replace(machine, controls=entries)
+
+
+def _replaced(machine: Machine, by: dict[int, tuple[Step, ...]], rng: Random) -> Machine:  # noqa: ARG001
+    return _rebuilt(machine, by)
+
+
+def _rebuilt(machine: Machine, by: dict[int, tuple[Step, ...]]) -> Machine:
+    """The machine with other steps in place of some, in building order."""
+    steps = (new for step in machine for new in by.get(step.id, (step,)))
+    return renumber(steps, machine.controls)[0]
+
+
+LOCAL_MOVES: Kinds = {
+    "insert": insertions,
+    "bridge": bridgings,
+    "add a pair": pairs,
+    "swap all": twin_changes,
+    "double": doublings,
+    "move an end": ends,
+    "nudge": nudges,
+}
+"""Kind of edit -> function that lists all moves of that kind, legal or not."""

@@ -1,0 +1,207 @@
+"""One budget for many first candidates and all that is made from them, dealt by a strategy.
+
+A *branch* is a first candidate and everything refined from it. A strategy chooses, again and again,
+between a new branch and a child of some node; nothing is divided in advance. Several choices are
+carried out at the same time, a round. Branches and nodes are numbered by choice, not by arrival, so
+that the result does not depend on concurrency.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass, field
+from random import Random
+from typing import Any, Generic
+
+from agentflow.search.concurrency import run_concurrently
+from agentflow.search.node import Attempt, C, Node
+from agentflow.search.tree import Growth, SearchTree
+
+PATIENCE = 10
+"""Rounds in a row that evaluate nothing new, after which a search ends."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What to make next."""
+
+    arm: str
+    """Who makes it."""
+    branch: int = 0
+    """Number of the branch to continue; 0 begins a new one."""
+    node: int = 0
+    """Id of the node to make a child of."""
+
+
+@dataclass
+class Branch(Generic[C]):
+    """A first candidate and what was made from it."""
+
+    number: int
+    """1, 2, ..."""
+    arm: str
+    tree: SearchTree[C] | None = None
+    """None if no valid first candidate was made."""
+    arms: dict[int, str] = field(default_factory=dict)
+    """Id of a node -> who made it; the first candidate is 0."""
+
+
+class PooledStrategy(ABC):
+    """Decides what is made next."""
+
+    @abstractmethod
+    def choose(self, pool: Pool[Any], rng: Random) -> Choice | None:
+        """The next thing to make; None ends the search.
+
+        It is asked several times before the first of these is made; only `rng` differs.
+        """
+
+
+class Pool(Generic[C]):
+    """All branches of one search."""
+
+    def __init__(
+        self, openers: Sequence[str], arms: Sequence[str], most_branches: int | None = None
+    ) -> None:
+        """Begin empty.
+
+        Args:
+            openers: Who can make first candidates.
+            arms: Who can make children; none if nothing is refined.
+            most_branches: Most branches; None for no limit.
+        """
+        self.openers, self.arms, self.most_branches = tuple(openers), tuple(arms), most_branches
+        self.branches: list[Branch[C]] = []
+
+    @property
+    def nodes(self) -> list[tuple[Branch[C], Node[C]]]:
+        """All nodes with their branches, by branch and id."""
+        trees = ((branch, branch.tree) for branch in self.branches)
+        return [(branch, node) for branch, tree in trees if tree for node in tree.nodes]
+
+    @property
+    def is_full(self) -> bool:
+        """Whether no new branch may begin."""
+        return self.most_branches is not None and len(self.branches) >= self.most_branches
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the budget of calls ran out, or no candidate can do better than the best."""
+        trees = [branch.tree for branch in self.branches if branch.tree]
+        return any(tree.stopped or tree.best().evaluation.perfect for tree in trees)
+
+
+Open = Callable[[Branch[C]], Awaitable[SearchTree[C] | None]]
+"""Makes and evaluates the first candidate of a branch; None if it is not valid."""
+ExpandWith = Callable[
+    [Branch[C], Node[C], Sequence[tuple[str, str]], Sequence[Attempt[C]]],
+    Awaitable[Sequence[Attempt[C]]],
+]
+"""As `Expand`, with the branch, and with who makes it for each label."""
+
+
+async def search_pool(
+    pool: Pool[C],
+    strategy: PooledStrategy,
+    open_branch: Open[C],
+    expand: ExpandWith[C],
+    left: Callable[[], int],
+    width: int,
+    rng: Random,
+    *,
+    opening_cost: int = 1,
+) -> None:
+    """Carry out the choices of a strategy until nothing is left of the budget.
+
+    Args:
+        pool: Filled by the search.
+        strategy: Chooses.
+        open_branch: Makes a first candidate.
+        expand: Makes children.
+        left: How many more candidates may be evaluated.
+        width: Choices per round.
+        rng: What the strategy draws from.
+        opening_cost: Most evaluations that a first candidate takes.
+    """
+    round_ = idle = 0
+    while (before := left()) > 0 and idle < PATIENCE and not pool.is_over:
+        rest = before
+        round_ += 1
+        begun: list[Branch[C]] = []
+        groups: dict[tuple[int, int], list[str]] = {}
+        for _ in range(width):
+            choice = strategy.choose(pool, rng)
+            if choice is None:
+                break
+            if choice.branch and rest >= 1:
+                groups.setdefault((choice.branch, choice.node), []).append(choice.arm)
+                rest -= 1
+            number = len(pool.branches) + len(begun) + 1
+            open_ = pool.most_branches is None or number <= pool.most_branches
+            if not choice.branch and open_ and rest >= opening_cost:
+                begun.append(Branch(number, choice.arm))
+                rest -= opening_cost
+        if not begun and not groups:
+            break
+        opening = run_concurrently(_open(branch, open_branch) for branch in begun)
+        growing = _grow(pool, round_, groups, expand)
+        await run_concurrently((opening, growing))
+        pool.branches += begun
+        idle = 0 if left() < before else idle + 1
+
+
+async def _open(branch: Branch[C], open_branch: Open[C]) -> None:
+    branch.tree = await open_branch(branch)
+    branch.arms[0] = branch.arm
+
+
+async def _grow(
+    pool: Pool[C],
+    round_: int,
+    groups: dict[tuple[int, int], list[str]],
+    expand: ExpandWith[C],
+) -> None:
+    """Make children of several nodes; all are requested first, then all are evaluated."""
+    grown: list[tuple[Branch[C], SearchTree[C], Node[C], list[str]]] = []
+    for (number, node), arms in groups.items():
+        branch = pool.branches[number - 1]
+        assert branch.tree is not None
+        grown.append((branch, branch.tree, branch.tree.nodes[node], arms))
+    askers = [_Asker(branch, arms, expand) for branch, _, _, arms in grown]
+    requested = await run_concurrently(
+        tree.request(parent, round_, len(arms), asker)
+        for (_, tree, parent, arms), asker in zip(grown, askers, strict=True)
+    )
+    growths: list[Growth[C]] = []
+    for (branch, tree, parent, _), asker, attempts in zip(grown, askers, requested, strict=True):
+        growth = tree.number(parent, round_, attempts, fallback=False)
+        growths.append(growth)
+        branch.arms |= {
+            id_: asker.arms[label] for id_, (_, label) in zip(growth.ids, growth.new, strict=True)
+        }
+    trees = [tree for _, tree, _, _ in grown]
+    evaluated = await run_concurrently(
+        run_concurrently(tree.evaluations(growth))
+        for tree, growth in zip(trees, growths, strict=True)
+    )
+    for tree, growth, evaluations in zip(trees, growths, evaluated, strict=True):
+        tree.join(growth, evaluations)
+
+
+class _Asker(Generic[C]):
+    """The `expand` of one node: who failed is asked again."""
+
+    def __init__(self, branch: Branch[C], arms: Sequence[str], expand: ExpandWith[C]) -> None:
+        self.arms: dict[str, str] = {}
+        """Label -> who makes it."""
+        self._branch, self._waiting, self._expand = branch, list(arms), expand
+
+    async def __call__(
+        self, node: Node[C], labels: Sequence[str], earlier: Sequence[Attempt[C]]
+    ) -> Sequence[Attempt[C]]:
+        asked = list(zip(labels, self._waiting, strict=True))
+        self.arms |= dict(asked)
+        made = await self._expand(self._branch, node, asked, earlier)
+        self._waiting = [self.arms[item.label] for item in made if item.candidate is None]
+        return made

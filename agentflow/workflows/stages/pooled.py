@@ -1,0 +1,151 @@
+"""A search over all machines of a run: designs, refinements and edits share one budget."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Sequence
+
+from agentflow.agents.meta_designer import Blueprint
+from agentflow.machine.edits.local import local_edit
+from agentflow.machine.tree import Machine
+from agentflow.runs.events import FLAWLESS, FirstAttempt
+from agentflow.runs.locations import FEEDBACK, INITIAL, Location
+from agentflow.search.node import Attempt, Node
+from agentflow.search.pool import Branch, Pool, PooledStrategy, search_pool
+from agentflow.search.tree import SearchTree
+from agentflow.workflows.base import Candidate, WorkflowResult
+from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.stages.designs import try_machines
+from agentflow.workflows.stages.emitters import draw_revision
+from agentflow.workflows.stages.feedback import Revision, Trajectory
+from agentflow.workflows.stages.search_record import SearchRecorder
+
+DESIGNER = "designer"
+"""Who makes first machines, as the search knows it."""
+Design = Callable[[int], Awaitable[Candidate]]
+"""Number of a trajectory -> its first machine, not simulated yet."""
+
+
+class PooledSearch:
+    """The first machines and the refinements of one search; a trajectory is one of its branches."""
+
+    def __init__(
+        self, run: WorkflowContext, design: Design, blueprint: Blueprint | None, model_role: str
+    ) -> None:
+        """Search with `design` for first machines; `model_role` refines, if not the refiner."""
+        self.initial: list[Candidate] = []
+        self._run, self._design = run, design
+        self._blueprint, self._model_role = blueprint, model_role
+        self._trajectories: dict[int, Trajectory] = {}
+        self._recorders: dict[int, SearchRecorder] = {}
+        most = 1 if run.settings.start else None  # a start machine takes the place of designs
+        self._pool = Pool[Revision]([DESIGNER], run.settings.arms, most)
+        self._proposed = set[Machine]()
+        """Machines of this search, simulated or about to be."""
+
+    async def search(self, strategy: PooledStrategy) -> list[Candidate]:
+        """Search until the simulations of the run are used up; the best machine of each branch."""
+        run = self._run
+        trials = run.brief.limits.trials
+        await search_pool(
+            self._pool,
+            strategy,
+            self._open,
+            self._expand,
+            lambda: 0 if run.spent else run.simulations_left,
+            run.settings.search.width,
+            run.stream("search"),
+            opening_cost=trials,
+        )
+        return [self._finish(branch) for branch in self._pool.branches if branch.tree is not None]
+
+    async def _open(self, branch: Branch[Revision]) -> SearchTree[Revision] | None:
+        run, number = self._run, branch.number
+        (candidate,) = await try_machines(run, INITIAL, [await self._design(number)])
+        self.initial.append(candidate)
+        if not candidate.valid or candidate.machine is None or candidate.evaluation is None:
+            return None
+        self._proposed.add(candidate.machine)
+        trajectory = Trajectory(run, number, self._blueprint, self._model_role)
+        recorder = SearchRecorder(run, Location(FEEDBACK, trajectory=number))
+        self._trajectories[number], self._recorders[number] = trajectory, recorder
+        trials = candidate.trials
+        return SearchTree(
+            Revision(candidate.machine, None if trials.entries else candidate.edit, trials),
+            candidate.evaluation,
+            trajectory.expand,
+            trajectory.evaluate,
+            run.settings.search.request_rounds,
+            recorder,
+        )
+
+    async def _expand(
+        self,
+        branch: Branch[Revision],
+        node: Node[Revision],
+        asked: Sequence[tuple[str, str]],
+        earlier: Sequence[Attempt[Revision]],
+    ) -> Sequence[Attempt[Revision]]:
+        attempts = [
+            self._draw(branch, node, label, arm) for label, arm in asked if arm != "refiner"
+        ]
+        refined = [label for label, arm in asked if arm == "refiner"]
+        if refined:
+            trajectory = self._trajectories[branch.number]
+            attempts += await trajectory.expand(node, refined, earlier)
+        order = [label for label, _ in asked]
+        return sorted(attempts, key=lambda attempt: order.index(attempt.label))
+
+    def _draw(
+        self, branch: Branch[Revision], node: Node[Revision], label: str, arm: str
+    ) -> Attempt[Revision]:
+        brief, machine = self._run.brief, node.candidate.machine
+        others = [item.candidate.machine for _, item in self._pool.nodes] * (arm == "crossover")
+        made = draw_revision(
+            machine,
+            [other for other in others if other != machine],
+            label,
+            self._run.stream(f"search/traj-{branch.number}/{label}"),
+            brief,
+            lambda machine, rng: local_edit(machine, rng, brief)[1],
+            lambda made: made not in self._proposed,
+        )
+        if made.candidate is not None:
+            self._proposed.add(made.candidate.machine)
+        return made
+
+    def _finish(self, branch: Branch[Revision]) -> Candidate:
+        """The best machine of a branch; its search is recorded as finished."""
+        assert branch.tree is not None
+        found = branch.tree.result(branch.tree.best())
+        self._recorders[branch.number].finish(found)
+        best = found.nodes[found.best]
+        first = self._trajectories[branch.number].first
+        return Candidate(
+            branch.number,
+            best.candidate.machine,
+            best.evaluation,
+            first=first if first != FirstAttempt() else FLAWLESS,
+            edit=best.candidate.edit,
+            search_cost=found.cost,
+        )
+
+
+async def search_all(
+    run: WorkflowContext,
+    strategy: PooledStrategy,
+    design: Design,
+    blueprint: Blueprint | None = None,
+    *,
+    model_role: str = "",
+) -> WorkflowResult:
+    """Design and refine in one search; there is no blind refinement.
+
+    The stage of first designs goes on as long as the search wants new ones.
+    """
+    run.begin_stage(FEEDBACK)
+    found = PooledSearch(run, design, blueprint, model_role)
+    searched = await found.search(strategy)
+    run.open_trajectories(len(found.initial))
+    run.end_stage(INITIAL, found.initial)
+    run.end_stage(FEEDBACK, searched)
+    return run.result()
