@@ -41,7 +41,6 @@ OWN = {("simulate", "power")}
 LISTED = {
     ("convert", "out"): FILE_FORMATS,
     ("diagnose", "name"): DIAGNOSTICS,
-    ("design", "rollouts"): [name for name in WORKFLOWS.ours if WORKFLOWS[name].has_rollout_limit],
     ("design", "workflow"): WORKFLOWS.ours,
     ("prompts show", "name"): PROMPT_SETS.ours,
     ("prompts show", "role"): ROLES.ours,

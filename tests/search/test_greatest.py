@@ -8,9 +8,12 @@ from typing import Any
 import pytest
 
 from agentflow.search.node import Evaluation, SearchResult
-from agentflow.search.registry import STRATEGIES
+from agentflow.search.registry import STRATEGIES, pooled
 from agentflow.search.settings import SearchSettings
 from tests.search.domain import ONE_KIND, Words
+
+FROM_ONE = [name for name in STRATEGIES if pooled(name) is None]
+"""Strategies that search from one candidate."""
 
 REPLIES = {
     f"round-{round_}/node-{node}/try-{number}": word
@@ -33,7 +36,7 @@ async def search(strategy: str, words: Words, root: Evaluation) -> SearchResult[
     return await STRATEGIES[strategy]("r", root, words.expand, words.evaluate, settings)
 
 
-@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("strategy", FROM_ONE)
 async def test_no_round_follows_a_perfect_candidate(strategy: str) -> None:
     words = Graded(REPLIES, {"a": 3.0, "b": 10.0, "c": 4.0})
     found = await search(strategy, words, Evaluation(True, 1.0, measurements=ONE_KIND))
@@ -41,7 +44,7 @@ async def test_no_round_follows_a_perfect_candidate(strategy: str) -> None:
     assert (found.nodes[found.result].candidate, found.perfect, found.stopped) == ("b", True, False)
 
 
-@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("strategy", FROM_ONE)
 async def test_nothing_follows_a_perfect_root(strategy: str) -> None:
     words = Graded(REPLIES, {})
     found = await search(
@@ -50,7 +53,7 @@ async def test_nothing_follows_a_perfect_root(strategy: str) -> None:
     assert (words.requests, found.result, found.perfect, found.cost.rollouts) == ([], 0, True, 0)
 
 
-@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("strategy", FROM_ONE)
 async def test_other_searches_go_on_to_the_last_round(strategy: str) -> None:
     words = Graded(REPLIES, {"a": 3.0, "b": 9.9, "c": 4.0})
     found = await search(strategy, words, Evaluation(True, 1.0, measurements=ONE_KIND))

@@ -14,7 +14,8 @@ def test_by_name() -> None:
     with pytest.raises(UnknownNameError) as caught:
         STRATEGIES["mtcs"]
     assert str(caught.value) == (
-        "unknown search strategy 'mtcs'; known: mcts, best_of_n, random, map-elites"
+        "unknown search strategy 'mtcs'; known: mcts, ab-mcts, best_of_n, random, "
+        "independent, map-elites"
     )
 
 

@@ -10,7 +10,7 @@ from agentflow.agents.registry import ROLES
 from agentflow.errors import UnknownNameError, UnreachableError
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
-from agentflow.search.registry import STRATEGIES
+from agentflow.search.registry import STRATEGIES, pooled
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 from tests.workflows.fakes import (
@@ -54,6 +54,15 @@ def test_every_workflow_is_complete(name: str) -> None:
     assert set(flow.calls(settings)) <= set(ROLES)
 
 
+SEARCHING = ("hierarchical", "iterative", "single")
+"""Workflows that search with the strategy of the settings."""
+
+
+def deals(name: str, strategy: str) -> bool:
+    """Whether the search deals the budget of the whole run."""
+    return name in SEARCHING and pooled(strategy) is not None
+
+
 @pytest.mark.parametrize("name", ASKING)
 @pytest.mark.parametrize("strategy", STRATEGIES)
 async def test_every_workflow_with_every_strategy(name: str, strategy: str) -> None:
@@ -62,7 +71,7 @@ async def test_every_workflow_with_every_strategy(name: str, strategy: str) -> N
     assert result.workflow == name
     assert [stage.name for stage in result.stages] == [
         "initial",
-        *(["blind_refinement"] if name != "single" else []),
+        *(["blind_refinement"] if not (name == "single" or deals(name, strategy)) else []),
         "env_feedback",
     ]
     assert result.best is not None
@@ -365,3 +374,47 @@ async def test_a_refusal_loop_is_visible_and_ends() -> None:
     assert codes == ["block_not_found"] * 6
     told = run.prompt("refiner/feedback/traj-1/round-1/node-0/try-3/attempt-1")
     assert told.count("Remove 99: Error (block_not_found") == 2
+
+
+def machines_of(run: Run) -> int:
+    return len(set(run.shelf.tried))
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES)
+@pytest.mark.parametrize("name", SEARCHING)
+@pytest.mark.parametrize("most", [1, 2, 7, 20])
+async def test_no_run_simulates_more_than_its_limit(name: str, strategy: str, most: int) -> None:
+    settings = {**MEDIUM, "max_simulations": most}
+    settings["search"] = {**MEDIUM["search"], "strategy": strategy}  # type: ignore[dict-item]
+    run = Run(Author(seed=5), settings)
+    result = await run(name)
+    assert 1 <= machines_of(run) <= most
+    assert result.best is not None
+
+
+@pytest.mark.parametrize("strategy", [name for name in STRATEGIES if pooled(name)])
+@pytest.mark.parametrize("name", SEARCHING)
+async def test_a_search_over_the_whole_run_uses_all_simulations(name: str, strategy: str) -> None:
+    settings = {**MEDIUM, "max_simulations": 30}
+    settings["search"] = {**MEDIUM["search"], "strategy": strategy}  # type: ignore[dict-item]
+    run = Run(Author(seed=5), settings)
+    result = await run(name)
+    initial, refined = result.stages
+    assert initial.rollouts + refined.rollouts == machines_of(run)
+    assert len(initial.candidates) == len(refined.candidates)
+    if strategy == "independent":  # the author of these tests has few different designs
+        assert refined.rollouts == 0
+        assert len(initial.candidates) > 30
+    else:
+        assert refined.rollouts > 0
+        assert machines_of(run) == 30
+
+
+@pytest.mark.parametrize("strategy", [name for name in STRATEGIES if pooled(name)])
+async def test_a_search_over_the_whole_run_repeats_itself(strategy: str) -> None:
+    settings = {**MEDIUM, "max_simulations": 30}
+    settings["search"] = {**MEDIUM["search"], "strategy": strategy}  # type: ignore[dict-item]
+    runs = [Run(Author(seed=5), settings), Run(Author(seed=5), settings)]
+    found = [await run("iterative") for run in runs]
+    assert found[0].best == found[1].best
+    assert runs[0].shelf.tried == runs[1].shelf.tried

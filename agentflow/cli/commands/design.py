@@ -63,9 +63,7 @@ def design(
     ] = None,
     rollouts: Annotated[
         int | None,
-        typer.Option(
-            help="Total number of simulations; only for tools, random-dsl, explore and external."
-        ),
+        typer.Option(help="Maximum number of simulations of the run, verification not counted."),
     ] = None,
     out: options.RunsFolder = Path("runs"),
     name: Annotated[

@@ -52,7 +52,7 @@ class PooledSearch:
             self._open,
             self._expand,
             lambda: 0 if run.spent else run.simulations_left,
-            run.settings.search.width,
+            run.settings.trajectories,
             run.stream("search"),
             opening_cost=trials,
         )
