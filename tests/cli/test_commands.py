@@ -235,7 +235,6 @@ WRONG = [
         2,
         "model.sampling.temperature: expected a finite number, not nan",
     ),
-    (["design", "--rollouts", "3"], 2, "--rollouts does not work with --workflow "),
     (["design", "--workers", "100000"], 2, "workers: must be at most 4096, not 100000"),
     (["design", "--resume", "x", "--seed", "1"], 2, "--resume uses the settings of the run"),
     (["check", "words", "--set", "window=5"], 2, "--set changes a knob of a task; name the task"),
