@@ -225,6 +225,10 @@ class Shelf:
         kind = Measurement(BLOCKS, float(len(found)))
         return Evaluation(True, score, summary, measurements=(kind,))
 
+    async def feedback(self, found: Machine, trial: int) -> Told:
+        assert found.digest in self.tried
+        return Told(f"Rolled {self.score(found)} m.", {"trial": trial})
+
     async def query(self, found: Machine, queries: Sequence[object]) -> Told:
         assert found.digest in self.tried
         return Told(f"{len(queries)} tables.", [])

@@ -107,7 +107,8 @@ def show_rollout(result: Data) -> None:
     print_problems(console, result["problems"])
     if result["feedback"]:
         console.print(result["feedback"])
-        console.print(FRAMES)
+        if "Frames: " in result["feedback"]:
+            console.print(FRAMES)
     if result["marginal"]:
         console.print(marginal_line(result["marginal"]))
     for answered in result.get("answers", ()):
