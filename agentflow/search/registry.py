@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from agentflow.registry import Registry, is_callable
 
 if TYPE_CHECKING:
-    from agentflow.search.pool import PooledStrategy
+    from agentflow.search.pooled.pool import PooledStrategy
 
 STRATEGIES: Registry[Callable[..., Any]] = Registry(
     "search strategy",
@@ -17,8 +17,8 @@ STRATEGIES: Registry[Callable[..., Any]] = Registry(
         "mcts": "agentflow.search.mcts:mcts",
         "best_of_n": "agentflow.search.best_of_n:best_of_n",
         "random": "agentflow.search.random:random",
-        "ab-mcts": "agentflow.search.ab_mcts:AdaptiveBranching",
-        "independent": "agentflow.search.independent:Independent",
+        "ab-mcts": "agentflow.search.pooled.ab_mcts:AdaptiveBranching",
+        "independent": "agentflow.search.pooled.independent:Independent",
         "map-elites": "agentflow.search.elites.map_elites:map_elites",
     },
     is_callable,
@@ -29,7 +29,7 @@ candidate, or a class derived from `PooledStrategy`, which deals the budget of a
 
 def pooled(name: str) -> PooledStrategy | None:
     """The strategy of this name if it deals the budget of a whole run; None if it does not."""
-    from agentflow.search.pool import PooledStrategy
+    from agentflow.search.pooled.pool import PooledStrategy
 
     strategy = STRATEGIES[name]
     is_pooled = isinstance(strategy, type) and issubclass(strategy, PooledStrategy)

@@ -10,7 +10,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, FirstAttempt
 from agentflow.runs.locations import FEEDBACK, INITIAL, Location
 from agentflow.search.node import Attempt, Node
-from agentflow.search.pool import Branch, Pool, PooledStrategy, search_pool
+from agentflow.search.pooled.pool import Branch, Pool, PooledStrategy, search_pool
 from agentflow.search.tree import SearchTree
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext

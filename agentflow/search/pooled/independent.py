@@ -5,7 +5,7 @@ from __future__ import annotations
 from random import Random
 from typing import Any
 
-from agentflow.search.pool import Choice, Pool, PooledStrategy
+from agentflow.search.pooled.pool import Choice, Pool, PooledStrategy
 
 
 class Independent(PooledStrategy):

@@ -18,7 +18,7 @@ from random import Random
 from typing import Any, NamedTuple
 
 from agentflow.search.node import Node
-from agentflow.search.pool import Branch, Choice, Pool, PooledStrategy
+from agentflow.search.pooled.pool import Branch, Choice, Pool, PooledStrategy
 
 MEAN, KAPPA, NU, TAU_SQUARED = 0.0, 1.0, 1.0, 0.1
 """The prior of TreeQuest, a normal-inverse-chi-squared distribution of scores from 0 to 1."""

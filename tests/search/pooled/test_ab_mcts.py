@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from agentflow.search.ab_mcts import AdaptiveBranching, Posterior
 from agentflow.search.events import ignore
 from agentflow.search.node import Attempt, Evaluation
-from agentflow.search.pool import Branch, Choice, Pool
+from agentflow.search.pooled.ab_mcts import AdaptiveBranching, Posterior
+from agentflow.search.pooled.pool import Branch, Choice, Pool
 from agentflow.search.tree import SearchTree
 
 treequest = pytest.importorskip("treequest")

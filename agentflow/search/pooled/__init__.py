@@ -1,0 +1,1 @@
+"""Strategies that deal one budget over many first candidates and all that is made from them."""
