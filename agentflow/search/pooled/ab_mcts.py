@@ -112,11 +112,11 @@ class Scores:
             self.by_arm.setdefault(branch.arms[node.id], []).append(self.of(node))
 
     def of(self, node: Node[Any]) -> float:
-        """Of one node."""
+        """The score of one node."""
         return 0.0 if node.reward is None else (node.reward - self._low) / self._spread
 
     def below(self, branch: Branch[Any], node: Node[Any]) -> list[float]:
-        """Of everything made from a node, by id."""
+        """All that was made from a node, by id."""
         assert branch.tree is not None
         inside, found = {node.id}, []
         for other in branch.tree.nodes[node.id + 1 :]:
@@ -126,7 +126,7 @@ class Scores:
         return found
 
     def of_branch(self, branch: Branch[Any]) -> tuple[float, list[float]]:
-        """Of the first candidate, and of everything made from it."""
+        """The score of the first candidate, and those of all that was made from it."""
         if branch.tree is None:
             return 0.0, []
         root = branch.tree.nodes[0]
