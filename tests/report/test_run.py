@@ -11,6 +11,7 @@ from shutil import copytree
 import pytest
 
 from agentflow.errors import RunError
+from agentflow.holding import with_holding
 from agentflow.metrics.usage import no_price
 from agentflow.report.run import RunStory, rejection_reasons, score_curve, validity
 from agentflow.runs import read_result
@@ -38,7 +39,7 @@ def test_a_finished_run() -> None:
         "workflow": "hierarchical",
         "seed": 0,
         "score": result.score,
-        "verified": result.to_json()["verified"],
+        "verified": with_holding(result.to_json()["verified"]),
         "sentence": "the best machine, found in the stage " + result.best_stage.replace("_", " "),
         "about": f"procedural (no language model): {calls} calls, 8 machines simulated",
         "prices": False,

@@ -52,7 +52,7 @@ def _insert(machine: Machine, step: Step, kind: int, face: int, rng: Random) -> 
     return _rebuilt(machine, {step.id: (new, moved)})
 
 
-def bridgings(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
+def omissions(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
     """Every block that carries one standard block, left out: what it carries takes its place."""
     moves: list[Move] = []
     for step in machine.steps[1:]:
@@ -171,7 +171,7 @@ def _rebuilt(machine: Machine, by: dict[int, tuple[Step, ...]]) -> Machine:
 
 LOCAL_MOVES: Kinds = {
     "insert": insertions,
-    "bridge": bridgings,
+    "leave out": omissions,
     "add a pair": pairs,
     "swap all": twin_changes,
     "double": doublings,
