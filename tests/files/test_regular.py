@@ -61,22 +61,25 @@ def test_a_token_file_that_is_no_file(tmp_path: Path) -> None:
         read_token(Path("/dev/zero"))
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, "{a: " * 5000, ALIASES, "a: &a [*a]", "- " * 5000])
-def test_a_document_that_would_exhaust_the_reader(text: str, tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
-    (run / "run.yaml").write_text(text)
-    words = ["show", str(run)]
+EXHAUSTING = ("[" * 100_000, "{a: " * 5000, ALIASES, "a: &a [*a]", "- " * 5000)
+
+
+def test_documents_that_would_exhaust_the_reader(tmp_path: Path) -> None:
+    runs = [tmp_path / str(number) for number in range(len(EXHAUSTING))]
+    for run, text in zip(runs, EXHAUSTING, strict=True):
+        shutil.copytree(RECORDED, run)
+        (run / "run.yaml").write_text(text)
+        with pytest.raises(ConfigError, match="is not YAML"):
+            parse_yaml(text, "text")
     # in a process of its own: a fault of the loader is a signal
+    shown = f"print([main(['show', run]) for run in {list(map(str, runs))}])"
     done = subprocess.run(
-        [sys.executable, "-c", f"import sys, agentflow.cli as c; sys.exit(c.main({words}))"],
+        [sys.executable, "-c", f"from agentflow.cli import main; {shown}"],
         capture_output=True,
         timeout=60,
     )
-    assert done.returncode == 2, done.stderr
-    assert b"run.yaml is damaged" in done.stderr
-    with pytest.raises(ConfigError, match="is not YAML"):
-        parse_yaml(text, "text")
+    assert done.stdout.strip() == str([2] * len(runs)).encode(), done.stderr
+    assert done.stderr.count(b"run.yaml is damaged") == len(runs)
 
 
 def test_aliases_and_groups_that_people_write_are_read() -> None:
