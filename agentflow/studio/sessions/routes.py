@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import base64
-import binascii
 from typing import Any, Literal
 
 from pydantic import Field
@@ -107,7 +106,7 @@ class Sessions:
         """Record a piece of sound."""
         try:
             sound = base64.b64decode(given.data, validate=True)
-        except binascii.Error:
+        except ValueError:  # binascii.Error, or characters beyond ASCII
             raise UsageError("the sound must be base64") from None
         self._recorder.hear(given.session, sound, given.first)
         return {}

@@ -16,11 +16,13 @@ from datetime import datetime
 from pathlib import Path
 from secrets import token_hex
 from typing import Any
+from urllib.parse import urlsplit
 
 from pydantic import Field
 
 from agentflow.app.design.config import load_config, urls_with_credentials
 from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.trust import unnamed
 from agentflow.config.run import KEY_VARIABLE
 from agentflow.env.tasks.registry import task_names
 from agentflow.errors import UnknownNameError, UsageError
@@ -40,6 +42,8 @@ MOST = 8
 """Most designs at a time."""
 KEPT = 4000
 """Characters of a process's last words that are kept."""
+THIS_COMPUTER = ("127.0.0.1", "localhost", "::1")
+"""Hosts that may get the key although only the form names them."""
 _PROGRAM = "import sys; from agentflow.cli import main; sys.exit(main())"
 
 
@@ -101,6 +105,13 @@ def require_possible(form: NewDesign) -> None:
     config = load_config(None, (), {**form.options, **start})
     if urls_with_credentials(config):
         raise UsageError("the base URL has a user or a query; the key comes from the environment")
+    here = urlsplit(form.base_url).hostname in THIS_COMPUTER
+    if os.environ.get(KEY_VARIABLE) and form.base_url and not here:
+        for host in unnamed(config.model, {}):
+            raise UsageError(
+                f"the studio would send your key to a host that you have named only here: {host}; "
+                f"start it with OPENAI_BASE_URL={form.base_url}, or use agentflow design --base-url"
+            )
     RunPlan.of(config).require_workflow()
 
 
@@ -126,6 +137,8 @@ class Designs:
         """`scratch` is a private folder for machines to start from."""
         self._folder, self._scratch = folder, scratch
         self._started: dict[str, _Started] = {}
+        self._starting = 0
+        """Designs without a process yet."""
 
     @classmethod
     @asynccontextmanager
@@ -155,13 +168,18 @@ class Designs:
         Raises:
             UsageError: The form is wrong, or the process ended without a run.
         """
-        if sum(started.running for started in self._started.values()) >= MOST:
+        running = sum(started.running for started in self._started.values())
+        if running + self._starting >= MOST:
             raise UsageError(f"{MOST} designs are running; stop one of them")
-        await asyncio.to_thread(require_possible, form)
-        stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-        task = form.task.replace("/", "-")
-        name = f"{stamp}-{task}-{form.workflow}-seed{form.seed}-{token_hex(2)}"
-        started = self._started[name] = await self._spawn(name, form)
+        self._starting += 1  # before anything is awaited, so that two requests cannot both be last
+        try:
+            await asyncio.to_thread(require_possible, form)
+            stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+            task = form.task.replace("/", "-")
+            name = f"{stamp}-{task}-{form.workflow}-seed{form.seed}-{token_hex(2)}"
+            started = self._started[name] = await self._spawn(name, form)
+        finally:
+            self._starting -= 1
         if not await _appears(self._folder.root / name, started):
             await self.stop(name)
             said = started.said.strip() or "the process ended without a word"
