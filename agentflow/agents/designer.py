@@ -146,7 +146,7 @@ class Drafter(Role[DesignerInput, Draft]):
             findings += _joined_pairs(report.machine)
             if given.spatial:
                 shown = report.machine
-                findings += [describe_text(shown, given.brief), statics_text(shown)]
+                findings += [describe_text(shown, given.brief), statics_text(shown, given.brief)]
         draft = Draft(text, "\n".join(findings))
         found = (judged.problem, judged.code, judged.repaired, judged.parsed, judged.spatial)
         return Parsed(draft, *found)

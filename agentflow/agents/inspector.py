@@ -169,7 +169,7 @@ class Inspector(Role[InspectorInput, Inspection]):
         return {
             **given.context(given.machine),
             "blueprint": given.blueprint and given.blueprint.to_json(),
-            "statics": statics_text(given.machine) if given.spatial else "",
+            "statics": statics_text(given.machine, given.brief) if given.spatial else "",
             "structures": _structure_lines(given.groups),
         }
 

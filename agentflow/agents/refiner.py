@@ -116,7 +116,7 @@ class Refiner(Role[RefinerInput, Refinement]):
             **given.context(given.machine),
             **report,
             "blueprint": given.blueprint and given.blueprint.to_json(),
-            "statics": statics_text(given.machine) if blind else "",
+            "statics": statics_text(given.machine, given.brief) if blind else "",
             "critique": given.critique,
             "history": given.history.to_text(),
             "history_short": given.history.to_short_text(),

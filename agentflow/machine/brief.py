@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from agentflow.machine.geometry.banks import Bank
 from agentflow.machine.tree import ROOT, Machine
 
 LONE_ROOT = Machine((ROOT,))
@@ -59,6 +60,9 @@ class Brief:
     """The unchanged beginning of every machine; may use types that `blocks` does not allow."""
     greatest: float | None = None
     """The greatest possible score; None if there is none. It ends a search."""
+    banks: tuple[Bank, ...] = field(default=(), repr=False)
+    """What machines are set down on, if it is not the ground; the digest of a brief leaves it out,
+    as its scene says the same."""
 
     @property
     def demands(self) -> tuple[object, ...]:

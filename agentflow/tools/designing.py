@@ -67,11 +67,11 @@ async def describe(call: Call, machine: str, short: bool = False) -> ToolResult:
     """
     known = call.workspace.machines.find(machine)
     text = describe_text(known.machine, call.workspace.host.brief, short=short)
-    statics = "" if short else statics_text(known.machine)
+    statics = "" if short else statics_text(known.machine, call.workspace.host.brief)
     data = {
         "machine": known.name,
         "tree": known.machine.to_json(),
-        **geometry_of(known.machine),
+        **geometry_of(known.machine, call.workspace.host.brief),
         "statics": statics,
     }
     whole = f"Machine {known.name}, in the machine frame\n{text}\n{statics}"

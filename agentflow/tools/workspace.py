@@ -249,7 +249,17 @@ class Workspace:
         )
         more = f"{budget.stages_left} more stage{'s' * (budget.stages_left > 1)}"
         follow = f" {more} will start from all machines so far." if budget.stages_left else ""
-        return f"{told} The best machine of all stages is the result.{follow}"
+        return f"{told} The best machine of all stages is the result.{follow}{self._trial_rule}"
+
+    @property
+    def _trial_rule(self) -> str:
+        """What takes the place of the trials that revise controls in other workflows."""
+        if self.host.brief.limits.trials <= 1:
+            return ""
+        return (
+            "\nHere, no trials revise the controls: a machine with other controls is another "
+            "machine, which `edit` makes and `simulate` tries."
+        )
 
     @property
     def budget_text(self) -> str:

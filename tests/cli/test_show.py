@@ -101,3 +101,12 @@ def test_calls_of_tools_are_shown_by_stage(capsys: pytest.CaptureFixture[str]) -
     ]
     show_tools([{"name": "initial"}])
     assert capsys.readouterr().out == ""
+
+
+def test_a_connection_that_is_marginal_in_several_trials_is_told_once() -> None:
+    found = [
+        {"block": 3, "partner": 1, "load": load, "time": time}
+        for load, time in ((0.97, 0.5), (0.99, 0.6), (1.03, 0.7))
+    ]
+    told = "marginal: block 3 off block 1 nearly broke (99 % of its strength, 0.60 s)"
+    assert marginal_line(found) == told

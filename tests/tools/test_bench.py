@@ -234,3 +234,11 @@ async def test_the_end_of_a_stage_cancels_calls_in_progress_at_no_charge() -> No
         assert not [kind for kind, _ in record.events if kind == "evaluation"]
     assert (await call).refused
     assert "1 of 1 simulations left" in bench.budget_text
+
+
+async def test_the_brief_of_a_bench_says_that_no_trials_revise_controls() -> None:
+    async with open_bench("transport") as (bench, _):
+        assert "A machine has 3 trials." in bench.brief_text
+        assert "\nHere, no trials revise the controls: a machine with other" in bench.brief_text
+    async with open_bench() as (bench, _):
+        assert "no trials" not in bench.brief_text

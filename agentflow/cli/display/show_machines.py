@@ -116,8 +116,14 @@ def show_rollout(result: Data) -> None:
 
 
 def marginal_line(found: Sequence[Data]) -> str:
-    """The connections nearest to their strength, in one line; `found` is not empty."""
-    nearest = sorted(found, key=lambda item: abs(item["load"] - 1))
+    """The connections nearest to their strength, in one line; `found` is not empty.
+
+    Each is named once, as it was nearest: it may be there once for each trial, or for each of the
+    joints between two blocks.
+    """
+    ranked = sorted(found, key=lambda item: -abs(item["load"] - 1))
+    each = {(item["block"], item["partner"]): item for item in ranked}
+    nearest = sorted(each.values(), key=lambda item: abs(item["load"] - 1))
     told = [
         f"block {item['block']} off block {item['partner']} "
         f"{'nearly' if item['load'] < 1 else 'only just'} broke "

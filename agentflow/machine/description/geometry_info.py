@@ -11,7 +11,7 @@ from agentflow.machine.controls import control_text
 from agentflow.machine.description.rounding import GroundFrame, span_of
 from agentflow.machine.geometry.balance import mass, on_ground, stands, support_polygon
 from agentflow.machine.geometry.placement import Geometry, place
-from agentflow.machine.geometry.pose import Placed, ShapeFace
+from agentflow.machine.geometry.pose import Placed, ShapeFace, to_metres
 from agentflow.machine.geometry.vectors import Vec3, add
 from agentflow.machine.tree import Machine
 
@@ -19,15 +19,16 @@ DRIVES = {"x+": "z+", "x-": "z+", "z+": "x-", "z-": "x+"}
 """Facing of a powered wheel -> direction it drives the machine in; facing y+ or y-, it does not."""
 
 
-def describe(machine: Machine) -> dict[str, object]:
-    """The 3D information as JSON data.
+def describe(machine: Machine, brief: Brief | None = None) -> dict[str, object]:
+    """The 3D information as JSON data; `brief` is that of the task, for what machines rest on.
 
     Metres with one decimal, halves rounded away from zero; y is measured from the lowest corner of
-    the machine. `drives` lists the powered wheels on the ground, with a null direction for those
-    that face up or down. `pulls` lists springs and winches: each pulls `from_block` along
-    `direction` and `to_block` the opposite way. `controls` are there if the machine has some.
+    the machine. What rests on a bank is on the ground as well. `drives` lists the powered wheels on
+    the ground, with a null direction for those that face up or down. `pulls` lists springs and
+    winches: each pulls `from_block` along `direction` and `to_block` the opposite way. `controls`
+    are there if the machine has some.
     """
-    geometry = place(machine)
+    geometry = _placed(machine, brief)
     frame = GroundFrame(geometry.lo[1])
     return {
         "blocks": [_block(geometry, frame, placed) for placed in geometry.blocks],
@@ -41,6 +42,11 @@ def describe(machine: Machine) -> dict[str, object]:
         "auto_connections": [loop._asdict() for loop in geometry.auto_connections],
         **({"controls": [each.to_json() for each in machine.controls]} if machine.controls else {}),
     }
+
+
+def _placed(machine: Machine, brief: Brief | None) -> Geometry:
+    """The machine, on what it is set down on in a task."""
+    return place(machine, brief.banks if brief else ())
 
 
 def _block(geometry: Geometry, frame: GroundFrame, placed: Placed) -> dict[str, object]:
@@ -116,10 +122,10 @@ def describe_text(machine: Machine, brief: Brief | None = None, *, short: bool =
 
     Args:
         machine: a file-valid machine.
-        brief: the task, for its limit of blocks.
+        brief: the task, for its limit of blocks and what machines rest on.
         short: leave out building points, the support polygon and the positions of free faces.
     """
-    geometry = place(machine)
+    geometry = _placed(machine, brief)
     frame = GroundFrame(geometry.lo[1])
     return "\n".join(
         [
@@ -238,17 +244,22 @@ def _block_line(geometry: Geometry, frame: GroundFrame, placed: Placed, *, short
     if library()[placed.type].joint.moves and not short:
         parts.append(f"building point {_vector(frame.point(placed.at))}")
     if on_ground(geometry, placed):
-        parts.append("on ground")
-    free = [face for face in _free_faces(geometry, placed) if not _is_grounded(face, placed, frame)]
+        names = " and ".join(bank.name for bank in geometry.banks_under(placed.id))
+        parts.append(f"on {names or 'ground'}")
+    free = [f for f in _free_faces(geometry, placed) if not _is_grounded(f, geometry, placed)]
     if free:
         ids = ranges(face.id for face in free)
         parts.append(f"free {ids if short else _face_positions(placed, frame, free)}")
     return f"{placed.id} {placed.name}: {', '.join(parts)}"
 
 
-def _is_grounded(face: ShapeFace, placed: Placed, frame: GroundFrame) -> bool:
-    """Whether a face points at the ground and lies on it."""
-    return face.facing.name == "y-" and placed.at[1] + face.offset[1] == frame.ground
+def _is_grounded(face: ShapeFace, geometry: Geometry, placed: Placed) -> bool:
+    """Whether a face points at the ground or a bank and lies on it."""
+    place = add(placed.at, face.offset)
+    if face.facing.name != "y-" or place[1] != placed.lo[1] or not on_ground(geometry, placed):
+        return False
+    under, point = geometry.banks_under(placed.id), to_metres(place)
+    return not under or any(bank.reaches(point, geometry.middle) for bank in under)
 
 
 def _face_positions(placed: Placed, frame: GroundFrame, free: Sequence[ShapeFace]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from agentflow.machine.blocks.library import library
+from agentflow.machine.brief import Brief
 from agentflow.machine.description.geometry_info import ranges
 from agentflow.machine.geometry.balance import centre_of_mass, mass, stands, support_polygon
 from agentflow.machine.geometry.placement import Geometry, place
@@ -25,10 +26,15 @@ ON_AXIS = 0.05
 """m from a joint's axis within which turning hardly moves the middle of a block."""
 
 
-def statics_text(machine: Machine) -> str:
+def statics_text(machine: Machine, brief: Brief | None = None) -> str:
     """Lines about a file-valid machine as built: balance, every joint that turns more than its
-    own block, the connections that gravity bends most, thrust."""
-    geometry = place(machine)
+    own block, the connections that gravity bends most, thrust.
+
+    Args:
+        machine: The machine.
+        brief: Its task, for what machines rest on; None: flat ground.
+    """
+    geometry = place(machine, brief.banks if brief else ())
     loads = list(tree_loads(geometry))
     joints = [load for load in loads if load.bond.kind == "revolute" and len(load.blocks) > 1]
     lines = [_balance_line(geometry)]

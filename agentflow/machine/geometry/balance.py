@@ -6,6 +6,7 @@ Exact, because masses are whole multiples of 0.05 kg and centres of 0.025 m.
 from __future__ import annotations
 
 from agentflow.machine.blocks.library import library
+from agentflow.machine.geometry.banks import Bank
 from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.geometry.pose import UNITS, Placed
 
@@ -39,8 +40,9 @@ def moments(geometry: Geometry) -> tuple[tuple[int, int, int], int]:
 def support_polygon(geometry: Geometry) -> tuple[tuple[float, float], ...]:
     """Corners (x, z) in metres of the convex hull of all ground contacts.
 
-    The ground is at the machine's lowest corner. Boxes touch it with their bottom corners, upright
-    wheels and cogs with the line below their axis, flat ones with their rim, boulders at one point.
+    The ground is at the machine's lowest corner, unless the machine hangs on banks. Boxes touch it
+    with their bottom corners, upright wheels and cogs with the line below their axis, flat ones
+    with their rim, boulders at one point.
     Counterclockwise with x to the right and z up; one or two corners if the contacts are a point or
     a line.
     """
@@ -62,8 +64,11 @@ def stands(geometry: Geometry) -> bool:
 
 
 def on_ground(geometry: Geometry, placed: Placed) -> bool:
-    """Whether a block's lowest corner is at the height of the machine's lowest corner."""
-    return placed.shape is not None and placed.lo[1] == geometry.lo[1]
+    """Whether a block rests on the ground or a bank as the machine is set down."""
+    lowest = placed.shape is not None and placed.lo[1] == geometry.lo[1]
+    if not geometry.banks:
+        return lowest
+    return bool(geometry.banks_under(placed.id)) or (lowest and not geometry.height)
 
 
 def _weights(geometry: Geometry) -> tuple[tuple[int, int, int], int]:
@@ -94,10 +99,29 @@ def _footprint(placed: Placed) -> list[Point]:
     return [(2 * u, 2 * v) for u in (x0, x1) for v in (z0, z1)]
 
 
+def _supported(geometry: Geometry, placed: Placed) -> list[Point]:
+    """The footprint of a block on the ground; on banks, the part that they support."""
+    points = _footprint(placed)
+    under = [_clip(geometry, points, bank) for bank in geometry.banks_under(placed.id)]
+    return [point for part in under for point in part] if under else points
+
+
+def _clip(geometry: Geometry, points: list[Point], bank: Bank) -> list[Point]:
+    """Points of an upright rectangle or line, moved to the nearest of a bank; exact to 0.025 m."""
+    (x0, z0), (x1, z1) = (
+        [
+            geometry.lo[axis] + geometry.hi[axis] + round(HALF_UNITS * edge)
+            for axis, edge in zip((0, 2), corner, strict=True)
+        ]
+        for corner in (bank.low, bank.high)
+    )
+    return [(min(max(x, x0), x1), min(max(z, z0), z1)) for x, z in points]
+
+
 def _hull(geometry: Geometry) -> list[Point]:
     """Corners of the convex hull of all footprints, counterclockwise (monotone chain)."""
     touching = [placed for placed in geometry.blocks if on_ground(geometry, placed)]
-    points = sorted({point for placed in touching for point in _footprint(placed)})
+    points = sorted({point for placed in touching for point in _supported(geometry, placed)})
     if len(points) < 3:
         return points
     lower, upper = _chain(points), _chain(points[::-1])

@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
+from agentflow.machine.geometry.banks import BESIDE, Bank
 from agentflow.machine.geometry.pose import Placed, Units3, shape, to_metres
 from agentflow.machine.geometry.vectors import Vec3, add
 from agentflow.machine.tree import Machine, Step
@@ -32,6 +33,8 @@ class Geometry:
 
     blocks: tuple[Placed, ...]
     """Sorted by id; ids may have gaps during edits and where blocks are missing."""
+    banks: tuple[Bank, ...] = ()
+    """What the machine is set down on besides the ground."""
 
     def __getitem__(self, block_id: int) -> Placed:
         return self._by_id[block_id]
@@ -75,6 +78,37 @@ class Geometry:
         """Extent of the union of all boxes along x, y, z."""
         lo, hi = self._bounds
         return to_metres((hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]))
+
+    @cached_property
+    def height(self) -> float:
+        """How low the machine can be set down on banks and ground: y of its lowest point, m."""
+        lifts = (
+            self._lift(placed, bank)
+            for placed in self.blocks
+            for bank in self.banks
+            if bank.is_under(placed, self.middle)
+        )
+        return max((0.0, *lifts))
+
+    @property
+    def middle(self) -> Vec3:
+        """The middle of the bounding box."""
+        (a, b, c), (x, y, z) = self.box_min, self.box_max
+        return ((a + x) / 2, (b + y) / 2, (c + z) / 2)
+
+    def banks_under(self, block_id: int) -> list[Bank]:
+        """The banks that a block rests on as the machine is set down."""
+        placed = self[block_id]
+        return [
+            bank
+            for bank in self.banks
+            if bank.is_under(placed, self.middle)
+            and abs(self._lift(placed, bank) - self.height) < BESIDE
+        ]
+
+    def _lift(self, placed: Placed, bank: Bank) -> float:
+        """y of the lowest point of the machine where a block lies on a bank, m."""
+        return bank.top - (placed.box_min[1] - self.box_min[1])
 
     @cached_property
     def overlaps(self) -> tuple[tuple[int, int], ...]:
@@ -130,12 +164,17 @@ def _grips(block_type: int) -> bool:
     return not block.non_stable or block.non_static
 
 
-def place(steps: Machine | Iterable[Step]) -> Geometry:
-    """Place the steps of a file-valid machine, or steps whose ids have gaps."""
+def place(steps: Machine | Iterable[Step], banks: tuple[Bank, ...] = ()) -> Geometry:
+    """Place the steps of a file-valid machine, or steps whose ids have gaps.
+
+    Args:
+        steps: The machine.
+        banks: What it is set down on besides the ground.
+    """
     placed: dict[int, Placed] = {}
     for step in steps:
         placed[step.id] = place_step(step, placed)
-    return Geometry(tuple(placed.values()))
+    return Geometry(tuple(placed.values()), banks)
 
 
 def place_step(step: Step, placed: Mapping[int, Placed]) -> Placed:

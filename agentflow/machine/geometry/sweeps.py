@@ -64,6 +64,8 @@ class _Hull:
 def first_collision(geometry: Geometry, load: Load, sense: int, limit: float) -> Collision | None:
     """The first collision when a joint turns from the machine as built; None if there is none.
 
+    Of machines on banks, which hang over lower ground, collisions with the ground are left out.
+
     Args:
         geometry: The machine.
         load: What the joint carries.
@@ -90,7 +92,11 @@ def _tests(
     geometry: Geometry, moving: _Hull, others: Iterable[_Hull], axis: Array, floor: float
 ) -> Iterator[tuple[int | None, Test]]:
     """What the moving body may meet, and the test whether it does."""
-    yield None, lambda turns: (moving.points @ turns.transpose(0, 2, 1))[..., 1].min(axis=1) < floor
+    if not geometry.banks:
+        yield (
+            None,
+            lambda turns: (moving.points @ turns.transpose(0, 2, 1))[..., 1].min(axis=1) < floor,
+        )
     low, high = _ring(moving, axis)
     for other in others:
         near, far = _ring(other, axis)

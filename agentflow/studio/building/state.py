@@ -21,7 +21,8 @@ from agentflow.machine.problems import RefusedEdit, type_problem
 
 def describe_state(machine: Machine, brief: Brief, chosen: int = 0) -> dict[str, Any]:
     """Everything about a machine: picture, tree, problems, balance. Places are in the world, m."""
-    report, geometry, shapes = check(machine, brief), place(machine), Shapes()
+    report, shapes = check(machine, brief), Shapes()
+    geometry = place(machine, brief.banks)
     shift = _lift_of(machine, geometry)
     data = machine_data(machine, None, shapes, given=brief.given)
     return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -15,6 +16,9 @@ from agentflow.env.scene import Body, Scene, SceneObject
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.families.bridge import BANKS, CARGO
 from agentflow.env.tasks.registry import get_task
+from agentflow.machine.description.geometry_info import describe, describe_text
+from agentflow.machine.description.statics_text import statics_text
+from agentflow.machine.geometry.balance import support_polygon
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import ROOT, Machine, Step
@@ -173,3 +177,45 @@ def test_a_beam_breaks_where_statics_says(spec: EngineSpec) -> None:
     assert rollout.sim_seconds == pytest.approx(rollout.terms["lost_at"], abs=1 / 60)
     braced = simulate(load("bridge/braced_beam.json"), task)
     assert (braced.score, braced.terms["success"], braced.broken) == (800.0, True, ())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("level", "name"),
+    [
+        ("bridge", "braced_beam"),
+        ("bridge/3", "deep_truss"),
+        ("bridge/4", "truss_on_feet"),
+        ("bridge/5", "flat_truss"),
+    ],
+)
+def test_described_on_a_bank_is_what_touches_one(level: str, name: str) -> None:
+    machine, task = load(f"bridge/{name}.json"), get_task(level)
+    rollout = simulate(machine, task)
+    assert rollout.trace is not None
+    touching = {
+        contact.a
+        for contact in rollout.trace.measured.contacts
+        if contact.b in BANKS and contact.first.time < 0.5
+    }
+    blocks: list[dict[str, object]] = describe(machine, task.brief)["blocks"]  # type: ignore[assignment]
+    assert {block["id"] for block in blocks if block.get("on_ground")} == touching
+
+
+def test_what_hangs_over_the_gap_has_faces_below_and_supports_nothing() -> None:
+    """A beam of 21 m over a gap of 20 m rests on half a metre at either end."""
+    logs = (Step(1, 63, 0, 0), Step(2, 63, 1, 0), Step(3, 63, 2, 0))
+    others = (Step(4, 63, 0, 1), Step(5, 63, 4, 0), Step(6, 63, 5, 0))
+    long = Machine((ROOT, *logs, *others, Step(7, 15, 3, 0), Step(8, 15, 6, 0)))
+    brief = get_task("bridge/5").brief
+    lines = describe_text(long, brief).splitlines()
+    resting = {line.split()[0]: line for line in lines if re.search("on (near|far) bank", line)}
+    assert set(resting) == {"7", "8"}
+    assert not any("on ground" in line for line in lines)
+    assert "y- " not in resting["7"]
+    assert all("y- " in line for line in lines if re.match("[1-6] Log", line))
+    geometry = place(long, brief.banks)
+    assert geometry.height == 5.0
+    z = [corner[1] for corner in support_polygon(geometry)]
+    assert (min(z), max(z)) == (geometry.box_min[2], geometry.box_max[2])
+    assert "0.500 m inside the edge of the support polygon" in statics_text(long, brief)

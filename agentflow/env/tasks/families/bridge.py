@@ -13,9 +13,11 @@ from agentflow.env.scene import Body, Scene, SceneObject, Start, blocks_among, o
 from agentflow.env.tasks.base import ROUNDING, Parameters, Schedule, WorldView
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
 from agentflow.env.tasks.family import ANY_START, CommonKnobs, Family, joint_sentences, wall
-from agentflow.env.tasks.features.resting import highest_point_under, lowest_place
+from agentflow.env.tasks.features.resting import highest_point_under
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
+from agentflow.machine.geometry.banks import Bank
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
 BLOCKS = (0, 1, 5, 7, 15, 35, 41, 44, 49, 63)
@@ -150,17 +152,25 @@ class Bridge(Family):
                 f"to {load.most * min(1.0, HOLD / load.until):.0f} kg.",
             ),
         )
-        return replace(brief, greatest=load.most if self.window >= load.until else None)
+        greatest = load.most if self.window >= load.until else None
+        return replace(brief, greatest=greatest, banks=self._resting_places)
+
+    @property
+    def _resting_places(self) -> tuple[Bank, ...]:
+        """The banks, for the geometry of machines."""
+        knobs = self.parameters
+        return tuple(_resting_place(bank) for bank in _banks(knobs.gap, knobs.banks))
 
     def scene(self, machine: Machine | None = None) -> Scene:
         """Both banks, the cargo on the machine if there is one, and wind."""
         knobs = self.parameters
         banks = tuple(_banks(knobs.gap, knobs.banks))
-        base = lowest_place(machine, banks) if machine else max(_heights(knobs))
+        geometry = place(machine, self._resting_places) if machine else None
+        base = geometry.height if geometry else max(_heights(knobs))
         top = highest_point_under(machine, 0.0, 0.0, SIZE[0] / 2) if machine else 0.0
-        place = (0.0, base + top + SIZE[1] / 2, 0.0)
+        middle = (0.0, base + top + SIZE[1] / 2, 0.0)
         cargo = SceneObject(
-            CARGO, "box", SIZE, place, mass=EMPTY, load=knobs.load.most, color=COLOR
+            CARGO, "box", SIZE, middle, mass=EMPTY, load=knobs.load.most, color=COLOR
         )
         return Scene((*banks, cargo), knobs.wind.velocity, start=Start(base))
 
@@ -276,6 +286,12 @@ def _banks(gap: Gap, banks: Banks) -> Iterator[SceneObject]:
         BANKS, (-middle, middle), (gap.depth, gap.depth + banks.rise), strict=True
     ):
         yield replace(wall(name, 0.0, z, (WIDE, high, LONG)), stiffness=soft)
+
+
+def _resting_place(bank: SceneObject) -> Bank:
+    (x, y, z), (wide, high, long) = bank.position, bank.size
+    low, far = (x - wide / 2, z - long / 2), (x + wide / 2, z + long / 2)
+    return Bank(bank.name, y + high / 2, low, far)
 
 
 def _bank_sentences(gap: Gap, banks: Banks) -> Iterator[str]:

@@ -1,15 +1,9 @@
-"""Where machines and objects are set down: machines on a scene, objects on a machine."""
+"""Where objects are set down on a machine."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from agentflow.env.scene import SceneObject
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
-
-BESIDE = 1e-6
-"""What overlaps by less only touches, m."""
 
 
 def highest_point_under(machine: Machine, x: float, z: float, reach: float) -> float:
@@ -34,30 +28,3 @@ def highest_point_under(machine: Machine, x: float, z: float, reach: float) -> f
         and block.box_max[2] > middle_z - reach
     ]
     return max(tops, default=0.0)
-
-
-def lowest_place(machine: Machine, banks: Sequence[SceneObject]) -> float:
-    """How low a machine can be set down, as the height of its lowest point, m.
-
-    Args:
-        machine: The machine; the centre of its bounding box is over x = z = 0.
-        banks: Boxes along the axes that it must not overlap, nor the ground at y = 0.
-    """
-    geometry = place(machine)
-    low, high = geometry.box_min, geometry.box_max
-    middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
-
-    def over(block_low: Sequence[float], block_high: Sequence[float], bank: SceneObject) -> bool:
-        return all(
-            block_low[axis] - middle[axis] < bank.position[axis] + bank.size[axis] / 2 - BESIDE
-            and block_high[axis] - middle[axis] > bank.position[axis] - bank.size[axis] / 2 + BESIDE
-            for axis in (0, 2)
-        )
-
-    lifts = [
-        bank.position[1] + bank.size[1] / 2 - (block.box_min[1] - low[1])
-        for block in geometry.blocks
-        for bank in banks
-        if not block.two_ended and over(block.box_min, block.box_max, bank)
-    ]
-    return max(0.0, *lifts) if lifts else 0.0
