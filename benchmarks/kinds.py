@@ -163,8 +163,7 @@ def tabulate(runs: Mapping[tuple[str, str], Mapping[str, Sequence[Found]]], roll
         tuple(rows),
         notes=(
             "Means over seeds with 95 % bootstrap intervals; differences are MAP-Elites minus MCTS "
-            "with the same seed. An interval of a difference that includes 0 leaves open which is "
-            "ahead.",
+            "with the same seed. If the interval of a difference includes 0, either may be ahead.",
         ),
     )
 

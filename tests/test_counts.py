@@ -230,8 +230,10 @@ def test_statuses_that_are_tried_again_are_listed() -> None:
 
 
 def test_engines_of_published_results_are_stated_right() -> None:
-    """Validation says: all but the learning proof were made with PyBullet."""
-    assert "| all but the learning proof |" in re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", ENGINE_PAGE)
+    """Validation says: all except the learning experiment were made with PyBullet."""
+    assert "| all except the learning experiment |" in re.sub(
+        r"\[([^]]+)\]\([^)]+\)", r"\1", ENGINE_PAGE
+    )
     shown = {
         path: set(re.findall(r"Physics engine: (\w+)\b(?! \()", text))
         for path, text in PAGES.items()

@@ -41,7 +41,7 @@ class RoleModel(BaseModel, frozen=True, extra="forbid"):
 
 
 class ModelConfig(BaseModel, frozen=True, extra="forbid", protected_namespaces=()):
-    """Models, sampling and limits. Keys come from the environment only."""
+    """Models, sampling and limits. API keys come from the environment only."""
 
     name: str = Field(
         PROCEDURAL, min_length=1, description="model name at the endpoint, or a model's folder"
@@ -49,7 +49,7 @@ class ModelConfig(BaseModel, frozen=True, extra="forbid", protected_namespaces=(
     label: str | None = Field(
         None,
         min_length=1,
-        description="name in results of a model in a folder, which says its name",
+        description="name in results, for a model in a folder; read from the folder",
     )
     base_url: str | None = Field(None, min_length=1, description="URL before /chat/completions")
     key_variable: str = Field(

@@ -33,7 +33,7 @@ class RetrySettings(BaseModel, frozen=True, extra="forbid"):
 
 
 class LimitSettings(BaseModel, frozen=True, extra="forbid"):
-    """Rate limits of one endpoint over the whole run; None is unlimited."""
+    """Rate limits of one endpoint over the whole run; null is no limit."""
 
     concurrent: int | None = Field(None, ge=1, description="maximum number of concurrent calls")
     rpm: int | None = Field(None, ge=1, description="maximum number of calls started per minute")

@@ -30,8 +30,8 @@ class ExternalSettings(BaseModel, frozen=True, extra="forbid"):
     )
     variables: tuple[str, ...] = Field(
         (),
-        description="environment variables that it gets in addition to the harmless ones, "
-        "such as keys",
+        description="more environment variables to pass to it, such as keys; it gets "
+        "harmless ones, such as PATH, anyway",
     )
 
     @field_validator("command", mode="before")
@@ -75,7 +75,7 @@ class WorkflowSettings(BaseModel):
     inspector: bool = Field(True, description="criticise machines before the blind refinement")
     simulate_first: bool = Field(
         False,
-        description="show the first refinement how its machine was simulated (no extra rollout)",
+        description="show the blind refinement the simulation of its machine (no extra rollout)",
     )
     querier: bool = Field(
         True, description="ask for states of single blocks (with feedback active)"

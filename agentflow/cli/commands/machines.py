@@ -32,7 +32,7 @@ def check(
         typer.Option(
             "--strict",
             help="Exit with status 1 if there is any problem or warning, or if the text had to be "
-            "repaired; with --jsonl, on any line.",
+            "repaired; with --jsonl, if this holds for any line.",
         ),
     ] = False,
     as_json: options.Json = False,

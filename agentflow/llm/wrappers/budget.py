@@ -41,7 +41,7 @@ FREE = Price(input=0.0, output=0.0)
 
 
 class BudgetSettings(BaseModel, frozen=True, extra="forbid"):
-    """Limits of a run; None is unlimited."""
+    """Limits of a run; null is no limit."""
 
     calls: int | None = Field(None, ge=1, description="maximum number of calls")
     tokens: int | None = Field(

@@ -72,7 +72,7 @@ class GrpoConfig(TrainingConfig):
     """Reinforcement learning: groups of replies, rewarded by simulation."""
 
     fresh: bool = Field(
-        False, description="begin with random weights of the model's form: no cold start"
+        False, description="begin with random weights, in the architecture of the model"
     )
     tasks: tuple[str, ...] = Field(
         ("throwing",), min_length=1, description="levels; steps alternate between them"

@@ -49,8 +49,8 @@ def generate(
         typer.Option(
             min=0,
             max=100,
-            help="Machines to make from each valid answer by 1 or 2 random legal edits, on "
-            "average. Filtering keeps those that work like the answer does.",
+            help="Average number of variants to make of each valid answer, each by 1 or 2 "
+            "random legal edits. Filtering keeps those that also work.",
         ),
     ] = 0.0,
     model: options.ModelName = None,
@@ -165,7 +165,7 @@ def prompts(
 ) -> None:
     """Write prompts for reinforcement learning, in the columns that verl and TRL read.
 
-    Each row is the prompt of a designer; the seeds of the tasks' trials differ.
+    Each row is the prompt of a designer; each row has its own seed.
     """
     from agentflow.training.data.prompts import write_prompts
 
