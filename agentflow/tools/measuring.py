@@ -54,7 +54,7 @@ async def simulate(
         machine: Name of the machine; or a list of up to 8 names, which are simulated at the same
             time and compared in a table.
         trial: In tasks with trials, number of the trial that the feedback tells about; by default
-            the median one.
+            the failed one that missed by most, or the first if all succeeded.
     """
     if isinstance(machine, str):
         return await _simulate_one(call, machine, trial)
@@ -137,7 +137,7 @@ async def query(
             `joint_speed` are those against the parent; `load` is that of its own connections.
         interval: Seconds between rows, down to a simulation step (0.0083); by default 0.2, and
             0.02 around events.
-        trial: In tasks with trials, number of the trial; by default the median one.
+        trial: In tasks with trials, number of the trial; by default as for `simulate`.
     """
     known = _simulated(call.workspace, machine)
     named = ({"interval": interval} if interval else {}) | ({"trial": trial} if trial else {})
@@ -170,7 +170,7 @@ async def look(
         follow: Block that the camera follows, with all that is still connected to it, or a moving
             object of the scene; leave it out for the root and all that is near it.
         within: Leave blocks farther than this from it out of the frame, m; small for a close view.
-        trial: In tasks with trials, number of the trial; by default the median one.
+        trial: In tasks with trials, number of the trial; by default as for `simulate`.
     """
     workspace = call.workspace
     pictures = workspace.budget.pictures
