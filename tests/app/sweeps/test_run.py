@@ -117,7 +117,7 @@ def test_every_run_is_an_ordinary_run(swept: tuple[SweepOutcome, Notes, Path]) -
 def test_machines_and_rollouts_are_stored_once(swept: tuple[SweepOutcome, Notes, Path]) -> None:
     outcome, _, _ = swept
     store = outcome.path / "store"
-    varied = 2 * 7  # simulations that verify the best machine of each seed
+    varied = 2 * 9  # simulations that verify the best machine of each seed, two for its springs
     assert len(list((store / "rollouts").iterdir())) == 4 + varied  # 2 seeds with 2 machines each
     machines = list((store / "machines").iterdir())
     assert len(machines) == 4
