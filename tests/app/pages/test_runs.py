@@ -21,6 +21,7 @@ from agentflow.env.rollout import RolloutEvent
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UsageError
+from agentflow.holding import with_holding
 from agentflow.runs import read_document, read_result
 from agentflow.runs.reading import document_text
 from tests.app.sweeps.test_tables import sweep, verification
@@ -82,7 +83,7 @@ def test_the_verified_score_is_shown_beside_the_score(tmp_path: Path) -> None:
     result = read_result(run)
     (run / "result.json").write_text(json.dumps({**result.to_json(), "verified": VERIFIED}))
     data = data_of(report(run, tmp_path / "r.html", films=0, workers=1, say=quiet))
-    assert (data["run"]["score"], data["run"]["verified"]) == (result.score, VERIFIED)
+    assert (data["run"]["score"], data["run"]["verified"]) == (result.score, with_holding(VERIFIED))
 
 
 @pytest.mark.slow
@@ -238,8 +239,8 @@ def test_a_sweep_is_reported_with_its_tables(
     ]
     # none against expansions, nothing was searched; none of players, none are published
     assert data["runs"] == [
-        {"name": "chain.seed-0", "state": "done", "score": 2.0, "verified": 1.5},
-        {"name": "mcts.seed-0", "state": "done", "score": 4.0, "verified": None},
+        {"name": "chain.seed-0", "state": "done", "score": 2.0, "verified": 1.5, "fragile": False},
+        {"name": "mcts.seed-0", "state": "done", "score": 4.0, "verified": None, "fragile": False},
     ]
 
 
