@@ -44,10 +44,10 @@ class Design:
     valid: bool
     """Whether any valid machine was found."""
     score: float | None
-    """Score of the best machine, in the task's unit; None without one."""
+    """Score of the best machine, in the task's unit; None if no machine was valid."""
     verified: float | None
-    """Verified score of the best machine; None without one, if verification is switched off, or if
-    one of its simulations failed."""
+    """Verified score of the best machine; None if no machine was valid, verification is switched
+    off, or one of its simulations failed."""
     fragile: bool | None
     """Whether the best machine fails under some small change; None without a verified score."""
     machine: Machine | None
@@ -57,7 +57,7 @@ class Design:
     stages: tuple[Mapping[str, Any], ...]
     """Rows of the stage table."""
     stopped: str | None
-    """`budget` if the budget ended the run early, `greatest score` if reaching it did."""
+    """Why the run ended early: `budget`, or `greatest score` if a machine reached it."""
     data: Mapping[str, Any] = field(repr=False)
     """Everything in result.json: calls, tokens, cost, seconds, reason, ..."""
 

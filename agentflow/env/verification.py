@@ -32,7 +32,7 @@ SAME_PLACE = 1e-6
 
 @dataclass(frozen=True)
 class Verification:
-    """One machine under every variation that can change what it does.
+    """The simulations of one machine under every variation that can change what it does.
 
     It is incomplete if a simulation timed out or crashed, which says nothing about the machine:
     `score`, `low` and `high` are then None.

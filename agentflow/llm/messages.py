@@ -97,11 +97,11 @@ class Message(_Recorded):
     images: tuple[str, ...] = ()
     """PNG data URLs, of user and tool messages."""
     tool_calls: tuple[ToolCall, ...] = ()
-    """Of an assistant message."""
+    """The tools that an assistant message calls."""
     tool_call_id: Text = ""
-    """Of a tool message: the call that it answers."""
+    """The call that a tool message answers."""
     extra: Mapping[str, str] = {}
-    """Of an assistant message with tool calls: other fields that the endpoint wants back."""
+    """Other fields that the endpoint wants back with an assistant message that calls tools."""
 
 
 class JsonSchema(_Frozen):
@@ -134,7 +134,8 @@ class Request(_Recorded):
     """One call to a model.
 
     `label` identifies the call within the run ("refiner/traj-3/node-12/attempt-2"). Two calls with
-    the same messages are different samples, and concurrency never changes which reply a call gets.
+    the same messages but different labels are separate samples. Which reply a call gets never
+    depends on what runs at the same time.
     """
 
     optional_fields = frozenset({"tools", "tool_choice"})
@@ -150,7 +151,8 @@ class Request(_Recorded):
     tools: tuple[Tool, ...] = ()
     """Tools that the reply may call."""
     tool_choice: Literal["auto", "none", "required"] | NamedTool = "auto"
-    """Whether the reply may call tools, must not, must, or must call this one."""
+    """`auto`: the reply may call tools; `none`: it must not; `required`: it must; or the
+    tool to call."""
 
     @property
     def estimated_tokens(self) -> int:
@@ -213,7 +215,7 @@ class Reply(_Recorded):
 
     @property
     def message(self) -> Message:
-        """This reply in a conversation."""
+        """This reply as a message of a conversation."""
         extra = {self.reasoning_field: self.reasoning} if self.reasoning_field else {}
         return Message(role="assistant", text=self.text, tool_calls=self.tool_calls, extra=extra)
 

@@ -68,7 +68,7 @@ class Report:
 
     @property
     def lasting_problems(self) -> tuple[Problem, ...]:
-        """The problems that more blocks cannot solve: all but those of required blocks."""
+        """The problems that adding blocks cannot solve: all but a wrong required count."""
         return tuple(item for item in self.problems if item.code != REQUIRED_COUNT)
 
     @property

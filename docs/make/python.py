@@ -16,8 +16,9 @@ from docs.make.markdown import anchor, blocks, code, fence, generated, sentence,
 ROOT = Path(__file__).parents[2]
 PACKAGE = "agentflow"
 ABOUT = (
-    "Names of the package `agentflow` are stable. Below them are the names of its modules that the "
-    "documentation and the examples use, mostly to add parts of your own, and every exception."
+    "This page lists the names that you can import. Those of the package `agentflow` itself come "
+    "first, and they are stable. Then come the names in its modules that the documentation and the "
+    "examples use, mostly to add parts of your own, and every exception."
 )
 ERRORS = f"{PACKAGE}.errors"
 USERS = ("README.md", "docs/**/*.md", "examples/**/*.py", "recipes/**/*.py", "recipes/**/*.md")

@@ -37,7 +37,7 @@ _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
 
 
 class RolloutPool(Pool):
-    """A pool of worker processes on this machine."""
+    """A pool of worker processes on this computer."""
 
     def __init__(self, workers: int, grace: float = GRACE) -> None:
         super().__init__(workers)
