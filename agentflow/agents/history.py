@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from agentflow.machine.edits.commands import read_command
+from agentflow.machine.edits.commands import TELLING, read_command
 from agentflow.machine.edits.renumbering import Renumbering, command_text, follow, renumber
 
 LIMIT = 20
@@ -136,11 +136,17 @@ def _renumbered_line(line: str, ids: Renumbering) -> str:
     verdict = _VERDICT.fullmatch(line)
     command = read_command(verdict[1] if verdict else line)
     if command is None:
-        return _BLOCK.sub(lambda found: _label(int(found[1]), found[2] or "", ids), line)
+        return _renumbered_blocks(line, ids)
     words = "".join(map(str, renumber(command_text(command), ids)))
     if verdict is None:
-        return words
+        changed = line.partition("//")[2] if isinstance(command, TELLING) else ""
+        return words + (f"  //{_renumbered_blocks(changed, ids)}" if changed else "")
     return f"{words}: {verdict[2]}" + (f" ({verdict[3]})" if verdict[3] else "")
+
+
+def _renumbered_blocks(text: str, ids: Renumbering) -> str:
+    """A sentence that calls blocks `block 3` or `block 3 (Log)`."""
+    return _BLOCK.sub(lambda found: _label(int(found[1]), found[2] or "", ids), text)
 
 
 def _label(block: int, name: str, ids: Renumbering) -> str:

@@ -31,7 +31,7 @@ STEPS = "Modification Steps"
 _KEEP = f"to keep the machine, leave <{STEPS}> empty"
 _ONLY_CONTROLS = (
     "The blocks have changed, but only the controls may change between trials: use only the "
-    "commands Control and Uncontrol."
+    "commands Control, Uncontrol and Set."
 )
 TRIED_STAGES = ("initial", "blind_refinement")
 """Stages whose machines get all trials of the task."""
@@ -78,7 +78,7 @@ class Refinement:
     description: str
     """The edit in the refiner's words."""
     script: str = ""
-    """The edit commands; "" for a whole machine or no change."""
+    """The edit commands, with what they have changed; "" for a whole machine or no change."""
     ids: Renumbering = field(default_factory=dict)
     """Ids of the given machine and names in the script -> ids of the new machine."""
 
@@ -152,7 +152,7 @@ def _read_script(found: Mapping[str, str], given: RefinerInput, script: str) -> 
         return Parsed(None, problem, code, spatial=False if code in GEOMETRIC else None)
     ids = renumbering(given.machine, outcome.id_map, outcome.names)
     report = check(outcome.machine, given.brief)
-    return _judge(found, given, outcome.machine, report, script, ids)
+    return _judge(found, given, outcome.machine, report, outcome.annotated, ids)
 
 
 def _read_machine(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:

@@ -38,10 +38,16 @@ def driven_types(types: Mapping[int, int]) -> dict[int, Group]:
 
 def control_text(control: Control) -> str:
     """A control as the command that adds it."""
-    target = control.target
-    blocks = target if isinstance(target, str) else ", ".join(map(str, target))
+    blocks = control.target if isinstance(control.target, str) else comma_list(control.target)
     at, lasts, level = map(shorten, (control.at, control.lasts, control.level))
     return f"Control {blocks} at {at} for {lasts} level {level}"
+
+
+def target_text(control: Control) -> str:
+    """What a control drives, in a sentence: "block 3, block 4" or "motors"."""
+    if isinstance(control.target, str):
+        return control.target.replace("_", " ")
+    return comma_list(f"block {block}" for block in control.target)
 
 
 def blocks_of(control: Control, driven: Mapping[int, Group]) -> tuple[int, ...]:

@@ -31,8 +31,8 @@ TOOLS = (
     BenchTool.of(
         designing.edit,
         label="Revise",
-        with_controls=" Two commands change the controls: `Control IDS-OR-GROUP at S for S level "
-        "LEVEL` and `Uncontrol NUMBER`.",
+        with_controls=" Three commands change the controls: `Control IDS-OR-GROUP at S for S level "
+        "LEVEL`, `Uncontrol NUMBER` and `Set NUMBER at S for S level LEVEL` with what changes.",
     ),
     BenchTool.of(measuring.simulate, needs="simulations"),
     BenchTool.of(measuring.query, needs="simulations", label="Query"),

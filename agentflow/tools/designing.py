@@ -79,12 +79,14 @@ async def describe(call: Call, machine: str, short: bool = False) -> ToolResult:
 
 
 async def edit(call: Call, machine: str, script: str) -> ToolResult:
-    """Edit a machine with Add, Remove and Move commands, all or nothing; the result is a new one.
+    """Edit a machine by commands, all or nothing; the result is a new one.
 
     Args:
         machine: Name of the machine to edit, which stays as it is.
         script: One command per line: `Add TYPE to ID in FACE`, `Remove ID`, `Move ID to ID in
-            FACE`; for two-ended blocks `Add TYPE to ID in FACE to ID in FACE`.
+            FACE`, `Replace ID with TYPE`, `Mirror ID` (or a side: x+, x-); for two-ended blocks
+            `Add TYPE to ID in FACE to ID in FACE` and `Move ID end a to ID in FACE` (or b). FACE
+            is a number or where the face looks, such as x+.
     """
     workspace = call.workspace
     known = workspace.machines.find(machine)
@@ -105,6 +107,7 @@ async def edit(call: Call, machine: str, script: str) -> ToolResult:
         "parent": known.name,
         "id_map": {str(old): new for old, new in outcome.id_map.items()},
         "names": outcome.names,
+        "changes": outcome.changes,
     }
     return ToolResult(f"{made.text}\nChanges from {known.name}: {_difference(outcome)}", data)
 
@@ -172,7 +175,7 @@ def _shorten(items: Any) -> str:
 
 
 def _difference(outcome: EditOutcome) -> str:
-    """Which blocks an edit added, removed and renumbered."""
+    """Which blocks an edit added, removed and renumbered, and what else it changed."""
     names = {block: name for name, block in outcome.names.items()}
     kept = {new for new in outcome.id_map.values() if new is not None}
     added = [step for step in outcome.machine if step.id not in kept]
@@ -184,6 +187,7 @@ def _difference(outcome: EditOutcome) -> str:
         parts.append(f"added {', '.join(told)}")
     parts += [f"removed {', '.join(gone)}"] if gone else []
     parts += [f"renumbered: {', '.join(moved)}"] if moved else []
+    parts += outcome.changes
     return "; ".join(parts) + "."
 
 

@@ -268,9 +268,10 @@ def test_a_line_that_is_not_a_command_is_an_error(line: str) -> None:
         "bad_format",
         "not a command; the commands are: Add [type] to [id] in [face]; "
         "Add [type] to [id_a] in [face_a] to [id_b] in [face_b]; Remove [id]; "
-        "Move [id] to [new_parent] in [new_face]; an Add line may end in 'as NAME', and later "
-        "lines may use the name in place of an id; names consist of letters, digits and "
-        "underscores",
+        "Move [id] to [new_parent] in [new_face]; "
+        "Move [id] end [a or b] to [new_parent] in [new_face]; Replace [id] with [type]; "
+        "Mirror [id, x+ or x-]; an Add line may end in 'as NAME', and later lines may use the "
+        "name in place of an id; names consist of letters, digits and underscores",
     )
 
 
@@ -288,7 +289,8 @@ def test_two_ended_blocks_cannot_be_moved() -> None:
     machine = build((1, 0, 0), (9, 0, 4, 1, 5))
     assert failure(machine, "Move 2 to 0 in 1") == (
         "two_ended",
-        "block 2 (Spring) is two-ended and cannot be moved; remove it and add a new one",
+        "block 2 (Spring) is two-ended and cannot be moved; move one of its ends, as in "
+        "'Move 2 end a to 0 in 4'",
     )
 
 

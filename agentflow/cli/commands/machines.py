@@ -81,7 +81,7 @@ def edit(
     ] = False,
     as_json: options.Json = False,
 ) -> None:
-    """Edit a machine with a script of Add, Remove and Move commands.
+    """Edit a machine with a script of commands, such as Add, Move and Replace.
 
     If one command fails, the machine stays unchanged.
     """

@@ -77,7 +77,8 @@ def show_edit(outcome: Data, out: Path | None = None) -> None:
     for step in outcome["steps"]:
         console.print(f"{step['verdict']}: {step['text']}")
         if step["reason"]:
-            console.print(f"  {step['code']}: {step['reason']}")
+            code = f"{step['code']}: " if step["code"] else ""
+            console.print(f"  {code}{step['reason']}")
     console.print(outcome["outcome"])
     if outcome["outcome"] == "success":
         console.print(json.dumps(outcome["machine"]) if out is None else f"machine: {out}")

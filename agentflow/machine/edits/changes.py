@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 from agentflow.machine.brief import Brief
+from agentflow.machine.edits.commands import Side
 from agentflow.machine.edits.draft import Draft, End
-from agentflow.machine.geometry.placement import face_at, place
+from agentflow.machine.geometry.placement import face_at, place, place_step
 from agentflow.machine.geometry.pose import Placed, Units3
 from agentflow.machine.problems import Problem, RefusedEdit, block_label
 from agentflow.machine.tree import Machine, carried_by
@@ -55,24 +56,51 @@ def copy(draft: Draft, block: int, to: End) -> int:
 
 
 def mirror(draft: Draft, block: int) -> int:
-    """Add the mirror image of a block and of what it carries, left and right of the root exchanged.
+    """Add the mirror images of a block and of what it carries; the first of them."""
+    return min(add_images(draft, block).values())
 
-    Refused if what it is attached to has no mirror image.
+
+def add_images(draft: Draft, what: int | Side) -> dict[int, int]:
+    """Add mirror images, x+ and x- of the root exchanged: block -> its new image.
+
+    The plane is x = 0 through the middle of the root. A block that has its image already, a block
+    of its type there, gets no other. Refused if what a block is attached to has no image, and if
+    there is nothing to add. Controls stay as they are.
+
+    Args:
+        draft: What gets the images.
+        what: A block, with all that it carries; or a side, with every block whose middle is there.
     """
-    if block == 0:
+    if what == 0:
         reason = "the root is its own mirror image; choose a block that it holds"
         raise RefusedEdit("not_mirrored", reason)
     placed = {item.id: item for item in draft.geometry.blocks}
     images = {old: placed[new] for old, new in _images(placed).items()}
-    first = draft.next_id
-    for old in carried_by(draft.steps.values(), block):
+    if isinstance(what, int):
+        blocks = carried_by(draft.steps.values(), what)
+    else:
+        sign = 1 if what == "x+" else -1
+        blocks = [id_ for id_, b in placed.items() if sign * (b.lo[0] + b.hi[0]) > 0]
+    added = {}
+    for old in blocks:
+        if old in images:
+            continue
         ends = [
             _image_of_face(placed[parent], face, images)
             for parent, face in placed[old].step.attachments
         ]
-        image = draft.attach(placed[old].type, ends).id
-        images[old] = draft.geometry[image]
-    return first
+        try:
+            step = draft.attach(placed[old].type, ends)
+        except RefusedEdit as refused:
+            reason = f"for the mirror image of {placed[old].label}: {refused.reason}"
+            raise RefusedEdit(refused.code, reason) from None
+        images[old] = placed[step.id] = place_step(step, placed)
+        added[old] = step.id
+    if not added:
+        which = "every block there" if isinstance(what, str) else "the block and what it carries"
+        reason = f"Mirror {what} adds nothing: {which} has its mirror image already"
+        raise RefusedEdit("no_change", reason)
+    return added
 
 
 @dataclass(frozen=True)
@@ -141,12 +169,16 @@ def _problems(draft: Draft) -> list[Problem]:
 
 def _images(placed: Mapping[int, Placed]) -> dict[int, int]:
     """Block -> the block that stands where its mirror image would."""
-    where = {(item.type, item.lo, item.hi, item.at): item.id for item in placed.values()}
+    where = {
+        (item.type, item.lo, item.hi, frozenset((item.at, item.far))): item.id
+        for item in placed.values()
+    }
     found = {}
     for item in placed.values():
         lo, hi = (-item.hi[0], *item.lo[1:]), (-item.lo[0], *item.hi[1:])
-        other = where.get((item.type, lo, hi, _flip(item.at)))
-        if other is not None and not item.two_ended:
+        ends = frozenset((_flip(item.at), item.far and _flip(item.far)))
+        other = where.get((item.type, lo, hi, ends))
+        if other is not None:
             found[item.id] = other
     return found
 
@@ -157,9 +189,9 @@ def _image_of_face(parent: Placed, face: int, images: Mapping[int, Placed]) -> E
     if image is None or image.shape is None or parent.shape is None:
         reason = f"{parent.label} has no mirror image to attach to; mirror it first"
         raise RefusedEdit("not_mirrored", reason)
-    wanted = _flip(face_at(parent, face))
+    wanted = _flip(face_at(parent, face)), _flip(parent.shape.faces[face].facing.front)
     for candidate in image.shape.faces:
-        if face_at(image, candidate.id) == wanted:
+        if (face_at(image, candidate.id), candidate.facing.front) == wanted:
             return image.id, candidate.id
     reason = f"{parent.label} has no face where the mirror image of its face {face} is"
     raise RefusedEdit("not_mirrored", reason)

@@ -5,17 +5,22 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, cast
 
 GRAMMAR = (
     "Add [type] to [id] in [face]",
     "Add [type] to [id_a] in [face_a] to [id_b] in [face_b]",
     "Remove [id]",
     "Move [id] to [new_parent] in [new_face]",
+    "Move [id] end [a or b] to [new_parent] in [new_face]",
+    "Replace [id] with [type]",
+    "Mirror [id, x+ or x-]",
 )
 """The commands, as shown to models."""
 CONTROL_GRAMMAR = (
     "Control [ids or group] at [s] for [s] level [level]",
     "Uncontrol [number]",
+    "Set [number] at [s] for [s] level [level]",
 )
 """Those for machines with control programs."""
 NAMING = (
@@ -26,17 +31,32 @@ NAMING = (
 
 Ref = int | str
 """A block: its id, or the name that an earlier line of the script gives it, in lower case."""
+Face = int | str
+"""A face of a block: its id, or where it looks and then where it lies, as `face_towards` takes it:
+`x+`, `x+z-`."""
+Side = Literal["x+", "x-"]
+"""A side of the plane x = 0 through the middle of the root."""
+Quantity = Literal["at", "for", "level"]
+"""What a control entry says of its blocks, besides which they are."""
 
 _NUMBER = r" ?\[? ?(-?[0-9]{1,9}) ?\]? ?"
 _WORD = r"(?<=[ \[])[0-9]{0,9}[a-z_][a-z0-9_]{0,79}(?=[ \]]|$)"
 _REF = rf" ?\[? ?(-?[0-9]{{1,9}}|{_WORD}) ?\]? ?"
 _NAME = r" ?\[? ?((?<=[ \[])[^ \[\]]{1,80}) ?\]? ?"
-_END = f"to{_REF}in{_NUMBER}"
+_AXIS = r"[xyz][+-]"
+_FACE = rf" ?\[? ?(-?[0-9]{{1,9}}|{_AXIS}(?: ?{_AXIS}){{0,2}}) ?\]? ?"
+_END = f"to{_REF}in{_FACE}"
 _ADD = re.compile(f"add{_NUMBER}{_END}(?:{_END})?(?:as{_NAME})?")
 _REMOVE = re.compile(f"remove{_REF}")
-_MOVE = re.compile(f"move{_REF}{_END}")
+_MOVE = re.compile(rf"move{_REF}(?:end ?\[? ?([ab]) ?\]? )?{_END}")
+_REPLACE = re.compile(f"replace{_REF}with{_NUMBER}")
+_MIRROR = re.compile(rf"mirror(?: ?\[? ?(x[+-]) ?\]? ?|{_REF})")
+_FACE_AT = re.compile(f"face{_FACE}at{_REF}(?= |$)")
 _DECIMAL = r"(-?[0-9]{0,6}\.?[0-9]{0,9}) ?s?"
 _CONTROL = re.compile(rf"control (.{{1,800}}) at {_DECIMAL} for {_DECIMAL} level {_DECIMAL}")
+_CHANGE = r" (at|for|level) (-?[0-9]{0,6}\.?[0-9]{0,9})(?: ?s)?"
+_SET = re.compile(rf"set (-?[0-9]{{1,9}})((?:{_CHANGE}){{1,3}})")
+_QUANTITY = re.compile(_CHANGE)
 _UNCONTROL = re.compile(r"uncontrol (-?[0-9]{1,9})")
 _TARGET = re.compile(r"-?[0-9]{1,9}|[0-9]{0,9}[a-z_][a-z0-9_]{0,79}")
 _NUMBERING = re.compile(
@@ -49,7 +69,7 @@ class Add:
     """Adds a block on one face, or between two."""
 
     type: int
-    ends: tuple[tuple[Ref, int], ...]
+    ends: tuple[tuple[Ref, Face], ...]
     """One or two (parent, face) pairs."""
     name: str = ""
     """As written, in lower case; "" if it gets none."""
@@ -64,11 +84,29 @@ class Remove:
 
 @dataclass(frozen=True)
 class Move:
-    """Moves a block, with everything attached to it, to another face."""
+    """Moves a block, with everything attached to it, or one end of it, to another face."""
 
     block: Ref
     parent: Ref
-    face: int
+    face: Face
+    end: Literal["", "a", "b"] = ""
+    """The end of a two-ended block that moves; "" for a block with one."""
+
+
+@dataclass(frozen=True)
+class Replace:
+    """Gives a block another type; what is attached to it stays."""
+
+    block: Ref
+    type: int
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """Adds the mirror image of a block and of what it carries, or of all blocks of a side."""
+
+    what: Ref | Side
+    """A block, or the side that is copied."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +123,16 @@ class AddControl:
 
 
 @dataclass(frozen=True)
+class SetControl:
+    """Changes numbers of an entry of the control program."""
+
+    number: int
+    """Its place in the program of the given machine, from 0."""
+    values: tuple[tuple[Quantity, float], ...]
+    """The new numbers; those that are not named stay."""
+
+
+@dataclass(frozen=True)
 class RemoveControl:
     """Removes an entry of the control program."""
 
@@ -92,7 +140,10 @@ class RemoveControl:
     """Its place in the program of the given machine, from 0."""
 
 
-Command = Add | Remove | Move | AddControl | RemoveControl
+TELLING = (Replace, Mirror, SetControl, RemoveControl)
+"""Those whose verdict says what they have changed, as their lines do not."""
+ControlCommand = AddControl | SetControl | RemoveControl
+Command = Add | Remove | Move | Replace | Mirror | ControlCommand
 
 
 def script_lines(script: str) -> list[str]:
@@ -114,22 +165,31 @@ def read_command(line: str) -> Command | None:
     plain = " ".join(line.partition("//")[0].replace("`", "").replace("*", "").split()).lower()
     numbering = _NUMBERING.match(plain)
     plain = plain[numbering.end() if numbering else 0 :].rstrip(" .;,")
+    if "face" in plain:
+        plain = " ".join(_FACE_AT.sub(r" \2 in \1 ", plain).split())
     if match := _ADD.fullmatch(plain):
         kind, *ends, name = match.groups()
         pairs = zip(ends[::2], ends[1::2], strict=True)
-        placed = tuple((_ref(ref), int(face)) for ref, face in pairs if ref is not None)
+        placed = tuple((_ref(ref), _face(face)) for ref, face in pairs if ref is not None)
         return Add(int(kind), placed, name or "")
     if match := _REMOVE.fullmatch(plain):
         return Remove(_ref(match[1]))
     if match := _MOVE.fullmatch(plain):
-        return Move(_ref(match[1]), _ref(match[2]), int(match[3]))
+        end = cast('Literal["", "a", "b"]', match[2] or "")
+        return Move(_ref(match[1]), _ref(match[3]), _face(match[4]), end)
+    if match := _REPLACE.fullmatch(plain):
+        return Replace(_ref(match[1]), int(match[2]))
+    if match := _MIRROR.fullmatch(plain):
+        return Mirror(match[1] or _ref(match[2]))
     return _read_control(" ".join(re.sub(r"[\[\]]", " ", plain).split()))
 
 
-def _read_control(plain: str) -> AddControl | RemoveControl | None:
-    """The command of a line without brackets that begins with Control or Uncontrol."""
+def _read_control(plain: str) -> ControlCommand | None:
+    """The command of a line without brackets that begins with Control, Set or Uncontrol."""
     if match := _UNCONTROL.fullmatch(plain):
         return RemoveControl(int(match[1]))
+    if match := _SET.fullmatch(plain):
+        return _read_set(int(match[1]), _QUANTITY.findall(match[2]))
     match = _CONTROL.fullmatch(plain)
     words = [word for word in re.split(r"[, ]+", match[1]) if word] if match else []
     if match is None or not words or not all(map(_TARGET.fullmatch, words)):
@@ -139,6 +199,18 @@ def _read_control(plain: str) -> AddControl | RemoveControl | None:
     except ValueError:
         return None
     return AddControl(tuple(map(_ref, words)), at, lasts, level)
+
+
+def _read_set(number: int, written: Sequence[tuple[str, str]]) -> SetControl | None:
+    try:
+        values = {cast("Quantity", name): float(value) for name, value in written}
+    except ValueError:
+        return None
+    return SetControl(number, tuple(values.items())) if len(values) == len(written) else None
+
+
+def _face(text: str) -> Face:
+    return int(text) if text.lstrip("-").isdigit() else text.replace(" ", "")
 
 
 def _ref(text: str) -> Ref:

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from math import dist
+from typing import Literal
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.blocks.types import Group
 from agentflow.machine.brief import Brief
-from agentflow.machine.controls import (
-    MAX_CONTROLS,
-    entry_problems,
-    window_problem,
-)
-from agentflow.machine.edits.commands import AddControl
-from agentflow.machine.formats.control_json import to_precision
+from agentflow.machine.edits.program import Program
 from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.placement import Geometry, place
+from agentflow.machine.geometry.pose import FACINGS, ShapeFace
 from agentflow.machine.problems import (
     Problem,
     RefusedEdit,
@@ -25,83 +21,13 @@ from agentflow.machine.problems import (
     face_problem,
     type_problem,
 )
-from agentflow.machine.space import ANYWHERE, spatial_problems
-from agentflow.machine.tree import Control, Machine, Step, carried_by, renumber
+from agentflow.machine.space import ANYWHERE, MAX_FACES, spatial_problems
+from agentflow.machine.tree import Machine, Step, carried_by, renumber
 from agentflow.machine.validity import budget_problems
 
 NO_CONTROLS = "this task switches all blocks by its own schedule; remove the line"
 End = tuple[int, int]
 """A block and one of its faces."""
-
-
-class Program:
-    """Entries by their number in the given machine; new ones get the numbers that follow."""
-
-    def __init__(self, controls: tuple[Control, ...]) -> None:
-        self._entries = dict(enumerate(controls))
-        self._given = self._next = len(controls)
-
-    @property
-    def controls(self) -> tuple[Control, ...]:
-        """The entries in order."""
-        return tuple(self._entries.values())
-
-    def add(
-        self,
-        target: tuple[int, ...] | Group,
-        command: AddControl,
-        steps: Collection[Step],
-        window: float | None,
-    ) -> None:
-        """Add an entry; raise `RefusedEdit` if it is wrong.
-
-        Args:
-            target: The blocks or the group that the command names.
-            command: The rest of the entry.
-            steps: The machine as it is now.
-            window: Latest end of a control, s; None: any.
-        """
-        target = target if isinstance(target, str) else tuple(dict.fromkeys(target))
-        numbers = map(to_precision, (command.at, command.lasts, command.level))
-        control = Control(target, *numbers)
-        if len(self._entries) >= MAX_CONTROLS:
-            reason = f"a machine can have at most {MAX_CONTROLS} controls: Uncontrol others first"
-            raise RefusedEdit("too_many_controls", reason)
-        problems = list(entry_problems(self._next, control, steps))
-        problems += window_problem(self._next, control, window)
-        for problem in problems[:1]:
-            raise RefusedEdit(problem.code, problem.message)
-        self._entries[self._next] = control
-        self._next += 1
-
-    def remove(self, number: int) -> None:
-        """Remove an entry of the given machine; raise `RefusedEdit` if it is not there."""
-        if not 0 <= number < self._given:
-            known = f"the controls are 0 to {self._given - 1}" if self._given else "it has none"
-            raise RefusedEdit("control_not_found", f"the machine has no control {number}; {known}")
-        if number not in self._entries:
-            reason = f"control {number} was removed earlier in this script"
-            raise RefusedEdit("control_not_found", reason)
-        del self._entries[number]
-
-    def forget(self, block: int) -> None:
-        """Let no entry name a removed block; one that names no other goes with it."""
-        for number, control in list(self._entries.items()):
-            if isinstance(control.target, tuple) and block in control.target:
-                left = tuple(other for other in control.target if other != block)
-                self._entries[number] = replace(control, target=left)
-                if not left:
-                    del self._entries[number]
-
-    def require_groups(self, removed: int, steps: Collection[Step]) -> None:
-        """Raise `RefusedEdit` if a group that an entry drives lost its last block just now."""
-        for number, control in self._entries.items():
-            if isinstance(control.target, str) and any(entry_problems(number, control, steps)):
-                reason = (
-                    f"control {number} drives {control.target}, and block {removed} is the last "
-                    f"of them: first Uncontrol {number}"
-                )
-                raise RefusedEdit("control_group", reason)
 
 
 class Draft:
@@ -154,24 +80,150 @@ class Draft:
     def reattach(self, block: int, to: End) -> None:
         """Attach a block, with everything attached to it, to another face."""
         moved = self.movable(block)
+        self._require_new_place(moved, (moved.parent, moved.face_id), to)
+        self._require_free(to)
+        self._reattach(replace(moved, parent=to[0], face_id=to[1]), to[0])
+
+    def reattach_end(self, block: int, end: Literal["a", "b"], to: End) -> None:
+        """Attach one end of a two-ended block to another face."""
+        moved = self.editable(block, "moved")
+        if not moved.two_ended:
+            what = f"{block_label(block, moved.type)} has no end {end}"
+            raise RefusedEdit("two_ended", f"{what}: write Move without 'end {end}'")
         parent, face = to
-        carried = carried_by(self.steps.values(), block)
+        if end == "a":
+            new = replace(moved, parent=parent, face_id=face)
+        else:
+            new = replace(moved, parent_b=parent, face_id_b=face)
+        self._require_new_place(moved, moved.attachments["ab".index(end)], to)
+        self._reattach(new, parent)
+
+    def _require_new_place(self, moved: Step, place: End, to: End) -> None:
+        parent, face = to
+        block, carried = moved.id, carried_by(self.steps.values(), moved.id)
         if parent in carried:
             reason = f"block {block} carries block {parent}; choose a parent that it does not carry"
             raise RefusedEdit("parent_not_earlier", reason)
         self._require_face(to)
-        if to == (moved.parent, moved.face_id):
+        if to == place:
             reason = f"block {block} is already on face {face} of block {parent}"
             raise RefusedEdit("no_change", reason)
-        self._require_free(to)
-        self.steps[block] = replace(moved, parent=parent, face_id=face)
+
+    def _reattach(self, moved: Step, parent: int) -> None:
+        """Put a block in its place that has a new parent."""
+        block, carried = moved.id, carried_by(self.steps.values(), moved.id)
+        self.steps[block] = moved
         order = list(self.steps)
         if order.index(parent) > order.index(block):
             for id_ in carried:  # to the end, so that parents come first
                 self.steps[id_] = self.steps.pop(id_)
 
+    def retype(self, block: int, kind: int) -> str:
+        """Give a block another type; what has changed, in words.
+
+        What is attached to it stays on the face at the same place; if there is none, on the
+        nearest face that looks the same way and is free, the one with the lowest id. Refused if
+        there is none.
+        """
+        old = self.editable(block, "replaced")
+        fault = type_problem(kind, self._allowed, two_ended=old.two_ended)
+        if fault is not None:
+            raise RefusedEdit(*fault)
+        if kind == old.type:
+            label = block_label(block, kind)
+            raise RefusedEdit("no_change", f"{label} has type {kind} already: remove the line")
+        faces = self._kept_faces(old, kind)
+        said = [f"{block_label(block, old.type)} -> {library()[kind].label}"]
+        for step in list(self.steps.values()):
+            if block in step.parents:
+                a, *b = (
+                    faces[step.id, n] if parent == block else face
+                    for n, (parent, face) in enumerate(step.attachments)
+                )
+                new = replace(step, face_id=a, face_id_b=b[0] if b else None)
+                said += [] if new == step else [_moved_faces(block, step, new)]
+                self.steps[step.id] = new
+        self.steps[block] = replace(old, type=kind)
+        group, before = library()[kind].group, library()[old.type].group
+        if group is None:
+            named = self.program.naming(block)
+            said += [f"control {number} no longer names it" for number in named]
+            self.program.forget(block)
+        if group != before:
+            self.program.require_groups(block, self.steps.values())
+        return "; ".join(said)
+
+    def _kept_faces(self, old: Step, kind: int) -> dict[tuple[int, int], int]:
+        """(id, 0 or 1 for its end) of what is attached to a block -> face of its new type."""
+        here, there = library()[old.type].faces, library()[kind]
+        kept: dict[tuple[int, int], int] = {}
+        taken: set[int] = set()
+        attached = [
+            (step.two_ended, step, number, face)
+            for step in self.steps.values()
+            for number, (parent, face) in enumerate(step.attachments)
+            if parent == old.id
+        ]
+        found = {
+            (step.id, number): [
+                (dist(other.position, here[face].position), other.id)
+                for other in there.faces
+                if other.id in there.open_faces and other.direction == here[face].direction
+            ]
+            for _, step, number, face in attached
+        }
+        # Blocks that keep their place choose before those that do not, and before two-ended ones,
+        # which need no free face.
+        attached.sort(key=lambda item: (item[0], min(found[item[1].id, item[2]], default=(9.0, 0))))
+        for two_ended, step, number, face in attached:
+            free = [pair for pair in found[step.id, number] if two_ended or pair[1] not in taken]
+            if not free:
+                word = here[face].direction
+                label = block_label(step.id, step.type)
+                reason = (
+                    f"{label} is on face {face} ({word}) of block {old.id}, and {there.label} has "
+                    f"no free face {word}: move or remove block {step.id} first"
+                )
+                raise RefusedEdit("face_not_found", reason)
+            kept[step.id, number] = min(free)[1]
+            if not two_ended:
+                taken.add(kept[step.id, number])
+        return kept
+
+    def face_towards(self, block: int, directions: str) -> int:
+        """The face of a block that looks along an axis of the machine frame.
+
+        Refused unless there is exactly one.
+
+        Args:
+            block: The block.
+            directions: Where the face looks, such as `x+`; then, if several look there, where it
+                lies: of those of `x+z-`, the one furthest to z-.
+        """
+        placed = self.geometry[block]
+        looking, *lying = (directions[at : at + 2] for at in range(0, len(directions), 2))
+        shape, closed = placed.shape, library()[placed.type].closed
+        faces = [face for face in (shape.faces if shape else ()) if face.id not in closed]
+        found = [face for face in faces if face.facing.name == looking]
+        if not found:
+            ways = comma_list(f"{face.id} {face.facing.name}" for face in faces[:MAX_FACES])
+            reason = f"no face of {placed.label} looks along {looking}; its faces look: {ways}"
+            raise RefusedEdit("face_not_found", reason)
+        for way in lying:
+            furthest = max(_along(face, way) for face in found)
+            found = [face for face in found if _along(face, way) == furthest]
+        if len(found) > 1:
+            ids = comma_list(face.id for face in found[:MAX_FACES])
+            apart = next(way for way in FACINGS if len({_along(face, way) for face in found}) > 1)
+            reason = (
+                f"faces {ids} of {placed.label} look along {directions}: choose one by its number, "
+                f"or say where it lies, as in {directions}{apart}"
+            )
+            raise RefusedEdit("ambiguous_face", reason)
+        return found[0].id
+
     def editable(self, block: int, done: str) -> Step:
-        """A block that can be `done` (removed or moved); refuses those that stay."""
+        """A block that can be `done` (removed, moved, replaced); refuses those that stay."""
         if block == 0:
             raise RefusedEdit("starting_block", f"block 0, the Starting Block, cannot be {done}")
         if block < self._given:
@@ -183,7 +235,8 @@ class Draft:
         moved = self.editable(block, "moved")
         if moved.two_ended:
             what = f"{block_label(block, moved.type)} is two-ended and cannot be moved"
-            raise RefusedEdit("two_ended", f"{what}; remove it and add a new one")
+            how = f"move one of its ends, as in 'Move {block} end a to 0 in 4'"
+            raise RefusedEdit("two_ended", f"{what}; {how}")
         return moved
 
     @property
@@ -222,3 +275,15 @@ class Draft:
                     f"{comma_list(self.geometry.free_faces(parent))}"
                 )
                 raise RefusedEdit("face_occupied", reason)
+
+
+def _along(face: ShapeFace, way: str) -> int:
+    """How far a face lies along a direction, in units."""
+    return sum(a * b for a, b in zip(face.offset, FACINGS[way].front, strict=True))
+
+
+def _moved_faces(parent: int, before: Step, after: Step) -> str:
+    """Which faces of a parent a block changed."""
+    pairs = zip(before.attachments, after.attachments, strict=True)
+    changed = (f"{a[1]} to {b[1]}" for a, b in pairs if a != b)
+    return f"block {before.id}: face {comma_list(changed)} of block {parent}"

@@ -5,7 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.edits.commands import AddControl, Command, Move, Ref, Remove, RemoveControl
+from agentflow.machine.edits.commands import (
+    AddControl,
+    Command,
+    Mirror,
+    Move,
+    Ref,
+    Remove,
+    RemoveControl,
+    Replace,
+    SetControl,
+)
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
@@ -65,7 +75,15 @@ def command_text(command: Command) -> Text:
     if isinstance(command, Remove):
         return ("Remove ", command.block)
     if isinstance(command, Move):
-        return ("Move ", command.block, " to ", command.parent, f" in {command.face}")
+        end = f" end {command.end}" if command.end else ""
+        return ("Move ", command.block, f"{end} to ", command.parent, f" in {command.face}")
+    if isinstance(command, Replace):
+        return ("Replace ", command.block, f" with {command.type}")
+    if isinstance(command, Mirror):
+        return ("Mirror ", command.what)
+    if isinstance(command, SetControl):
+        numbers = (f" {name} {value:g}" for name, value in command.values)
+        return (f"Set {command.number}", *numbers)
     if isinstance(command, RemoveControl):
         return (f"Uncontrol {command.number}",)
     if isinstance(command, AddControl):

@@ -11,6 +11,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import Group
 from agentflow.machine.brief import Brief
 from agentflow.machine.controls import GROUPS
+from agentflow.machine.edits.changes import add_images
 from agentflow.machine.edits.commands import (
     CONTROL_GRAMMAR,
     GRAMMAR,
@@ -18,20 +19,25 @@ from agentflow.machine.edits.commands import (
     Add,
     AddControl,
     Command,
+    ControlCommand,
+    Face,
+    Mirror,
     Move,
     Ref,
     Remove,
     RemoveControl,
+    Replace,
+    SetControl,
     read_command,
     script_lines,
 )
-from agentflow.machine.edits.draft import NO_CONTROLS, Draft
+from agentflow.machine.edits.draft import NO_CONTROLS, Draft, End
 from agentflow.machine.problems import RefusedEdit, comma_list
 from agentflow.machine.tree import Machine
 
 MAX_NAME = 32
 """Most characters of a name."""
-_WORDS = frozenset({"add", "remove", "move", "to", "in", "as"})
+_WORDS = frozenset({"add", "remove", "move", "to", "in", "as", "end", "replace", "with", "mirror"})
 """Words of the commands, which cannot be names."""
 _EXAMPLE = "Add 63 to 3 in 0 as a"
 MAX_COMMANDS = 500
@@ -92,7 +98,8 @@ class StepVerdict:
     code: str = ""
     """Kind of error, or `no_change` for an empty script; "" if there is nothing to say."""
     reason: str = ""
-    """One sentence that a model can act on; "" if there is nothing to say."""
+    """Of an error, one sentence that a model can act on; of a success, what it has changed besides
+    what the line says; "" if there is nothing to say."""
 
     def to_json(self) -> dict[str, str]:
         """The verdict as JSON data."""
@@ -111,6 +118,21 @@ class EditOutcome:
     """Id in the given machine -> id in `machine`; None for removed blocks."""
     names: dict[str, int | None] = field(default_factory=dict)
     """Name given by the script -> id in `machine`; None for blocks that it removed again."""
+
+    @property
+    def annotated(self) -> str:
+        """The lines of the script, each with what it has changed besides what it says."""
+        return "\n".join(
+            f"{step.text.partition('//')[0].rstrip()}  // {step.reason}"
+            if step.reason and not step.code
+            else step.text
+            for step in self.steps
+        )
+
+    @property
+    def changes(self) -> list[str]:
+        """What the lines have changed besides what they say themselves."""
+        return [step.reason for step in self.steps if step.reason and step.verdict == "Success"]
 
     def to_json(self) -> dict[str, object]:
         """The outcome as JSON data; `names` only if the script gives any."""
@@ -151,12 +173,12 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
     verdicts: list[StepVerdict] = []
     for line, command in zip(lines, commands, strict=True):
         try:
-            work.apply(command)
+            changed = work.apply(command)
         except RefusedEdit as refused:
             verdicts.append(StepVerdict(line, "Error", refused.code, refused.reason))
             verdicts += [StepVerdict(rest, "Unverified") for rest in lines[len(verdicts) :]]
             return EditOutcome(False, tuple(verdicts), machine, same)
-        verdicts.append(StepVerdict(line, "Success"))
+        verdicts.append(StepVerdict(line, "Success", reason=changed))
     return EditOutcome(True, tuple(verdicts), *work.finish())
 
 
@@ -183,20 +205,32 @@ class _Application:
         self._draft = draft
         self._names = _Names(commands)
 
-    def apply(self, command: Command | None) -> None:
-        """Apply one command; raise `RefusedEdit` if that is impossible."""
-        if isinstance(command, Add):
-            self._add(command)
-        elif isinstance(command, Remove):
-            self._remove(command)
-        elif isinstance(command, Move):
-            self._move(command)
-        elif command is not None and self._controlled:
-            self._control(command)
-        elif isinstance(command, AddControl | RemoveControl):
-            raise RefusedEdit("controls_not_allowed", NO_CONTROLS)
-        else:
+    def apply(self, command: Command | None) -> str:
+        """Apply one command; what it has changed, in words, if the command does not say so itself.
+
+        Raises `RefusedEdit` if it cannot be applied.
+        """
+        if command is None:
             raise _bad_format(*(CONTROL_GRAMMAR if self._draft.brief and self._controlled else ()))
+        if isinstance(command, AddControl | SetControl | RemoveControl):
+            if not self._controlled:
+                raise RefusedEdit("controls_not_allowed", NO_CONTROLS)
+            return self._control(command)
+        if isinstance(command, Add):
+            return self._add(command)
+        changed = self._change(command)
+        self._require_space("")
+        return changed
+
+    def _change(self, command: Remove | Move | Replace | Mirror) -> str:
+        if isinstance(command, Remove):
+            return self._remove(command)
+        if isinstance(command, Move):
+            return self._move(command)
+        if isinstance(command, Replace):
+            block = self._find(command.block, "block", "replaced")
+            return self._draft.retype(block, command.type)
+        return self._mirror(command)
 
     def finish(self) -> tuple[Machine, dict[int, int | None], dict[str, int | None]]:
         """The renumbered machine, and the maps from original ids and from names to its ids."""
@@ -204,8 +238,8 @@ class _Application:
         id_map = {old: new_ids.get(old) for old in range(self._draft.original)}
         return edited, id_map, {name: new_ids.get(id_) for name, id_ in self._names.given.items()}
 
-    def _add(self, command: Add) -> None:
-        ends = [(self._parent(ref), face) for ref, face in command.ends]
+    def _add(self, command: Add) -> str:
+        ends = [self._end(ref, face) for ref, face in command.ends]
         added = self._draft.attach(command.type, ends)
         for problem in self._draft.crowding:
             raise RefusedEdit(problem.code, f"with this block {problem.message} in an earlier line")
@@ -213,36 +247,60 @@ class _Application:
             self._names.give(command.name, added.id)
         label = f"{added.id} ({command.name})" if command.name else added.id
         self._require_space(f"with {library()[command.type].name} as new block {label}: ")
+        return ""
 
-    def _remove(self, command: Remove) -> None:
+    def _remove(self, command: Remove) -> str:
         block = self._find(command.block, "block", "removed")
         self._draft.detach(block)
         self._draft.program.require_groups(block, self._draft.steps.values())
-        self._require_space("")
+        return ""
 
-    def _move(self, command: Move) -> None:
-        block = self._draft.movable(self._find(command.block, "block", "moved")).id
-        parent = self._parent(command.parent)
+    def _mirror(self, command: Mirror) -> str:
+        what = command.what
+        if what not in ("x+", "x-"):
+            what = self._find(what, "block", "mirrored")
+        images = add_images(self._draft, what)
+        for problem in self._draft.crowding:
+            raise RefusedEdit(problem.code, f"with the mirror image {problem.message}")
+        added = comma_list(f"block {block}" for block in images)
+        return f"added the mirror image of {added}"
+
+    def _move(self, command: Move) -> str:
+        block = self._find(command.block, "block", "moved")
+        if not command.end:
+            self._draft.movable(block)
+        to = self._end(command.parent, command.face)
+        parent = to[0]
         if block <= parent < self._draft.original:
             reason = f"new parent {parent} does not come before block {block}"
             rule = "a parent must have a smaller id or be added by this script"
             raise RefusedEdit("parent_not_earlier", f"{reason}; {rule}")
-        self._draft.reattach(block, (parent, command.face))
-        self._require_space("")
+        if command.end:
+            self._draft.reattach_end(block, command.end, to)
+        else:
+            self._draft.reattach(block, to)
+        return ""
+
+    def _end(self, ref: Ref, face: Face) -> End:
+        parent = self._parent(ref)
+        return parent, face if isinstance(face, int) else self._draft.face_towards(parent, face)
 
     @property
     def _controlled(self) -> bool:
         """Whether the machine may have controls: without a task it may."""
         return self._draft.brief is None or self._draft.limits.controls is not None
 
-    def _control(self, command: AddControl | RemoveControl) -> None:
+    def _control(self, command: ControlCommand) -> str:
         draft = self._draft
         if isinstance(command, RemoveControl):
-            draft.program.remove(command.number)
-            return
+            return draft.program.remove(command.number)
+        steps, window = draft.steps.values(), draft.limits.controls
+        if isinstance(command, SetControl):
+            return draft.program.set(command.number, dict(command.values), steps, window)
         group = self._group_of(command.target)
         target = group or tuple(self._find(ref, "block", "controlled") for ref in command.target)
-        draft.program.add(target, command, draft.steps.values(), draft.limits.controls)
+        draft.program.add(target, command, steps, window)
+        return ""
 
     def _group_of(self, target: Sequence[Ref]) -> Group | None:
         """The group that words name; None if they name blocks."""
