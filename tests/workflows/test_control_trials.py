@@ -76,7 +76,7 @@ async def test_blocks_may_not_change_between_trials() -> None:
     result = await tried("single")
     refused = tried.notes.of("attempt")["refiner/initial/traj-1/try-2/attempt-1"]
     assert refused["code"] == "blocks_altered"
-    assert "use only the commands Control and Uncontrol" in refused["problem"]
+    assert "use only the commands Control, Uncontrol and Set" in refused["problem"]
     assert result.best is not None
     assert result.best.score == 0.8
 
