@@ -11,12 +11,10 @@ from agentflow.env.feedback.text import body_name
 from agentflow.env.joints import joint_angle, joint_speed, turns
 from agentflow.env.rollout import Array, Trace
 from agentflow.env.rotations import compose, conjugate
+from agentflow.env.scene import Body
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
-
-Body = int | str
-"""A block, or a moving object of the scene."""
 
 
 @dataclass(frozen=True)

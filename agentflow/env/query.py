@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from agentflow.env.constants import constants
 from agentflow.env.feedback.text import body_name, number, spacing
-from agentflow.env.properties import PROPERTIES, Body
+from agentflow.env.properties import PROPERTIES
 from agentflow.env.rollout import Array, Flags, Rollout, Trace
+from agentflow.env.scene import Body
 from agentflow.machine.tree import Machine
 
 MAX_QUERIES = 12

@@ -117,14 +117,15 @@ class Allowance:
         return cls("picture", "`look` without a time costs nothing", total, total)
 
     def take(self, number: int = 1) -> None:
-        """Use so many, or refuse."""
+        """Use this many, or refuse."""
         if number and self.left <= 0:
             raise RefusedCall(
                 f"all {self.total} {self.noun}s are used; the other tools still work, and "
                 f"{self.instead}"
             )
         if number > self.left:
-            raise RefusedCall(f"this takes {number} {self.noun}s, and {self.left} are left")
+            are = "is" if self.left == 1 else "are"
+            raise RefusedCall(f"this takes {number} {self.noun}s, and {self.left} {are} left")
         self.left -= number
 
     def give_back(self, number: int = 1) -> None:

@@ -90,6 +90,7 @@ class WorkflowContext:
         self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
         self._stages: list[Stage] = []
         self._opened = settings.trajectories
+        self._pooled = pooled(settings.search.strategy) is not None
         self._tried: dict[int, set[Machine]] = {}
         """Trajectory -> the machines that were simulated in it."""
         self._counts: dict[str, _Count] = {}
@@ -252,7 +253,7 @@ class WorkflowContext:
         no other; a search over the whole run deals them itself.
         """
         most, many = self.settings.max_simulations, self.settings.trajectories
-        if most is None or pooled(self.settings.search.strategy):
+        if most is None or self._pooled:
             return sys.maxsize
         share = most // many + (trajectory <= most % many)
         return share - len(self._tried.get(trajectory, ()))

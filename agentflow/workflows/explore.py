@@ -12,7 +12,7 @@ from agentflow.errors import BudgetSpentError
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.random import random_edit
 from agentflow.machine.tree import Machine
-from agentflow.runs.events import FLAWLESS
+from agentflow.runs.events import FLAWLESS, FirstAttempt
 from agentflow.runs.locations import FEEDBACK, INITIAL, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.elites.archive import Archive, Cell
@@ -173,7 +173,7 @@ async def _search(run: WorkflowContext, start: Candidate, rollouts: int) -> Cand
         start.trajectory,
         best.candidate.machine,
         best.evaluation,
-        first=emitters.refiners.first if asked else FLAWLESS,
+        first=emitters.refiners.first or FirstAttempt() if asked else FLAWLESS,
         edit=best.candidate.edit,
         search_cost=found.cost,
     )

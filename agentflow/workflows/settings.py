@@ -12,7 +12,7 @@ from agentflow.machine.tree import Machine
 from agentflow.search.settings import INDEPENDENT, SearchSettings
 
 Emitter = Literal["edit", "crossover", "refiner"]
-"""What makes new machines in the workflow `explore`."""
+"""What makes new machines from others."""
 Objective = Literal["score", "robust", "pareto"]
 
 

@@ -87,7 +87,6 @@ EXCEPTIONS = {
     "workflows/settings.py": "the settings' own names of emitters and switches",
     "workflows/single.py": "a setting, which is named as the role that it switches off",
     "workflows/explore.py": "an emitter, which is named as the role that it asks",
-    "workflows/stages/pooled.py": "arms of a search, which are named as the roles that they ask",
 }
 """Modules elsewhere that name a role in a string, and why."""
 

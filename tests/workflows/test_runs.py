@@ -2,7 +2,9 @@
 
 import random
 import re
+from collections import Counter
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -409,11 +411,38 @@ async def test_a_search_over_the_whole_run_uses_all_simulations(name: str, strat
         assert machines_of(run) == 30
 
 
-@pytest.mark.parametrize("strategy", [name for name in STRATEGIES if pooled(name)])
-async def test_a_search_over_the_whole_run_repeats_itself(strategy: str) -> None:
-    settings = {**MEDIUM, "max_simulations": 30}
-    settings["search"] = {**MEDIUM["search"], "strategy": strategy}  # type: ignore[dict-item]
-    runs = [Run(Author(seed=5), settings), Run(Author(seed=5), settings)]
-    found = [await run("iterative") for run in runs]
-    assert found[0].best == found[1].best
-    assert runs[0].shelf.tried == runs[1].shelf.tried
+@pytest.mark.parametrize("name", SEARCHING)
+async def test_a_search_over_the_whole_run_does_not_depend_on_the_order_of_answers(
+    name: str,
+) -> None:
+    """The same prompts under the same labels: several nodes of a trajectory grow at once."""
+    settings: dict[str, Any] = {**MEDIUM, "trajectories": 6, "max_simulations": 40}
+    settings |= {"emitters": ["refiner"], "search": {**MEDIUM["search"], "strategy": "ab-mcts"}}  # type: ignore[dict-item]
+    seen = []
+    for seed in range(4):
+        delays = random.Random(seed)
+        run = Run(Author(seed=4), settings, shelf=Shelf(delays=delays), delays=delays)
+        result = await run(name)
+        prompts = {request.label: request.messages for request in run.client.requests}
+        seen.append((result, run.notes.events, prompts))
+    assert all(item == seen[0] for item in seen)
+    rounds = Counter(label.rpartition("/node")[0] for kind, label in seen[0][1] if kind == "select")
+    assert max(rounds.values()) > 1, "no round has expanded two nodes of a trajectory"
+
+
+async def test_each_node_is_refined_with_its_own_history() -> None:
+    """Although other nodes of its trajectory are refined in the same round."""
+    settings: dict[str, Any] = {**MEDIUM, "trajectories": 6, "max_simulations": 40}
+    settings |= {"emitters": ["refiner"], "search": {**MEDIUM["search"], "strategy": "ab-mcts"}}  # type: ignore[dict-item]
+    run = Run(Author(seed=4), settings, delays=random.Random(0))
+    await run("iterative")
+    scripts = {label: data.get("script", "") for label, data in run.notes.of("attempt").items()}
+    checked = 0
+    for label in run.labels:
+        found = re.fullmatch(r"refiner/feedback/(traj-\d+)/round-\d+/(node-[1-9]\d*)/.*", label)
+        if found:
+            made = run.notes.of("node")[f"env_feedback/{found[1]}/{found[2]}"]["made_by"]
+            script = scripts[f"refiner/feedback/{found[1]}/{made}/attempt-1"]
+            assert script in run.prompt(label)
+            checked += 1
+    assert checked > 5

@@ -77,7 +77,7 @@ async def feedback_loop(
         candidate.trajectory,
         best.candidate.machine,
         best.evaluation,
-        first=candidate.first if nothing_to_do else trajectory.first,
+        first=candidate.first if nothing_to_do else trajectory.first or FirstAttempt(),
         edit=best.candidate.edit,
         search_cost=found.cost,
     )
@@ -93,8 +93,8 @@ class Trajectory:
         blueprint: Blueprint | None = None,
         model_role: str = "",
     ) -> None:
-        self.first = FirstAttempt()
-        """How far the first attempt of the search got."""
+        self.first: FirstAttempt | None = None
+        """How far the first attempt of the search got; None if no refiner was asked."""
         self.brief = run.brief
         """The task as refiners see it; a search may set an aim of its own."""
         self._run, self._blueprint, self._model_role = run, blueprint, model_role
@@ -104,10 +104,10 @@ class Trajectory:
         self._tried: dict[str, list[Attempt[Revision]]] = {}
         """Label of a revision -> attempts to refine it, over all its expansions."""
         self._evaluations: dict[Machine, Evaluation] = {}
-        self._history = History()
-        """Edit history of the node under expansion."""
-        self._views: tuple[str, ...] = ()
-        """Pictures of the machine of that node."""
+        self._first_label = ""
+        self._shown: dict[int, tuple[History, tuple[str, ...]]] = {}
+        """Id of a node under expansion -> its edit history and pictures of its machine. A search
+        over the whole run expands several nodes of a trajectory at once."""
 
     async def evaluate(self, revision: Revision, label: str) -> Evaluation:
         """Simulate a revision."""
@@ -125,9 +125,10 @@ class Trajectory:
         labels = labels[: max(0, self._run.left_in(self._number) - waiting)]
         if not labels:
             raise BudgetSpentError("the simulations of this trajectory are used up")
+        self._first_label = self._first_label or labels[0]
         if not earlier:
-            self._history = self._history_of(node)
-            self._views = await self._run.views(node.candidate.machine)
+            history = self._history_of(node)
+            self._shown[node.id] = history, await self._run.views(node.candidate.machine)
             if self._run.settings.asks_querier and node.id not in self._queried:
                 self._queried[node.id] = await self._inquire(node)
         given = self._given(node, earlier)
@@ -147,12 +148,12 @@ class Trajectory:
         )
         if outcome is None:
             return None
-        if (location.round, location.try_) == (1, 1):
+        if label == self._first_label:
             self.first = first_attempt_of(outcome)
         if outcome.output is None:
             return Attempt(label, None, failure_reason(outcome))
         edit = edit_record(outcome.output, node.evaluation)
-        revision = Revision(outcome.output.machine, edit, self._history, label)
+        revision = Revision(outcome.output.machine, edit, self._shown[node.id][0], label)
         return Attempt(label, revision, edit.script)
 
     def _location(self, name: str, label: str) -> Location:
@@ -160,18 +161,18 @@ class Trajectory:
         return replace(Location.parse(label), name=name, trajectory=self._number)
 
     def _given(self, node: Node[Revision], earlier: Sequence[Attempt[Revision]]) -> RefinerInput:
-        settings = self._run.settings
+        settings, (history, views) = self._run.settings, self._shown[node.id]
         return RefinerInput(
             **self._run.role_input | {"brief": self.brief},
             machine=node.candidate.machine,
             blueprint=None if node.candidate.is_edited else self._blueprint,
-            history=self._history if settings.history else History(),
+            history=history if settings.history else History(),
             score=node.evaluation.score,
             feedback="" if settings.feedback == "score_only" else _feedback(node),
             queried=self._queried.get(node.id, ""),
             earlier=tuple(_verdict(attempt) for attempt in earlier),
             format=settings.refinement,
-            images=self._views,
+            images=views,
         )
 
     def _history_of(self, node: Node[Revision]) -> History:

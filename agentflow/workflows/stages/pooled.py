@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
 
+from agentflow.agents.designer import Designer
 from agentflow.agents.meta_designer import Blueprint
+from agentflow.agents.refiner import Refiner
 from agentflow.machine.edits.local import local_edit
 from agentflow.machine.tree import Machine
-from agentflow.runs.events import FLAWLESS, FirstAttempt
+from agentflow.runs.events import FLAWLESS
 from agentflow.runs.locations import FEEDBACK, INITIAL, Location
 from agentflow.search.node import Attempt, Node
 from agentflow.search.pooled.pool import Branch, Pool, PooledStrategy, search_pool
@@ -19,8 +21,6 @@ from agentflow.workflows.stages.emitters import draw_revision
 from agentflow.workflows.stages.feedback import Revision, Trajectory
 from agentflow.workflows.stages.search_record import SearchRecorder
 
-DESIGNER = "designer"
-"""Who makes first machines, as the search knows it."""
 Design = Callable[[int], Awaitable[Candidate]]
 """Number of a trajectory -> its first machine, not simulated yet."""
 
@@ -38,7 +38,9 @@ class PooledSearch:
         self._trajectories: dict[int, Trajectory] = {}
         self._recorders: dict[int, SearchRecorder] = {}
         most = 1 if run.settings.start else None  # a start machine takes the place of designs
-        self._pool = Pool[Revision]([DESIGNER], run.settings.arms, most)
+        self._pool = Pool[Revision]([Designer.name], run.settings.arms, most)
+        self._refined: dict[tuple[int, int], set[str]] = {}
+        """(branch, node) -> labels of the attempts that refiners made."""
         self._proposed = set[Machine]()
         """Machines of this search, simulated or about to be."""
 
@@ -60,13 +62,15 @@ class PooledSearch:
 
     async def _open(self, branch: Branch[Revision]) -> SearchTree[Revision] | None:
         run, number = self._run, branch.number
-        (candidate,) = await try_machines(run, INITIAL, [await self._design(number)])
+        designed = await self._design(number)
+        (candidate,) = await try_machines(run, INITIAL, [designed], model_role=self._model_role)
         self.initial.append(candidate)
         if not candidate.valid or candidate.machine is None or candidate.evaluation is None:
             return None
         self._proposed.add(candidate.machine)
         trajectory = Trajectory(run, number, self._blueprint, self._model_role)
-        recorder = SearchRecorder(run, Location(FEEDBACK, trajectory=number))
+        place = Location(FEEDBACK, trajectory=number)
+        recorder = SearchRecorder(run, place, names_nodes=True)
         self._trajectories[number], self._recorders[number] = trajectory, recorder
         trials = candidate.trials
         return SearchTree(
@@ -86,12 +90,14 @@ class PooledSearch:
         earlier: Sequence[Attempt[Revision]],
     ) -> Sequence[Attempt[Revision]]:
         attempts = [
-            self._draw(branch, node, label, arm) for label, arm in asked if arm != "refiner"
+            self._draw(branch, node, label, arm) for label, arm in asked if arm != Refiner.name
         ]
-        refined = [label for label, arm in asked if arm == "refiner"]
+        refined = [label for label, arm in asked if arm == Refiner.name]
         if refined:
-            trajectory = self._trajectories[branch.number]
-            attempts += await trajectory.expand(node, refined, earlier)
+            tried = self._refined.setdefault((branch.number, node.id), set())
+            before = [attempt for attempt in earlier if attempt.label in tried]
+            tried.update(refined)
+            attempts += await self._trajectories[branch.number].expand(node, refined, before)
         order = [label for label, _ in asked]
         return sorted(attempts, key=lambda attempt: order.index(attempt.label))
 
@@ -119,12 +125,11 @@ class PooledSearch:
         found = branch.tree.result(branch.tree.best())
         self._recorders[branch.number].finish(found)
         best = found.nodes[found.best]
-        first = self._trajectories[branch.number].first
         return Candidate(
             branch.number,
             best.candidate.machine,
             best.evaluation,
-            first=first if first != FirstAttempt() else FLAWLESS,
+            first=self._trajectories[branch.number].first or FLAWLESS,
             edit=best.candidate.edit,
             search_cost=found.cost,
         )

@@ -34,20 +34,23 @@ from agentflow.workflows.context import WorkflowContext
 class SearchRecorder:
     """An observer that records the search at one location: a stage and a trajectory."""
 
-    def __init__(self, run: WorkflowContext, location: Location) -> None:
-        self._run, self._location = run, location
+    def __init__(
+        self, run: WorkflowContext, location: Location, *, names_nodes: bool = False
+    ) -> None:
+        """Record at a location; `names_nodes`: a round may expand several nodes of it."""
+        self._run, self._location, self._names_nodes = run, location, names_nodes
 
     def __call__(self, event: SearchEvent) -> None:
         round_ = replace(self._location, round=event.round)
         if isinstance(event, Selected):
-            self._run.note(SelectEvent(round_, event.path))
+            self._run.note(SelectEvent(self._expansion(round_, event.path[-1]), event.path))
         elif isinstance(event, Expanded):
             attempts = tuple(
                 ExpandAttempt(item.label, item.candidate is not None, item.note)
                 for item in event.attempts
             )
-            expand = ExpandEvent(round_, event.node, attempts, event.children, event.fallback)
-            self._run.note(expand)
+            grown = (event.node, attempts, event.children, event.fallback)
+            self._run.note(ExpandEvent(self._expansion(round_, event.node), *grown))
         elif isinstance(event, Simulated):
             node, evaluation = event.node, event.node.evaluation
             made = (event.round, node.parent or 0, node.label, node.candidate.machine.digest)
@@ -61,6 +64,10 @@ class SearchRecorder:
             self._run.note(ArchiveEvent(self._location, axes))
         elif isinstance(event, Filed):
             self._run.note(self._niche(event))
+
+    def _expansion(self, round_: Location, node: int) -> Location:
+        """Where the expansion of a node is recorded."""
+        return replace(round_, node=node) if self._names_nodes else round_
 
     def _niche(self, event: Filed) -> NicheEvent:
         node, filing = event.node, event.filing
