@@ -432,7 +432,7 @@ async def test_a_search_over_the_whole_run_does_not_depend_on_the_order_of_answe
 
 async def test_each_node_is_refined_with_its_own_history() -> None:
     """Although other nodes of its trajectory are refined in the same round."""
-    settings: dict[str, Any] = {**MEDIUM, "trajectories": 6, "max_simulations": 40}
+    settings: dict[str, Any] = {**MEDIUM, "trajectories": 6, "max_simulations": 120}
     settings |= {"emitters": ["refiner"], "search": {**MEDIUM["search"], "strategy": "ab-mcts"}}  # type: ignore[dict-item]
     run = Run(Author(seed=4), settings, delays=random.Random(0))
     await run("iterative")
