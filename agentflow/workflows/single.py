@@ -21,7 +21,7 @@ from agentflow.workflows.stages.designs import (
 )
 from agentflow.workflows.stages.feedback import feedback_loop
 from agentflow.workflows.stages.pooled import search_all
-from agentflow.workflows.stages.refinement import within_limit
+from agentflow.workflows.stages.refinement import count_calls, count_rollouts, within_limit
 from agentflow.workflows.workflow import Workflow
 
 
@@ -60,11 +60,15 @@ def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
 
 
 def _calls(settings: WorkflowSettings) -> dict[str, int]:
+    if pooled(settings.search.strategy):
+        return count_calls(settings)
     revised = settings.trajectories * settings.search.rounds
     return {**count_designs(settings), Refiner.name: revised}
 
 
 def _rollouts(settings: WorkflowSettings) -> int:
+    if pooled(settings.search.strategy):
+        return count_rollouts(settings)
     most = settings.trajectories * (1 + settings.search.rounds)
     return min(most, settings.max_simulations or most)
 

@@ -7,22 +7,22 @@ are, since baselines draw them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from random import Random
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits.moves import Kinds, Move
+from agentflow.machine.edits.changes import add_images
+from agentflow.machine.edits.draft import Draft, End
+from agentflow.machine.edits.moves import Kinds, Move, free_faces
 from agentflow.machine.edits.random import draw_legal, kinds_of_moves
-from agentflow.machine.geometry.placement import place
-from agentflow.machine.geometry.pose import UNITS
+from agentflow.machine.problems import RefusedEdit
 from agentflow.machine.tree import Control, Machine, Step, renumber
 
 NUDGES = (0.8, 0.9, 1.1, 1.25)
 """Factors of times and levels."""
-_MIRRORED = {"x+": "x-", "x-": "x+"}
 
 
 def local_edit(machine: Machine, rng: Random, brief: Brief) -> tuple[str, Machine]:
@@ -31,7 +31,7 @@ def local_edit(machine: Machine, rng: Random, brief: Brief) -> tuple[str, Machin
     Raises:
         UsageError: There is no legal edit.
     """
-    return draw_legal(machine, rng, brief, {**kinds_of_moves(brief), **LOCAL_MOVES})
+    return draw_legal(machine, rng, brief, {**kinds_of_moves(brief), **local_moves(brief)})
 
 
 def insertions(machine: Machine, types: Sequence[int]) -> list[Move]:
@@ -63,43 +63,32 @@ def omissions(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: AR
     return moves
 
 
-def pairs(machine: Machine, types: Sequence[int]) -> list[Move]:
-    """Every standard type on every two free faces that mirror each other about x = 0."""
+def _pairs(brief: Brief, machine: Machine, types: Sequence[int]) -> list[Move]:
+    """Every standard type on every free face, with its mirror image."""
     return [
-        partial(_add_pair, machine, kind, *pair)
-        for pair in _mirrored_faces(machine)
+        partial(_add_pair, brief, machine, kind, face)
+        for face in free_faces(machine)
         for kind in types
         if not library()[kind].linear
     ]
 
 
 def _add_pair(
+    brief: Brief,
     machine: Machine,
     kind: int,
-    left: tuple[int, int],
-    right: tuple[int, int],
+    face: End,
     rng: Random,  # noqa: ARG001
-) -> Machine:
-    count = len(machine)
-    new = (Step(count, kind, *left), Step(count + 1, kind, *right))
-    return replace(machine, steps=(*machine.steps, *new))
+) -> Machine | None:
+    draft = Draft(machine, brief)
+    try:
+        add_images(draft, draft.attach(kind, [face]).id)
+    except RefusedEdit:
+        return None
+    return draft.finish()[0]
 
 
-def _mirrored_faces(machine: Machine) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-    geometry = place(machine)
-    free = {}
-    for block in geometry.blocks:
-        for face in block.faces:
-            if face.face_id in geometry.free_faces(block.step.id):
-                x, y, z = (round(number * UNITS) for number in face.position)
-                free[x, y, z, face.facing] = (block.step.id, face.face_id)
-    for (x, y, z, facing), end in free.items():
-        other = free.get((-x, y, z, _MIRRORED.get(facing, facing)))
-        if other is not None and end < other:
-            yield end, other
-
-
-def twin_changes(machine: Machine, types: Sequence[int]) -> list[Move]:
+def retypings(machine: Machine, types: Sequence[int]) -> list[Move]:
     """Every type of the machine in favour of another one, in all its blocks."""
     present = sorted({step.type for step in machine.steps[1:]})
     return [
@@ -115,16 +104,7 @@ def _retyped(machine: Machine, old: int, new: int) -> dict[int, tuple[Step, ...]
     return {step.id: (replace(step, type=new),) for step in machine if step.type == old}
 
 
-def doublings(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
-    """Every two-ended block once more, between the same faces."""
-    return [partial(_double, machine, step) for step in machine if step.two_ended]
-
-
-def _double(machine: Machine, step: Step, rng: Random) -> Machine:  # noqa: ARG001
-    return replace(machine, steps=(*machine.steps, replace(step, id=len(machine))))
-
-
-def ends(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
+def end_moves(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
     """Either end of every two-ended block on every face of the earlier blocks."""
     moves: list[Move] = []
     for step in machine:
@@ -169,13 +149,13 @@ def _rebuilt(machine: Machine, by: dict[int, tuple[Step, ...]]) -> Machine:
     return renumber(steps, machine.controls)[0]
 
 
-LOCAL_MOVES: Kinds = {
-    "insert": insertions,
-    "leave out": omissions,
-    "add a pair": pairs,
-    "swap all": twin_changes,
-    "double": doublings,
-    "move an end": ends,
-    "nudge": nudges,
-}
-"""Kind of edit -> function that lists all moves of that kind, legal or not."""
+def local_moves(brief: Brief) -> Kinds:
+    """Kind of edit -> function that lists all moves of that kind, legal or not."""
+    return {
+        "insert": insertions,
+        "leave out": omissions,
+        "add a pair": partial(_pairs, brief),
+        "swap all": retypings,
+        "move an end": end_moves,
+        "nudge": nudges,
+    }

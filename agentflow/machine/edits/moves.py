@@ -25,7 +25,7 @@ def additions(machine: Machine, types: Sequence[int]) -> list[Move]:
 
     The second end of a two-ended block is on a random face of another block.
     """
-    faces, free = list(_faces(machine)), _free_faces(machine)
+    faces, free = list(_faces(machine)), free_faces(machine)
     return [
         partial(_add, machine, kind, *end)
         for kind in types
@@ -124,7 +124,7 @@ def _faces(machine: Machine) -> Iterator[tuple[int, int]]:
     return ((step.id, face) for step in machine for face in library()[step.type].open_faces)
 
 
-def _free_faces(machine: Machine) -> list[tuple[int, int]]:
+def free_faces(machine: Machine) -> list[tuple[int, int]]:
     """(block id, face id) of all open faces without a standard block."""
     taken = {(step.parent, step.face_id) for step in machine if not step.two_ended}
     return [end for end in _faces(machine) if end not in taken]
@@ -132,7 +132,7 @@ def _free_faces(machine: Machine) -> list[tuple[int, int]]:
 
 def _reattached_steps(machine: Machine) -> Iterator[Step]:
     """Every standard block except the root, on every free face of every earlier block."""
-    free = _free_faces(machine)
+    free = free_faces(machine)
     for step in machine.steps[1:]:
         if not step.two_ended:
             for parent, face in free:

@@ -87,12 +87,28 @@ async def refine(
 
 def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
     """Role -> calls of a run without retries; `designs` is the designer calls per trajectory."""
+    if pooled(settings.search.strategy):
+        return _count_pooled_calls(settings, designs)
     many, search, blind = settings.trajectories, settings.search, not settings.start
     return {
         **count_designs(settings, designs),
         Inspector.name: many * settings.inspector * blind,
         Querier.name: many * search.rounds * settings.asks_querier,
         Refiner.name: many * (blind + search.rounds * search.children),
+    }
+
+
+def _count_pooled_calls(settings: WorkflowSettings, designs: int) -> dict[str, int]:
+    """Those of a search over the whole run, as if half of its machines were first designs and
+    everybody made as many of the others: nobody knows before what it will choose."""
+    total, arms = count_rollouts(settings), settings.arms
+    begun = 1 if settings.start else total // 2 if arms else total
+    refined = (total - begun) // len(arms) if Refiner.name in arms else 0
+    first = settings.model_copy(update={"trajectories": begun})
+    return {
+        **count_designs(first, designs),
+        Querier.name: refined * settings.asks_querier,
+        Refiner.name: refined,
     }
 
 
@@ -106,7 +122,8 @@ def count_rollouts(settings: WorkflowSettings) -> int:
     search = settings.search
     first = 1 if settings.start else 2
     most = settings.trajectories * (first + search.rounds * search.children)
-    return min(most, settings.max_simulations or most)
+    limit = settings.max_simulations or most
+    return limit if pooled(settings.search.strategy) else min(most, limit)
 
 
 def within_limit(settings: WorkflowSettings) -> WorkflowSettings:
