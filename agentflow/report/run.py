@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.holding import with_holding
+from agentflow.metrics.formats import counted
 from agentflow.metrics.usage import Cost, summarize_usage
 from agentflow.report.elites import archive_of, classes_of
 from agentflow.report.film import deflate_json
@@ -105,7 +106,8 @@ class RunStory:
             "score": self.result.score if self.result else record.best,
             "verified": with_holding(self._result_data.get("verified")),
             "sentence": self._sentence(record.best is not None),
-            "about": f"{model}: {record.calls} calls, {len(record.machines)} machines simulated",
+            "about": f"{model}: {counted(record.calls, 'call')}, "
+            f"{counted(len(record.machines), 'machine')} simulated",
             "prices": priced,
         }
 

@@ -443,9 +443,3 @@ def test_edit_with_out_names_the_file_in_place_of_its_content(
     told = out(capsys, *edit, "--out", "new.json")
     assert told.endswith("success\nmachine: new.json\n")
     assert json.loads(Path("new.json").read_text())
-
-
-def test_the_line_of_frames_is_explained_to_people(capsys: pytest.CaptureFixture[str]) -> None:
-    told = out(capsys, "simulate", "car.json", "--task", "movement")
-    assert "Frames: " in told
-    assert "(Frames: positions above are in the world" in told

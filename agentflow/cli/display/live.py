@@ -17,7 +17,7 @@ from rich.text import Text
 from agentflow.cli.display.output import SafeConsole
 from agentflow.cli.display.text import escape_controls
 from agentflow.metrics.failure_kinds import CUT_OFF, EMPTY, FILTERED
-from agentflow.metrics.formats import number
+from agentflow.metrics.formats import counted, number
 from agentflow.metrics.niches import Elites, best_by_class
 from agentflow.runs import Event, Listener, Notify
 from agentflow.runs.events import (
@@ -186,29 +186,25 @@ class PlainProgress:
 
     record: RunRecord = field(default_factory=RunRecord)
     _told: float = field(default_factory=time.monotonic)
+    _refused: str = ""
+    """The last refusal that no line has told."""
 
     def note(self, event: RunEvent | Event) -> None:
         """Take in one event, and print what is worth a line."""
         if isinstance(event, RunStartEvent):  # the next of several runs
             self.record = RunRecord()
         self.record.add(event)
+        if isinstance(event, AttemptEvent) and not event.valid:
+            self._refused = f"; refused {event.label}: {_refusal(event)}"
         line = _line(event)
         if not line and time.monotonic() - self._told >= EVERY_S:
             run = self.record
-            line = (
-                f"{run.calls} calls, {run.evaluations} simulations, best {number(run.best)}"
-                f"{_last_refusal(event)}"
-            )
+            done = counted(run.calls, "call"), counted(run.evaluations, "simulation")
+            line = f"{', '.join(done)}, best {number(run.best)}{self._refused}"
+            self._refused = ""
         if line:
             self._told = time.monotonic()
             print_line(line)
-
-
-def _last_refusal(event: RunEvent | Event) -> str:
-    """The refusal that an event is, to follow a line; else ""."""
-    if isinstance(event, AttemptEvent) and not event.valid:
-        return f"; refused {event.label}: {_refusal(event)}"
-    return ""
 
 
 def _line(event: RunEvent | Event) -> str:

@@ -19,11 +19,6 @@ from agentflow.cli.display.output import (
 )
 from agentflow.metrics.formats import block_count, extents, number
 
-FRAMES = (
-    "(Frames: positions above are in the world; a machine's own file counts from below its root "
-    "block, so add what the line says to its positions)"
-)
-"""What the feedback's line of that name is, for people; prompts tell models the same."""
 MARGINAL = 3
 """Most marginal connections that are printed; the data holds all."""
 
@@ -108,8 +103,6 @@ def show_rollout(result: Data) -> None:
     print_problems(console, result["problems"])
     if result["feedback"]:
         console.print(result["feedback"])
-        if "Frames: " in result["feedback"]:
-            console.print(FRAMES)
     if result["marginal"]:
         console.print(marginal_line(result["marginal"]))
     for answered in result.get("answers", ()):

@@ -15,7 +15,7 @@ from agentflow.cli.display.show_scores import (
     verified_line,
     verified_text,
 )
-from agentflow.metrics.formats import NOTHING, block_count, change, money, number
+from agentflow.metrics.formats import NOTHING, block_count, change, counted, money, number
 
 STAGE = (
     field("stage", "name"),
@@ -71,9 +71,9 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
     if attempts := result.get("attempts"):
         console.print(_passes(attempts))
     console.print(
-        f"model: {result['model']}; {result['calls']} calls, {result['tokens']} tokens, "
+        f"model: {result['model']}; {counted(result['calls'], 'call')}, {result['tokens']} tokens, "
         f"cost {money(result.get('cost'), 'unknown')}, "
-        f"{result['rollouts']} rollouts, {result['seconds']:.1f} s"
+        f"{counted(result['rollouts'], 'rollout')}, {result['seconds']:.1f} s"
     )
     print_lines(console, (field("engine"), field("run")), result)  # older results lack the engine
     for name, path in pictures.items():
