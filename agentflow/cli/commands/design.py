@@ -63,7 +63,9 @@ def design(
     ] = None,
     rollouts: Annotated[
         int | None,
-        typer.Option(help="Maximum number of simulations of the run, verification not counted."),
+        typer.Option(
+            min=1, help="Maximum number of simulations of the run, verification not counted."
+        ),
     ] = None,
     out: options.RunsFolder = Path("runs"),
     name: Annotated[
