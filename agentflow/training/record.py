@@ -110,7 +110,7 @@ def read_row(line: bytes) -> dict[str, Any]:
     """A line of the curves; ValueError if it is none."""
     row = parse_object(line)
     if row is None or not isinstance(row.get("step"), int):
-        raise ValueError(f"{line[:60]!r} is not an object with a step")
+        raise ValueError(f"{line[:60]!r} is not an object with a step and finite numbers")
     return row
 
 
@@ -254,10 +254,10 @@ def _last_checkpoint(path: Path) -> Path | None:
 
 def _is_complete(checkpoint: Path) -> bool:
     try:
-        state = parse_object((checkpoint / LIBRARY_STATE).read_bytes())
-    except OSError:
+        state = json.loads((checkpoint / LIBRARY_STATE).read_bytes())  # may hold a loss of NaN
+    except (OSError, ValueError, RecursionError):
         return False
-    return state is not None and state.get("global_step") == _step_of(checkpoint)
+    return isinstance(state, dict) and state.get("global_step") == _step_of(checkpoint)
 
 
 def _finite(value: Any) -> Any:

@@ -94,9 +94,11 @@ def test_a_folder_of_training_runs_names_one(
 @pytest.mark.slow
 def test_forged_numbers_and_machines_break_nothing(tmp_path: Path) -> None:
     path = run_with(tmp_path / "forged")
-    (path / "curves.jsonl").write_text(
-        f'{{"step": 1, "loss": NaN, "reward": Infinity, "kl": {10**400}, "valid": 1}}\n'
-    )
+    for number in ("NaN", "Infinity", "1e999", str(10**400)):
+        (path / "curves.jsonl").write_text(f'{{"step": 1, "loss": {number}}}\n')
+        with pytest.raises(RunError, match=r"curves.jsonl is damaged in line 1: .*finite numbers"):
+            training_report(path, tmp_path / "r.html", films=0, workers=1, say=quiet)
+    (path / "curves.jsonl").write_text('{"step": 1, "valid": 1}\n')
     overlapping = [*(throws()[0].machine or []), (throws()[0].machine or [])[1]]
     forged = throws()[0].model_copy(update={"machine": overlapping, "score": 99.0})
     samples = path / "samples" / "step-000002.jsonl"
@@ -117,4 +119,4 @@ def test_the_command_knows_a_training_run(
     assert capsys.readouterr().out == f"{path / 'report.html'}\n"
     (path / "curves.jsonl").write_text("{}\n")
     assert main(["report", str(path)]) == 2
-    assert "is not an object with a step" in capsys.readouterr().err
+    assert "is not an object with a step and finite numbers" in capsys.readouterr().err

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from agentflow.env.physics.laws.motion import MotionDevice
@@ -21,6 +21,9 @@ class Kite(MotionDevice):
     @classmethod
     def of(cls, block: Placed, kind: BlockType, part: int) -> Kite | None:  # noqa: ARG003
         return None if kind.kite is None else cls(part, kind.kite)
+
+    def scaled(self, factor: float) -> Kite:
+        return replace(self, newtons=self.newtons * factor)
 
     def push(self, velocity: Vec3) -> Vec3:  # noqa: ARG002
         return (self.newtons, 0.0, 0.0)
