@@ -15,7 +15,6 @@ from agentflow.cli.display.show_runs import show_result
 from agentflow.config.run import build_config
 from agentflow.env.tasks.registry import LevelFile
 from agentflow.errors import ConfigError
-from agentflow.holding import with_holding
 from agentflow.runs import read_calls, read_result
 
 RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
@@ -97,7 +96,6 @@ def test_options_of_design_that_cannot_work(capsys: pytest.CaptureFixture[str]) 
 
 def test_a_stage_that_scored_lower_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
     content = read_result(RECORDED).to_json()
-    content["verified"] = with_holding(content["verified"])
     show_result(content, {})
     assert "is kept" not in capsys.readouterr().out
     content["stages"][1]["max"] = content["stages"][0]["max"] - 1

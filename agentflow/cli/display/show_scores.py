@@ -14,6 +14,7 @@ from agentflow.cli.display.output import (
     print_problems,
     table,
 )
+from agentflow.holding import Holding
 from agentflow.metrics.formats import NOTHING, block_count, change, number
 
 MOST_SENSITIVE = 5
@@ -54,13 +55,16 @@ def verified_line(verified: Data) -> str:
 
 def _holding_text(verified: Data) -> str:
     """In how many simulations a score holds; of a fragile machine, where it fails."""
-    count = f"holds in {verified['holds']} of {len(verified['scores'])}"
-    if not verified["fragile"]:
+    held = Holding.of_verified(verified)
+    if held is None:  # the file contradicts itself
+        return "some of them have no score"
+    count = f"holds in {held.holds} of {held.of}"
+    if not held.fragile:
         return count
     fails = ", ".join(
         f"{item['variation']}: {number(item['score'])}"
         for item in verified["scores"]
-        if item["variation"] in verified["fails"]
+        if item["variation"] in held.fails
     )
     return f"fragile, {count} ({fails})"
 

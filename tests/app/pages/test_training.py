@@ -106,7 +106,9 @@ def test_forged_numbers_and_machines_break_nothing(tmp_path: Path) -> None:
     data = data_of(training_report(path, tmp_path / "r.html", films=0, workers=1, say=quiet))
     assert [chart["title"] for chart in data["charts"]] == ["Replies"]
     assert data["steps"][-1]["best"] == []
-    samples.write_text(json.dumps({**json.loads(forged.model_dump_json()), "score": float("nan")}))
+    samples.write_text(
+        json.dumps({**json.loads(forged.model_dump_json()), "score": float("nan")}) + "\n"
+    )
     with pytest.raises(RunError, match="line 1 is damaged: score "):
         training_report(path, tmp_path / "r.html", films=9, workers=1, say=quiet)
 
