@@ -83,6 +83,7 @@ def test_an_interruption_is_told_in_one_line() -> None:
     assert process.communicate() == (b"", b"agentflow: interrupted\n")
 
 
+@pytest.mark.pybullet
 @pytest.mark.skipif(os.name != "posix", reason="closes a descriptor in a shell")
 def test_a_closed_stderr_is_no_obstacle() -> None:
     machine = Path(__file__).parents[2] / "examples" / "car.json"
