@@ -19,8 +19,9 @@ Another distribution adds to it in its pyproject.toml:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from agentflow.errors import ConfigError, UnknownNameError
@@ -31,6 +32,8 @@ if TYPE_CHECKING:  # loading it takes as long as a whole `agentflow --help`
 T = TypeVar("T")
 Check = Callable[[str, Any], str]
 """(name, part) -> why it cannot be used, such as "is not a function"; "" if it can."""
+SOURCES = frozenset({".py", ".j2", ".yaml", ".yml", ".json", ".toml"})
+"""Ends of the names of files that decide what a package does."""
 
 
 class Registry(Mapping[str, T]):
@@ -78,10 +81,17 @@ class Registry(Mapping[str, T]):
         """The name and origin of a part from another distribution, for messages."""
         return self._describe(self._others[name])
 
-    def origin(self, name: str) -> str:
-        """Name and version of the other distribution that a part is from; "" for ours."""
-        dist = self._others[name].dist if name not in self._ours else None
-        return f"{dist.name} {dist.version}" if dist else ""
+    def identity(self, name: str) -> str:
+        """What a part from elsewhere is: distribution, version, and a hash of its sources.
+
+        "" for ours. The hash has 16 hex digits and covers the whole package of the part, so that an
+        edited file counts where the version has stayed.
+        """
+        if name in self._ours or name not in self._others:
+            return ""
+        entry = self._others[name]
+        dist = f"{entry.dist.name} {entry.dist.version} " if entry.dist else ""
+        return f"{dist}source {_source_digest(entry.module.partition('.')[0])}"
 
     def _describe(self, entry: EntryPoint) -> str:
         origin = f" of the distribution {entry.dist.name!r}" if entry.dist else ""
@@ -111,6 +121,24 @@ class Registry(Mapping[str, T]):
         if problem:
             raise ConfigError(f"{self.describe(name)} {problem}")
         return part
+
+
+@cache
+def _source_digest(package: str) -> str:
+    """Hash of the sources of a top-level package or module, as they are on disk."""
+    import hashlib
+    from importlib.util import find_spec
+
+    spec = find_spec(package)
+    digest = hashlib.sha256()
+    for root in map(Path, (spec and spec.submodule_search_locations) or ()):
+        for file in sorted(root.rglob("*")):
+            if file.suffix in SOURCES and file.is_file():
+                digest.update(f"{file.relative_to(root).as_posix()}\0".encode())
+                digest.update(file.read_bytes() + b"\0")
+    if spec and not spec.submodule_search_locations and spec.origin:
+        digest.update(Path(spec.origin).read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def is_callable(_: str, part: Any) -> str:

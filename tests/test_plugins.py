@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -33,16 +34,16 @@ table: {conditions: axes, stage: initial, metrics: [run_count, mean]}
 """
 
 
-def python(code: str, *arguments: str, cwd: Path) -> str:
-    """Standard output of a Python process that finds the plugins."""
+def python(code: str, *arguments: str, cwd: Path, plugins: Path = PLUGINS, status: int = 0) -> str:
+    """Output of a Python process that finds the plugins; what it complains about if it fails."""
     environ = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
-    environ["PYTHONPATH"] = os.pathsep.join(map(str, (ROOT, PLUGINS)))
+    environ["PYTHONPATH"] = os.pathsep.join(map(str, (ROOT, plugins)))
     command = [sys.executable, "-W", "error", "-c", code, *arguments]
     done = subprocess.run(
         command, cwd=cwd, env=environ, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    assert done.returncode == status, done.stdout + done.stderr
+    return done.stderr if status else done.stdout
 
 
 @pytest.fixture(scope="module")
@@ -113,9 +114,38 @@ def test_a_run_made_of_toys(run: Path) -> None:
     events = [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
     assert sum(event["kind"] == "judgement" for event in events) == 2
     assert python(MAIN, "replay", str(run), cwd=run.parent) == "identical\n"
-    assert read_document(run)["family"] == "toybox 1.0"
-    with pytest.raises(ConfigError, match=r"needs the task family 'rolling' of toybox 1\.0$"):
+    plugins = read_document(run)["plugins"]
+    assert list(plugins) == [
+        *("task family rolling", "mechanisms of the task family rolling", "workflow judged"),
+        *("search strategy eager", "prompt set terse", "role judge"),
+    ]
+    assert all(re.fullmatch(r"toybox 1\.0 source [0-9a-f]{16}", one) for one in plugins.values())
+    with pytest.raises(ConfigError, match=r"needs the task family 'rolling' of toybox 1\.0 "):
         replay(run, pytest.fail)  # this process lacks it
+
+
+@pytest.mark.slow
+def test_runs_of_an_edited_plug_in_are_not_mixed(tmp_path: Path) -> None:
+    shutil.copytree(PLUGINS, tmp_path, dirs_exist_ok=True)
+    path = tmp_path / "toys.yaml"
+    search = "strategy: eager, rounds: 1, width: 1"
+    path.write_text(
+        SWEEP.replace("max_simulations: 2", f"search: {{{search}}}").replace(
+            "random-dsl", "judged, prompts: terse"
+        )
+    )
+    python(MAIN, "sweep", str(path), "--quiet", cwd=tmp_path, plugins=tmp_path)
+    shutil.rmtree(tmp_path / "sweeps/toys/runs/plain.seed-1")
+    parts = tmp_path / "toybox" / "parts.py"
+    parts.write_text(parts.read_text() + "\n# edited\n")
+    sweep = ("sweep", "sweeps/toys", "--resume", "--quiet")
+    told = python(MAIN, *sweep, cwd=tmp_path, plugins=tmp_path, status=2)
+    assert "plain.seed-0 was made with different task family rolling (toybox 1.0 source " in told
+    assert "and search strategy eager (toybox 1.0 source " in told
+    (tmp_path / "sweeps/toys/runs/plain.seed-0/result.json").unlink()
+    resume = ("design", "--resume", "sweeps/toys/runs/plain.seed-0")
+    told = python(MAIN, *resume, cwd=tmp_path, plugins=tmp_path, status=2)
+    assert "was started with different task family rolling (toybox 1.0 source " in told
 
 
 @pytest.mark.slow

@@ -97,3 +97,25 @@ def test_names_of_registered_parts_have_one_place() -> None:
     others = {name: path for name, path in files.items() if not name.startswith(HOMES)}
     naming = {name for name, path in others.items() if quoted.search(path.read_text("utf-8"))}
     assert naming == set(EXCEPTIONS)
+
+
+def test_the_identity_of_a_part_from_elsewhere_covers_its_sources(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = []
+    for name, size in (("idle_one", 1), ("idle_two", 1), ("idle_three", 2)):
+        folder = tmp_path / name
+        (folder / name).mkdir(parents=True)
+        (folder / name / "__init__.py").write_text("len = len\n" * size)
+        (folder / f"{name}-1.0.dist-info").mkdir()
+        (folder / f"{name}-1.0.dist-info/METADATA").write_text(f"Name: {name}\nVersion: 1.0\n")
+        entry = f"[agentflow.strategies]\n{name} = {name}:len\n"
+        (folder / f"{name}-1.0.dist-info/entry_points.txt").write_text(entry)
+        monkeypatch.syspath_prepend(folder)
+    registry = Registry("search strategy", "agentflow.strategies", {"ours": len}, is_callable)
+    for name in ("idle_one", "idle_two", "idle_three"):
+        identity = registry.identity(name)
+        assert identity.startswith(f"{name} 1.0 source ")
+        found.append(identity.rpartition(" ")[2])
+    assert found[0] == found[1] != found[2]
+    assert registry.identity("ours") == registry.identity("nobody") == ""

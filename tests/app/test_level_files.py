@@ -82,6 +82,10 @@ def test_the_level_in_a_run_is_complete_and_checked(tmp_path: Path) -> None:
         ({**plan.level.record, "good": "x"}, "good: expected a number"),
         ({**plan.level.record, "family": "rolling"}, "the task family 'rolling' of toybox 1.0"),
     ):
-        document = {**plan.run_document, "level": level, "family": "toybox 1.0"}
+        document = {
+            **plan.run_document,
+            "level": level,
+            "plugins": {"task family rolling": "toybox 1.0"},
+        }
         with pytest.raises(ConfigError, match=problem):
             RunPlan.of_run(tmp_path, document)

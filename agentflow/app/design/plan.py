@@ -14,6 +14,12 @@ from typing import Any
 
 from agentflow.agents.designer import Designer
 from agentflow.agents.registry import ROLES
+from agentflow.app.design.conditions import (
+    PLUGINS,
+    describe_changes,
+    plugins_of,
+    recorded_plugins,
+)
 from agentflow.app.design.config import config_json
 from agentflow.config.run import DesignConfig, build_config, suggest_key
 from agentflow.env.physics.engine import AUTO
@@ -43,9 +49,6 @@ from agentflow.workflows.workflow import Workflow
 
 AUTHOR = "author"
 """Key of run.yaml: who designed and cannot be asked again."""
-_FAMILY = "family"
-_VERSIONED = ("engine", _FAMILY)
-"""Conditions that are a name and a version."""
 
 
 @dataclass(frozen=True)
@@ -136,13 +139,13 @@ class RunPlan:
         ]
 
     @property
-    def conditions(self) -> dict[str, str]:
+    def conditions(self) -> dict[str, Any]:
         """Everything besides configuration and replies that decides results, for run.yaml.
 
-        Hashes have 16 hex digits; `demands` is that of the task's brief. `family` names the
-        distribution of a task family from outside.
+        Hashes have 16 hex digits; `demands` is that of the task's brief. `plugins` holds the
+        identity of each part from another distribution, by kind and name; see `Registry.identity`.
         """
-        origin = FAMILIES.origin(self.level.file.family)
+        plugins = plugins_of(self.config, self.level.file.family)
         return {
             "prompts": self.prompts.digest_for(
                 (
@@ -154,7 +157,7 @@ class RunPlan:
             "demands": hashlib.sha256(repr(self.task.brief).encode()).hexdigest()[:16],
             **physics_conditions(self.task.engine),
             "engine": self.engine,
-            **({_FAMILY: origin} if origin else {}),
+            **({PLUGINS: plugins} if plugins else {}),
         }
 
     def changes_since(self, document: Mapping[str, Any]) -> str:
@@ -246,7 +249,8 @@ def level_of_run(path: Path, document: Mapping[str, Any]) -> Level:
         return get_level(build_config(document.get("config")).task)
     level = recorded_level(record, f"the level in {path / 'run.yaml'}")
     if level.file.family not in FAMILIES:
-        origin = document.get(_FAMILY, "another version of agentflow")
+        kind = f"{FAMILIES.kind} {level.file.family}"
+        origin = recorded_plugins(document).get(kind, "another version of agentflow")
         raise ConfigError(f"{path} needs the task family {level.file.family!r} of {origin}")
     return level
 
@@ -291,21 +295,6 @@ def level_note(path: Path, document: Mapping[str, Any]) -> str:
         change = "cannot be read here"
     used = "its copy in the run is used"
     return f"{path}: the level {level.name} {change}; {used}" if change else ""
-
-
-def describe_changes(recorded: Mapping[str, Any], now: Mapping[str, str]) -> str:
-    """Which recorded conditions differ now, in words; "" if none does."""
-    return " and ".join(
-        f"{name} ({_version_change(str(recorded[name]), value)})" if name in _VERSIONED else name
-        for name, value in now.items()
-        if recorded.get(name, value) != value
-    )
-
-
-def _version_change(before: str, now: str) -> str:
-    """Two names with versions in words: "pybullet 3.2.7, now 3.2.8"."""
-    name, _, version = now.rpartition(" ")
-    return f"{before}, now {version if before.rpartition(' ')[0] == name else now}"
 
 
 @cache

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.plan import describe_changes, level_note, level_of_run, task_of_run
+from agentflow.app.design.conditions import describe_changes
+from agentflow.app.design.plan import level_note, level_of_run, task_of_run
 from agentflow.app.design.results import best_machine
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import later_note, recorded_machine

@@ -18,8 +18,8 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
+from agentflow.app.design.conditions import describe_changes
 from agentflow.app.design.config import config_json
-from agentflow.app.design.plan import describe_changes
 from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.config.sweep import SweepConfig, read_sweep
 from agentflow.env.physics.engines import physics_conditions

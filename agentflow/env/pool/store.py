@@ -14,6 +14,7 @@ from agentflow.env.pool.base import Simulator
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import FAMILIES
 from agentflow.errors import UsageError
 from agentflow.files.atomic import os_errors, write_atomically, write_output
 from agentflow.files.documents import digest_of
@@ -30,7 +31,7 @@ def _setting_key(task: Task, seed: int, variation: Variation = DEFAULT) -> str:
     setting = {
         "agentflow": __version__,
         **physics_conditions(task.engine),
-        "family": task.family,
+        "family": f"{task.family} {FAMILIES.identity(task.family)}".strip(),
         "parameters": task.parameters.model_dump(mode="json"),
         "window": task.window,
         "schedule": asdict(task.schedule),

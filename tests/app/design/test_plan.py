@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from agentflow.app.design.conditions import describe_changes
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.replay import replay
 from agentflow.app.design.run import RunOptions, resume
@@ -37,11 +38,16 @@ RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
             "prompts and engine (pybullet 3.2.7, now 3.2.8)",
         ),
         ({"seed": 7}, ""),
+        (
+            {"plugins": {"search strategy lazy": "idle 1.0 source 1111", "role gone": "old 2"}},
+            "search strategy lazy (idle 1.0 source 1111, now 2222)",
+        ),
     ],
 )
 def test_changed_conditions_are_named_with_versions(changed: dict[str, object], words: str) -> None:
-    plan = replace(PLAN, engine="pybullet 3.2.8")
-    assert plan.changes_since({**plan.run_document, **changed}) == words
+    now = {**PLAN.run_document, "engine": "pybullet 3.2.8"}
+    now |= {"plugins": {"search strategy lazy": "idle 1.0 source 2222"}}
+    assert describe_changes({**now, **changed}, now) == words
 
 
 @dataclass(frozen=True)
