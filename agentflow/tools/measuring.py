@@ -54,7 +54,7 @@ async def simulate(
         machine: Name of the machine; or a list of up to 8 names, which are simulated at the same
             time and compared in a table.
         trial: In tasks with trials, number of the trial that the feedback tells about; by default
-            the failed one that missed by most, or the first if all succeeded.
+            the one with the middle conditions, the same for every machine.
     """
     if isinstance(machine, str):
         return await _simulate_one(call, machine, trial)

@@ -15,7 +15,7 @@ from agentflow.env.rollout import Feedback, Rollout
 from agentflow.env.scene import Scene
 from agentflow.env.simulation import trial as trial_module
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.simulation.trials import combine_trials
+from agentflow.env.simulation.trials import combine_trials, middle_trial
 from agentflow.env.tasks.families.jumping import Jumping, JumpingKnobs
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.tree import Machine
@@ -51,18 +51,34 @@ def stopped(status: str) -> Rollout:
 
 def test_a_single_rollout_stays_as_it_is() -> None:
     only = trial(1, False)
-    assert combine_trials([only]) is only
+    assert combine([only]) is only
 
 
-def test_successes_are_counted_and_the_worst_failure_is_shown() -> None:
+def combine(played: list[Rollout]) -> Rollout:
+    return combine_trials(played, TASK.trials(0)[: len(played)])
+
+
+def test_the_middle_trial_is_that_of_middle_conditions_whatever_their_units() -> None:
+    near = [get_task("jumping", {"walls": {"first": z}}) for z in (12, 30, 20, 21)]
+    assert middle_trial(near) == 2
+    mixed = [
+        get_task("jumping", {"walls": {"first": z}, "yaw": yaw})
+        for z, yaw in ((12, 0.1), (20, 0.0), (21, 5.0), (30, 0.2))
+    ]
+    assert middle_trial(mixed) == 1
+    assert middle_trial(TASK.trials(0)) == middle_trial(get_task("jumping").trials(0))
+
+
+def test_successes_are_counted_and_the_middle_trial_is_shown() -> None:
     played = [trial(1, True), trial(2, False, 0.5), trial(3, False, 0.25), trial(4, True)]
-    whole = combine_trials(played)
+    index = middle_trial(TASK.trials(0)[:4])
+    whole = combine(played)
     assert (whole.status, whole.score, whole.sim_seconds, whole.wall_seconds) == ("ok", 2, 4, 2)
-    assert whole.trace is played[1].trace
+    assert whole.trace is played[index].trace
     assert dict(whole.terms) == {
         "successes": 2.0,
         "trials": 4.0,
-        "shown_trial": 2.0,
+        "shown_trial": index + 1.0,
         "closest_miss": 0.25,
         "trial_1": True,
         "outcome_1": "success, over",
@@ -77,39 +93,51 @@ def test_successes_are_counted_and_the_worst_failure_is_shown() -> None:
         "Score: 2.00 successful trials out of 4\n"
         "Trials 1, 4: success, over\n"
         "Trials 2, 3: failed, 0.25 to 0.5 m short\n"
-        "Everything below is about trial 2."
+        f"Everything below is about trial {index + 1}, whose conditions are the middle ones:\n"
+        f"Result: {played[index].terms['outcome']}"
     )
-    assert (whole.feedback.data["score"], whole.feedback.data["shown_trial"]) == (2.0, 2)
-    assert [item["success"] for item in whole.feedback.data["trials"]] == [True, False, False, True]
+    data = whole.feedback.data
+    assert (data["score"], data["shown_trial"]) == (2.0, index + 1)
+    assert [item["success"] for item in data["trials"]] == [True, False, False, True]
 
 
-def test_the_first_trial_is_shown_when_all_succeed() -> None:
-    played = [trial(1, True), trial(2, True)]
-    whole = combine_trials(played)
-    assert (whole.score, whole.terms["shown_trial"], whole.terms["closest_miss"]) == (2, 1, None)
-    assert whole.trace is played[0].trace
+def test_an_outcome_that_is_the_shown_trials_alone_is_not_repeated() -> None:
+    index = middle_trial(TASK.trials(0)[:4])
+    played = [trial(number, number == index + 1, 0.5) for number in (1, 2, 3, 4)]
+    text = combine(played).feedback.text
+    assert f"Trial {index + 1}: success, over\n" in text
+    assert "Result" not in text
+
+
+def test_outcomes_that_differ_in_shares_alone_share_a_line() -> None:
+    played = [trial(number, True) for number in (1, 2)]
+    played = [
+        replace(each, terms={**each.terms, "outcome": f"success, {share}% of the mass"})
+        for each, share in zip(played, (52, 100), strict=True)
+    ]
+    assert "All 2 trials: success, 52 to 100% of the mass\n" in combine(played).feedback.text
 
 
 def test_the_digest_is_over_all_trials_in_their_order() -> None:
     one, two, three = trial(1, True), trial(2, True), trial(3, True)
-    digests = {combine_trials(each).digest for each in ([one, two], [two, one], [one, three])}
+    digests = {combine(each).digest for each in ([one, two], [two, one], [one, three])}
     assert len(digests) == 3
-    assert combine_trials([one, two]).digest == combine_trials([one, two]).digest
+    assert combine([one, two]).digest == combine([one, two]).digest
 
 
 def test_a_trial_that_diverges_is_a_failed_one() -> None:
-    whole = combine_trials([trial(1, True), stopped("diverged"), trial(3, True)])
+    whole = combine([trial(1, True), stopped("diverged"), trial(3, True)])
     assert (whole.status, whole.score, whole.terms["trial_2"]) == ("ok", 2.0, False)
     assert whole.terms["outcome_2"] == "the simulation diverged"
     assert "Trial 2: the simulation diverged\n" in whole.feedback.text
-    everywhere = combine_trials([stopped("diverged"), stopped("diverged")])
+    everywhere = combine([stopped("diverged"), stopped("diverged")])
     assert (everywhere.status, everywhere.score) == ("diverged", 0.0)
 
 
 @pytest.mark.parametrize("status", ["timeout", "crashed", "invalid"])
 def test_what_stops_one_trial_stops_all(status: str) -> None:
     cut = stopped(status)
-    assert combine_trials([trial(1, True), cut, stopped("timeout")]) is cut
+    assert combine([trial(1, True), cut, stopped("timeout")]) is cut
 
 
 def test_trials_are_the_seeds_and_within_their_limits() -> None:
@@ -133,7 +161,7 @@ def test_trials_are_the_seeds_and_within_their_limits() -> None:
 def test_the_whole_is_what_its_trials_are_in_any_order() -> None:
     whole = simulate(LONE_ROOT, TASK, seed=3)
     alone = [simulate(LONE_ROOT, one) for one in reversed(TASK.trials(3))]
-    again = combine_trials(alone[::-1])
+    again = combine(alone[::-1])
     assert (whole.score, whole.status) == (0.0, "ok")
     assert whole.digest == again.digest
     assert whole.feedback == again.feedback

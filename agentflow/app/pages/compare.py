@@ -128,9 +128,15 @@ class Comparison:
         level, seed = self.level, self.seed
         return [ReportedMachine(m, level, seed, None, FINE) for m in self.machines]
 
+    def _whole(self, played: Played) -> Rollout | None:
+        """The rollout of a machine; None if nothing was simulated."""
+        if self.level is None or not played:
+            return None
+        return combine_trials(played, self.level.trials(self.seed))
+
     def found(self, played: Sequence[Played]) -> dict[str, Any]:
         """What `compare` returns."""
-        rollouts = [combine_trials(trials) if trials else None for trials in played]
+        rollouts = [self._whole(trials) for trials in played]
         return {
             "task": self.level.name if self.level else None,
             "seed": self.seed,
@@ -151,7 +157,7 @@ class Comparison:
         assert self.level is not None
         brief, shapes = self.level.brief, Shapes()
         films = [
-            machine_data(machine, combine_trials(trials), shapes, given=brief.given, played=trials)
+            machine_data(machine, self._whole(trials), shapes, given=brief.given, played=trials)
             for machine, trials in zip(self.machines, played, strict=True)
         ]
         return {

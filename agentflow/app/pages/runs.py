@@ -174,7 +174,7 @@ async def film_machine(
     if item.recorded is not None:
         rollout = _load_recorded(item, item.recorded)
     else:
-        rollout = combine_trials(played) if played else None
+        rollout = combine_trials(played, item.trials) if played else None
     trials = played if item.interval == FINE else ()
     brief = item.task.brief
     remark, note = _remark(item, rollout), later_note(item.machine, brief)

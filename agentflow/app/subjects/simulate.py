@@ -53,7 +53,8 @@ def simulate_in_parallel(
 
     async def play_all() -> Rollout:
         async with RolloutPool(min(workers, len(trials))) as pool:
-            return combine_trials(await asyncio.gather(*(play(trial, pool) for trial in trials)))
+            played = await asyncio.gather(*(play(trial, pool) for trial in trials))
+            return combine_trials(played, trials)
 
     return asyncio.run(play_all())
 

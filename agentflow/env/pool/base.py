@@ -92,11 +92,12 @@ class Pool(ABC):
             "wall_limit": wall_limit,
             "recorded": recorded,
         }
+        trials = task.trials(seed)
         jobs = (
             {"machine": machine, "task": trial, "seed": seed, "variation": variation, **options}
-            for trial in task.trials(seed)
+            for trial in trials
         )
-        return combine_trials(await asyncio.gather(*map(self._run_trial, jobs)))
+        return combine_trials(await asyncio.gather(*map(self._run_trial, jobs)), trials)
 
     @abstractmethod
     async def _start(self) -> None:

@@ -76,7 +76,8 @@ def simulate(
     if variation.varies_bodies:
         chosen = VariedEngine(chosen, variation, value["friction"])
     finished: list[Rollout] = []
-    for task_of_trial in task.trials(seed):
+    trials = task.trials(seed)
+    for task_of_trial in trials:
         try:
             trial = Trial(
                 machine, task_of_trial, chosen, rate, power, interval, wall_limit, value, variation
@@ -86,7 +87,7 @@ def simulate(
         finished.append(trial.run())
         if finished[-1].status == "timeout":
             break
-    return combine_trials(finished)
+    return combine_trials(finished, trials)
 
 
 def _own_engine(name: str) -> Engine:

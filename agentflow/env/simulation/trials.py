@@ -4,47 +4,72 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import inf
 from typing import Any
 
+import numpy as np
+
 from agentflow.env.rollout import Feedback, Rollout
+from agentflow.env.tasks.base import Task
 
 SUCCESS, OUTCOME, MISS = "success", "outcome", "miss"
 """Terms of every trial: whether it succeeded, a phrase on its outcome, and by how many metres it
 missed success (None if it succeeded or no distance applies)."""
+RESULT = "Result: "
+"""How the line of a trial's feedback begins that says its outcome."""
 SHOWN_TRIAL = "shown_trial"
 """Term of the combined rollout: number of the trial whose trace, scene and events it shows."""
-FIGURE = re.compile(r"(?<=\s)-?\d+\.\d+")
-"""A measured number in an outcome; numbers of blocks and walls have no decimals."""
+FIGURE = re.compile(r"(?<=\s)-?\d+(?:\.\d+|(?=%))")
+"""A measured number in an outcome; numbers of blocks and walls have neither decimals nor "%"."""
 DIVERGED = "the simulation diverged"
 
 
-def combine_trials(played: Sequence[Rollout]) -> Rollout:
+def middle_trial(trials: Sequence[Task]) -> int:
+    """Index of the trial whose conditions are nearest the middle of those of all trials.
+
+    It depends on the seed alone, so feedback on different machines is about the same conditions.
+    """
+    knobs = [_numbers(trial.parameters.model_dump()) for trial in trials]
+    values = np.array([[each.get(name, 0.0) for name in knobs[0]] for each in knobs])
+    spread = np.ptp(values, axis=0)
+    away = np.abs(values - np.median(values, axis=0)) / np.where(spread > 0.0, spread, 1.0)
+    return int(away.sum(axis=1).argmin())
+
+
+def _numbers(knobs: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
+    """All numbers among knobs, by the path of their names."""
+    found: dict[str, float] = {}
+    for name, value in knobs.items():
+        if isinstance(value, Mapping):
+            found |= _numbers(value, f"{prefix}{name}.")
+        elif isinstance(value, int | float):
+            found[prefix + name] = float(value)
+    return found
+
+
+def combine_trials(played: Sequence[Rollout], trials: Sequence[Task]) -> Rollout:
     """Combine the rollouts of all trials, in order; a single one is returned unchanged.
 
     The score is the number of successful trials. A trial that diverged has failed; the combined
     rollout has diverged if all trials have. Terms and feedback cover every trial. Trace, scene,
-    breakages and events are those of the worst trial: the failed one that missed by most (a miss
-    that is not known counts as infinite), or else the first. The digest covers all, and marginal
-    connections are those of all. If a trial is invalid, timed out or crashed, the first such trial
-    is returned unchanged.
+    breakages and events are those of the middle trial (`middle_trial`), the same for every machine.
+    The digest covers all, and marginal connections are those of all. If a trial is invalid, timed
+    out or crashed, the first such trial is returned unchanged.
 
     Args:
         played: At least one; all of one machine at one task's trials.
+        trials: The task's trials.
     """
     if len(played) == 1:
         return played[0]
     stopped = (rollout for rollout in played if rollout.status not in ("ok", "diverged"))
-    return next(stopped, None) or _combine_scored(played)
+    return next(stopped, None) or _combine_scored(played, middle_trial(trials))
 
 
-def _combine_scored(played: Sequence[Rollout]) -> Rollout:
-    wins = [rollout.terms.get(SUCCESS) is True for rollout in played]
-    misses_by = [0.0 if won else _miss(rollout) for won, rollout in zip(wins, played, strict=True)]
-    index = max(range(len(played)), key=lambda i: (not wins[i], misses_by[i]))
-    shown, score = played[index], float(sum(wins))
+def _combine_scored(played: Sequence[Rollout], index: int) -> Rollout:
+    shown = played[index]
+    score = float(sum(rollout.terms.get(SUCCESS) is True for rollout in played))
     terms: dict[str, float | bool | str | None] = {
         "successes": score,
         "trials": float(len(played)),
@@ -68,27 +93,24 @@ def _combine_scored(played: Sequence[Rollout]) -> Rollout:
     )
 
 
-def _miss(rollout: Rollout) -> float:
-    """By how much a failed trial missed, m; infinite if that is not known."""
-    miss = rollout.terms.get(MISS)
-    return inf if miss is None else float(miss)
-
-
 def _outcome(rollout: Rollout) -> str:
     return DIVERGED if rollout.status == "diverged" else str(rollout.terms[OUTCOME])
 
 
 def _feedback(played: Sequence[Rollout], score: float, index: int) -> Feedback:
     """The outcome of every trial, then the feedback of the one shown."""
-    shown = played[index].feedback
+    shown, outcomes = played[index].feedback, [_outcome(rollout) for rollout in played]
+    lines = _trial_lines(outcomes)
+    told = ("Score:", RESULT) if f"Trial {index + 1}: {outcomes[index]}" in lines else ("Score:",)
     text = [
         f"Score: {score:.2f} successful trials out of {len(played)}",
-        *_trial_lines([_outcome(rollout) for rollout in played]),
-        f"Everything below is about trial {index + 1}.",
-        *(line for line in shown.text.splitlines() if not line.startswith(("Score:", "Result:"))),
+        *lines,
+        f"Everything below is about trial {index + 1}, whose conditions are the middle ones:",
+        *(line for line in shown.text.splitlines() if not line.startswith(told)),
     ]
     trials: list[dict[str, Any]] = [
-        {**rollout.terms, OUTCOME: _outcome(rollout)} for rollout in played
+        {**rollout.terms, OUTCOME: outcome}
+        for rollout, outcome in zip(played, outcomes, strict=True)
     ]
     data = {**shown.data, "score": score, "trials": trials, SHOWN_TRIAL: index + 1}
     return Feedback("\n".join(text), data)

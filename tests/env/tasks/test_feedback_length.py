@@ -132,7 +132,9 @@ def test_feedback_for_twenty_blocks_in_turmoil_stays_short(name: str) -> None:
     task = get_task(name)
     for machine in crowd(task):
         trials = task.trials(0)
-        whole = combine_trials([told(trial, machine, seed) for seed, trial in enumerate(trials)])
+        whole = combine_trials(
+            [told(trial, machine, seed) for seed, trial in enumerate(trials)], trials
+        )
         check(whole.feedback)
 
 

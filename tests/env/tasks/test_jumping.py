@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
+from agentflow.env.feedback.clearance import least_height_over
 from agentflow.env.rollout import Verdict
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.families.jumping import Jumping, JumpReferee
@@ -38,12 +42,17 @@ def test_the_root_and_half_of_the_mass_have_to_get_over() -> None:
     task = level("jumping")
     over = judge(task.referee(PAIR), FakeWorld(), (0.5, 13.0), (0.5, 14.0))
     assert (over.score, over.terms["success"], over.terms["miss"]) == (1.0, True, None)
-    assert over.terms["outcome"] == "success, ends 0.75 m beyond"
+    assert over.terms["outcome"] == "success, root ends 0.75 m beyond, 100% of the mass across"
     assert over.terms["mass_beyond"] == 1.0
     light = judge(task.referee(PAIR), FakeWorld(), (0.5, 13.0), (0.5, 12.0))
-    assert (light.score, light.terms["outcome"]) == (0.0, "failed, only 8% of the mass got across")
+    assert (light.score, light.terms["outcome"]) == (
+        0.0,
+        "failed, 8% of the mass across; else root ends 0.75 m beyond",
+    )
     short = judge(task.referee(PAIR), FakeWorld(), (0.5, 11.0), (0.5, 13.0))
-    assert short.terms["outcome"] == "failed, the root ends 1.25 m short of the far side"
+    assert short.terms["outcome"] == (
+        "failed, root ends 1.25 m short of the far side; else 92% of the mass across"
+    )
     assert short.terms["miss"] == 1.25
 
 
@@ -68,7 +77,8 @@ def test_a_touch_fails_the_trial_whatever_comes_after() -> None:
     verdict = judge_on(referee, world)
     assert verdict.score == 0.0
     assert verdict.terms["outcome"] == (
-        "failed, block 1 (Ballast) touched wall 1 at 1.50 s, 0.25 m too low"
+        "failed, block 1 (Ballast) touched wall 1 at 1.50 s, 0.25 m too low; else root ends "
+        "17.75 m beyond, 100% of the mass across"
     )
     assert (verdict.terms["touched"], verdict.terms["touch_time"]) == ("wall 1", 1.5)
     assert verdict.terms["miss"] == pytest.approx(0.25)
@@ -94,8 +104,49 @@ def test_what_is_across_before_the_start_fails() -> None:
     referee = level("jumping").referee(PAIR)
     referee.start(world)
     verdict = judge_on(referee, world)
-    assert verdict.terms["outcome"] == "failed, block 1 (Ballast) was across before t = 0"
+    told = str(verdict.terms["outcome"])
+    assert told.startswith("failed, block 1 (Ballast) was across before t = 0; else root ends ")
     assert (verdict.score, verdict.terms["miss"]) == (0.0, None)
+
+
+@pytest.mark.parametrize(("turn", "reach"), [(0.0, 0.5), (45.0, 0.5 * 2**0.5)])
+def test_clearance_is_exact_between_samples_of_a_flight(turn: float, reach: float) -> None:
+    """A cube falls along a parabola; a wall is passed between samples, where a chord is too low."""
+    gravity, speed = -32.0, 10.0
+    times = np.arange(6) * 0.2
+    heights = 3.0 + 16.0 * times + gravity / 2 * times**2
+    path = [(0.0, float(y), float(speed * t)) for t, y in zip(times, heights, strict=True)]
+    cube = Machine((ROOT,))
+    velocity = np.zeros((6, 1, 3))
+    velocity[:, 0, 1], velocity[:, 0, 2] = 16.0 + gravity * times, speed
+    trace = make_trace(1, 6, paths={0: path}, velocity=velocity)
+    tilt = np.radians(turn) / 2
+    trace = replace(trace, rotation=np.tile((np.sin(tilt), 0, 0, np.cos(tilt)), (6, 1, 1)))
+    lowest = least_height_over(cube, trace, 5.0)
+    assert lowest == pytest.approx(3.0 + 16.0 * 0.5 - 4.0 - reach, abs=0.002)
+    assert least_height_over(cube, trace, 11.0) is None
+
+
+def test_walls_that_were_cleared_are_told_with_the_least_height() -> None:
+    task = level("jumping/4")
+    paths = {block: [(0.0, 2.0 + block, z) for z in (0.0, 11.0, 14.0, 20.0)] for block in (0, 1)}
+    referee = task.referee(PAIR)
+    referee.start(FakeWorld())
+    verdict = referee.verdict(make_trace(2, 4, paths=paths))
+    assert verdict.terms["clearance, wall 1"] == pytest.approx(2.0 - 0.5 - 0.8)
+    assert "clearance, wall 2" not in verdict.terms
+    assert "; else cleared wall 1 by 0.70 m" in str(verdict.terms["outcome"])
+
+
+def test_the_conditions_of_a_trial_are_told() -> None:
+    trial = level("jumping/4").trials(0)[6]
+    assert isinstance(trial, Jumping)
+    trace = make_trace(2)
+    referee = trial.referee(PAIR)
+    referee.start(FakeWorld())
+    text = trial.feedback(PAIR, trace, (), referee.verdict(trace)).text
+    walls = trial.parameters.walls
+    assert f"Conditions: walls {walls.height:.2f} m high at z = {walls.first:.2f} and " in text
 
 
 def test_the_last_of_two_walls_counts_and_both_are_watched() -> None:
@@ -119,7 +170,7 @@ def test_a_trench_forbids_its_floor_and_its_far_wall_only() -> None:
     world.centres[0] = (0.0, 2.0, 17.5)
     referee.start(FakeWorld())
     referee.watch(world)
-    assert str(judge_on(referee, world).terms["outcome"]).endswith("0.50 m short")
+    assert "at 0.00 s, 0.50 m short, root" in str(judge_on(referee, world).terms["outcome"])
 
 
 def test_the_trench_lies_between_banks_and_the_slope_before_it() -> None:
@@ -171,7 +222,7 @@ def test_a_lone_root_stays_where_it_is_in_every_trial() -> None:
         rollout = simulate(LONE_ROOT, get_task(name))
         assert (rollout.status, rollout.score) == ("ok", 0.0)
         assert rollout.terms["trials"] == 10
-        assert str(rollout.terms["outcome_1"]).startswith("failed, the root ends ")
+        assert str(rollout.terms["outcome_1"]).startswith("failed, root ends ")
         assert token_estimate(rollout.feedback.text) < 1200
 
 

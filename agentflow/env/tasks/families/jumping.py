@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from agentflow.env.feedback.clearance import least_height_over
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.release import describe_release
 from agentflow.env.feedback.text import block_name, number, object_label, series
@@ -151,6 +152,15 @@ class Jumping(TrialFamily):
         start = Start(knobs.base, yaw=knobs.yaw)
         return Scene(objects, knobs.wind.velocity, start=start, friction=friction)
 
+    @property
+    def _conditions(self) -> str:
+        """What differs from trial to trial, as values of this one."""
+        knobs = self.parameters
+        return (
+            f"{knobs.obstacle.condition}, friction {number(knobs.friction)}, turned by "
+            f"{number(abs(knobs.yaw), 1)} degrees to the {'right' if knobs.yaw > 0 else 'left'}"
+        )
+
     def referee(self, machine: Machine) -> JumpReferee:
         return JumpReferee(machine, self.parameters)
 
@@ -164,6 +174,7 @@ class Jumping(TrialFamily):
         take_off_line, data = describe_release(machine, trace, verdict.moment, velocity)
         lines = (
             f"Result: {terms['outcome']}",
+            f"Conditions: {self._conditions}",
             *take_off_line,
             f"Root: greatest height {number(top.max())} m at "
             f"{trace.times[int(top.argmax())]:.2f} s, ends at z = "
@@ -183,6 +194,8 @@ class JumpReferee:
         """A block that was already across at t = 0."""
         self._touch: tuple[float, int, str, float] | None = None
         """First touch: time (s), block, obstacle, and how much the block was short by (m)."""
+        self._cleared: dict[str, float] = {}
+        """By how much the lowest block passed over each wall, m; without walls that none passed."""
 
     def start(self, world: WorldView) -> None:
         """Check that no block is across yet."""
@@ -211,6 +224,7 @@ class JumpReferee:
         """Whether and how the trial succeeded or failed."""
         root = self._world.centre(0)[2]
         share = self._share_beyond()
+        self._measure_clearance(trace)
         success, outcome, miss = self._judge(root, share)
         terms: dict[str, float | bool | str | None] = {
             "success": success,
@@ -221,6 +235,7 @@ class JumpReferee:
             "touched": None if self._touch is None else self._touch[2],
             "touch_time": None if self._touch is None else self._touch[0],
             "far_side": self._far,
+            **{f"clearance, {name}": height for name, height in self._cleared.items()},
         }
         return Verdict(float(success), terms, self._events(), take_off(self._machine, trace))
 
@@ -229,23 +244,46 @@ class JumpReferee:
         beyond = [self._world.centre(step.id)[2] > self._far for step in self._machine]
         return sum(m for m, over in zip(masses, beyond, strict=True) if over) / sum(masses)
 
+    def _measure_clearance(self, trace: Trace) -> None:
+        if not isinstance(self._obstacle, Walls):
+            return
+        for name, place in zip(self._obstacle.watched, self._obstacle.places, strict=True):
+            lowest = least_height_over(self._machine, trace, place)
+            if lowest is not None:
+                self._cleared[name] = lowest - self._obstacle.height
+
     def _judge(self, root: float, share: float) -> tuple[bool, str, float | None]:
-        """Whether the trial succeeded, the outcome in words, and what it missed by, m."""
+        """Whether the trial succeeded, how near it came in words, and what it missed by, m."""
+        beyond = root - self._far
+        where = "beyond" if beyond > 0.0 else "short of the far side"
+        root_text = f"root ends {number(abs(beyond))} m {where}"
+        mass_text = f"{share:.0%} of the mass across"
+        failed, near, miss = self._find_faults()
+        (near if beyond > 0.0 else failed).append(root_text)
+        (near if share >= HALF - 1e-9 else failed).append(mass_text)
+        if not failed:
+            return True, f"success, {', '.join(near)}", None
+        told = "; else ".join(", ".join(parts) for parts in (failed, near) if parts)
+        return False, f"failed, {told}", max(0.0, -beyond) if miss == 0.0 else miss
+
+    def _find_faults(self) -> tuple[list[str], list[str], float | None]:
+        """What failed on the way, which walls were cleared, and what was missed by, m; 0 if
+        nothing failed, None if that is no distance."""
+        over = [
+            f"{name} by {number(height)} m"
+            for name, height in self._cleared.items()
+            if height > 0.0 and not (self._touch and self._touch[2] == name)
+        ]
+        cleared = [f"cleared {', '.join(over)}"] if over else []
         if self._early is not None:
             early = block_name(self._machine, self._early)
-            return False, f"failed, {early} was across before t = 0", None
-        if self._touch is not None:
-            time, block, name, miss = self._touch
-            touched = f"{block_name(self._machine, block)} touched {object_label(name)}"
-            what = "too low" if isinstance(self._obstacle, Walls) else "short"
-            return False, f"failed, {touched} at {number(time)} s, {number(miss)} m {what}", miss
-        beyond = root - self._far
-        if beyond <= 0.0:
-            short = self._far - root
-            return False, f"failed, the root ends {number(short)} m short of the far side", short
-        if share < HALF - 1e-9:
-            return False, f"failed, only {share:.0%} of the mass got across", 0.0
-        return True, f"success, ends {number(beyond)} m beyond", None
+            return [f"{early} was across before t = 0"], cleared, None
+        if self._touch is None:
+            return [], cleared, 0.0
+        time, block, name, miss = self._touch
+        touched = f"{block_name(self._machine, block)} touched {object_label(name)}"
+        what = "too low" if isinstance(self._obstacle, Walls) else "short"
+        return [f"{touched} at {number(time)} s, {number(miss)} m {what}"], cleared, miss
 
     def _events(self) -> tuple[RolloutEvent, ...]:
         if self._touch is None:

@@ -160,7 +160,12 @@ class Lifting(TrialFamily):
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
         """Outcome of the trial and path of the object."""
-        lines = (f"Result: {verdict.terms['outcome']}",)
+        item = self.parameters.object
+        lines = (
+            f"Result: {verdict.terms['outcome']}",
+            f"Conditions: object of mass {number(item.mass)}, friction {number(item.friction)}, "
+            f"placed above x = {number(item.offset)}, z = {number(item.forward)} m",
+        )
         path = series("Object position", trace.even.times, trace.even.object_position[:, 0])
         return compose(machine, trace, broken, verdict, "", lines, {}, (path,))
 

@@ -49,6 +49,12 @@ class Walls(Parameters):
         return self.places[-1] + self.thickness / 2
 
     @property
+    def condition(self) -> str:
+        """What trials vary, in a phrase."""
+        middles = " and ".join(f"{z:.2f}" for z in self.places)
+        return f"wall{'s' * (self.count > 1)} {self.height:.2f} m high at z = {middles} m"
+
+    @property
     def watched(self) -> tuple[str, ...]:
         """Names of the objects that no block may touch."""
         return tuple(f"wall {index}" for index in range(1, self.count + 1))
@@ -87,6 +93,11 @@ class Trench(Parameters):
     def far_side(self) -> float:
         """z of the far bank's edge, m."""
         return self.at + self.length / 2
+
+    @property
+    def condition(self) -> str:
+        """What trials vary, in a phrase."""
+        return f"trench {self.depth:.2f} m deep from z = {self.near_side:.2f} m"
 
     def objects(self, friction: float) -> Iterator[SceneObject]:
         """Both banks, and the far wall."""
