@@ -17,6 +17,7 @@ from setuptools.command.sdist import sdist
 from setuptools.errors import ExecError
 
 PACKAGE = Path(__file__).parent / "agentflow"
+CONFIGS = PACKAGE.parent / "configs"
 BUNDLE = PACKAGE / "report" / "bundle"
 SOURCES = sorted(path for path in PACKAGE.glob("*/web/*") if path.is_file())
 TOOLS = ("build.mjs", "package.json", "package-lock.json")
@@ -44,9 +45,13 @@ class BuildWithPage(build_py):
     """Builds the Python modules, and the page's bundle before them."""
 
     def run(self) -> None:
-        """Bundle where the sources have changed since; then as ever."""
+        """Bundle where the sources have changed since; then as ever, with the configurations."""
         bundle()
         super().run()
+        if not self.editable_mode:  # a checkout has them beside the package
+            shutil.copytree(
+                CONFIGS, Path(self.build_lib) / "agentflow" / "configs", dirs_exist_ok=True
+            )
 
 
 class ReleaseWithPage(sdist):

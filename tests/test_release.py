@@ -69,6 +69,8 @@ def test_a_release_installs_without_node_and_designs_a_machine(tmp_path: Path) -
     for name in {*packaged_files(), *BUNDLE, *PARTS[1:]}:
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, source / name)
+    shutil.copytree(ROOT / "configs", source / "configs")
+    configs = {str(path.relative_to(ROOT)) for path in ROOT.glob("configs/**/*.yaml")}
 
     run(sys.executable, "-m", "build", "--sdist", "--outdir", dist, folder=source)
     [packed] = dist.glob("*.tar.gz")
@@ -76,6 +78,7 @@ def test_a_release_installs_without_node_and_designs_a_machine(tmp_path: Path) -
         held = {name.partition("/")[2] for name in archive.getnames() if "." in Path(name).name}
     ours = packaged_files()
     assert {name for name in held if name.startswith("agentflow/")} == ours | BUNDLE
+    assert configs <= held
 
     build = (sys.executable, "-m", "build", "--wheel", "--outdir", dist)
     assert "nodejs" not in run(*build, packed, folder=elsewhere)
@@ -87,6 +90,7 @@ def test_a_release_installs_without_node_and_designs_a_machine(tmp_path: Path) -
         *(name for name in ours if not name.startswith(WEB)),
         *BUNDLE,
         *PARTS[1:3],
+        *(f"agentflow/{name}" for name in configs),
         *(f"{release}.dist-info/{name}" for name in METADATA),
     }
 
@@ -105,6 +109,8 @@ def test_a_release_installs_without_node_and_designs_a_machine(tmp_path: Path) -
     design = run(agentflow, "design", "--task", "throwing", *small, folder=elsewhere, path=bare)
     result = json.loads(design)
     assert result["score"] > 0
+    for plan in (("sweep", "inspector"), ("benchmark",)):
+        run(agentflow, *plan, "--dry-run", folder=elsewhere, path=bare)
     run(agentflow, "report", result["run"], "--out", "page.html", folder=elsewhere, path=bare)
     assert "</html>" in (elsewhere / "page.html").read_text(encoding="utf-8")
 

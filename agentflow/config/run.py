@@ -11,6 +11,7 @@ from typing import Any, Literal, get_origin
 from pydantic import BaseModel, Field, ValidationError
 
 from agentflow.config.renamed import KEYS, update_names, warn_of_names
+from agentflow.config.shipped import find_config
 from agentflow.errors import ConfigError
 from agentflow.files.faults import explain, find_bool_as_number
 from agentflow.files.yaml import NOT_YAML, read_yaml, read_yaml_file, yaml_problem
@@ -105,10 +106,12 @@ class DesignConfig(BaseModel, frozen=True, extra="forbid"):
 def load_document(path: Path) -> dict[str, Any]:
     """Read a configuration file, or the configuration in a run.yaml, without validating it.
 
+    Those that ship with the package are found from any folder; see `find_config`.
+
     Raises:
         ConfigError: The file cannot be read or is not a YAML mapping.
     """
-    document = read_yaml_file(path)
+    document = read_yaml_file(find_config(path))
     if not isinstance(document, dict):
         raise ConfigError(f"{path} must hold a mapping of configuration keys")
     config = document.get("config")

@@ -26,9 +26,12 @@ NO_ENDPOINT = 4
 """Exit status: all runs failed because of the endpoint."""
 
 
-@commands.command(epilog="Example: agentflow sweep configs/inspector.yaml --dry-run")
+@commands.command(epilog="Example: agentflow sweep inspector --dry-run")
 def sweep(
-    config: Annotated[Path, typer.Argument(help="Sweep file or existing sweep directory.")],
+    config: Annotated[
+        Path,
+        typer.Argument(help="Sweep file, name of one in configs, or existing sweep directory."),
+    ],
     model: options.ModelName = None,
     base_url: options.BaseUrl = None,
     settings: options.Settings = None,

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import BaseModel, Field, SerializeAsAny, ValidationError, field_validator
 
+from agentflow.config.shipped import find_config
 from agentflow.env.rollout import Broken, Feedback, Rollout, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Referee, Task
@@ -199,7 +200,7 @@ def read_objectives(path: str | Path = OBJECTIVES) -> tuple[Objective, ...]:
 
 
 def _entries(path: str | Path) -> list[object]:
-    document = read_yaml_file(path, "the objectives file ")
+    document = read_yaml_file(find_config(path), "the objectives file ")
     if not isinstance(document, list) or not document:
         raise ConfigError(f"{path} must be a list of objectives")
     return document

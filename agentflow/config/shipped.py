@@ -1,0 +1,26 @@
+"""The configurations that ship with the package, which every folder can name."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+FOLDER = "configs"
+_PACKAGE = Path(__file__).parents[1]
+_PLACES = (_PACKAGE / FOLDER, _PACKAGE.parent / FOLDER)
+"""Where they are in an installed package, and in a checkout."""
+
+
+def find_config(path: Path) -> Path:
+    """The file that a path names: itself if it exists, else the configuration that ships.
+
+    Those are named as in a checkout, `configs/inspector.yaml`, or briefly: `inspector`.
+    """
+    if os.path.exists(path):  # unlike the methods of Path, it takes names of any length
+        return path
+    inner = Path(*path.parts[path.parts[:1] == (FOLDER,) :])
+    for place in _PLACES:
+        for name in (inner, inner.with_name(f"{inner.name}.yaml")):
+            if not path.is_absolute() and inner.name and os.path.isfile(place / name):
+                return place / name
+    return path
