@@ -126,10 +126,10 @@ def test_lists_and_comparisons_tell_engines_apart(
 @pytest.mark.slow
 def test_a_share_of_a_record_names_the_engine_of_the_record(run: Path, capsys: Captured) -> None:
     line = next(row for row in shown(capsys, "show", str(run)).splitlines() if "% of" in row)
-    assert f"% of the record of {identity(BULLET)}; record: " in line
+    assert f"% of the record of {identity(BULLET)}, " in line
     assert f"(verified, {identity(BULLET)})" in line
     mine = next(row for row in shown(capsys, "show", str(RECORDED)).splitlines() if "% of" in row)
-    assert "% of the record; record: " in mine
+    assert "% of the record, " in mine
 
 
 @pytest.mark.parametrize("name", [BULLET, MUJOCO])

@@ -172,6 +172,22 @@ def test_a_pipe_gets_few_lines_however_much_happens(
     assert "best 12.50" in lines[-1]
 
 
+def test_calls_are_told_of_about_how_many(
+    live_view: RunView, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live_view.expected = 250
+    assert plain(seen(live_view, 100))[2].startswith("2 of about 250 calls, 3 in progress")
+    monkeypatch.setattr("time.monotonic", partial(next, itertools.count(0.0, 40.0)))
+    with watch(quiet=False, calls=2) as (listener, _say):
+        assert listener is not None
+        for event in (EVENTS[0], EVENTS[2], *EVENTS[3:5], attempt(True, 1)):
+            listener(event)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[1] == "waiting for the first reply"
+    assert any(line.startswith("1 of about 2 calls, ") for line in lines)
+    assert lines[-1].startswith("3 calls, ")  # an estimate that is reached is told no more
+
+
 def test_what_a_model_wrote_does_not_reach_the_terminal_raw(
     live_view: RunView,
     capsys: pytest.CaptureFixture[str],

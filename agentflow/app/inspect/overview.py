@@ -99,7 +99,7 @@ def run_details(path: Path) -> dict[str, Any]:
         "config": config_json(config),
         "blocks": known.get("blocks", len(machine) if machine else None),
         **{key: known.get(key) for key in ("most_blocks", "best_stage", "robust", "front")},
-        "record": _record(path, document, result.trusted_score if result else summary["score"]),
+        "record": reached(path, document, result.trusted_score if result else summary["score"]),
         "marginal": _marginal(path, machine),
         "stages": [stage.data for stage in record.stages],
         "stopped": known.get("stopped"),
@@ -113,8 +113,12 @@ def run_details(path: Path) -> dict[str, Any]:
     }
 
 
-def _record(path: Path, document: Mapping[str, Any], score: float | None) -> dict[str, Any] | None:
-    """The record of the run's task; None without one, or if the task is not installed."""
+def reached(path: Path, document: Mapping[str, Any], score: float | None) -> dict[str, Any] | None:
+    """The record of a run's task and the share of it that a score reaches, see `record_json`.
+
+    Returns:
+        None without a record, or if the task is not installed.
+    """
     with suppress(UsageError):
         return record_json(task_of_run(path, document), score)
     return None

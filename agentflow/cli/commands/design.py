@@ -89,16 +89,21 @@ def design(
     """
     from agentflow.app.design import run
     from agentflow.app.design.config import load_config
+    from agentflow.app.design.plan import RunPlan
+    from agentflow.app.design.results import best_machine
     from agentflow.app.design.seeds import SeedsResult, design_seeds
     from agentflow.app.design.trust import require_trusted_run
+    from agentflow.app.inspect.overview import reached
     from agentflow.app.machines.files import read_one
     from agentflow.app.pages.pictures import render_run
     from agentflow.app.pools import pools_on
+    from agentflow.app.sweeps.estimates import estimate
     from agentflow.cli.display.live import watch
     from agentflow.cli.display.show_runs import show_result
     from agentflow.holding import with_holding
-    from agentflow.runs import RunResult, state_of
+    from agentflow.runs import RunResult, read_document, state_of
     from agentflow.runs.events import DrawingEvent
+    from agentflow.runs.reading import MACHINES
 
     keys = {
         "task": task,
@@ -134,16 +139,18 @@ def design(
     open_pool = pools_on(backend)
     allowed = allow if trust else approve  # asks before the progress display starts
     carry_out: Callable[[run.RunOptions], RunResult | SeedsResult]
+    calls = 0
     if resume is not None:
         if not finished:
             require_trusted_run(resume, allowed, {})
         carry_out = partial(run.resume, resume)
     else:
         built = load_config(config, settings or (), keys, allowed)
+        calls = estimate(RunPlan.of(built)).calls
         carry_out = partial(run.design, built, out, name=name or "")
         if seeds is not None:
             carry_out = partial(design_seeds, built, out, seeds, minutes)
-    with watch(quiet) as (listener, notify):
+    with watch(quiet, calls) as (listener, notify):
         found = carry_out(run.RunOptions(notify, listener, approve=allow, open_pool=open_pool))
         best, rows = (found.best, found.rows) if isinstance(found, SeedsResult) else (found, ())
         drawn = best.valid and not finished
@@ -155,7 +162,12 @@ def design(
     if as_json:
         print_json(data)
     else:
-        show_result(data, pictures)
+        machine = best_machine(best)
+        kept = (
+            {"machine": str(Path(best.run, MACHINES, f"{machine.digest}.json"))} if machine else {}
+        )
+        record = reached(Path(best.run), read_document(Path(best.run)), best.trusted_score)
+        show_result({**data, "record": record}, {**kept, **pictures})
     if any(row["failed"] for row in rows):
         raise typer.Exit(PARTLY)
 

@@ -41,18 +41,23 @@ BARS = "▁▂▃▄▅▆▇█"
 
 
 @contextmanager
-def watch(quiet: bool) -> Iterator[tuple[Listener | None, Notify]]:
-    """A listener for a run's events and a callback for its notices; neither prints if quiet."""
+def watch(quiet: bool, calls: int = 0) -> Iterator[tuple[Listener | None, Notify]]:
+    """A listener for a run's events and a callback for its notices; neither prints if quiet.
+
+    Args:
+        quiet: Print nothing.
+        calls: About how many calls the run makes; 0 if unknown.
+    """
     console = SafeConsole(stderr=True, highlight=False)
     if quiet:
         yield None, lambda _line: None
     elif console.is_terminal:
-        view = RunView()
+        view = RunView(expected=calls)
         with Live(get_renderable=view.draw, console=console, refresh_per_second=8) as live:
             yield view.note, lambda line: console.print(Text(escape_controls(line)))
             live.transient = True  # the result follows; a failed run leaves its view
     else:
-        yield PlainProgress().note, lambda line: print_line(f"agentflow: {line}")
+        yield PlainProgress(calls).note, lambda line: print_line(f"agentflow: {line}")
 
 
 def print_line(line: str) -> None:
@@ -71,6 +76,8 @@ def print_remark(line: str, quiet: bool = False) -> None:
 class RunView:
     """The live view of a run."""
 
+    expected: int = 0
+    """About how many calls it makes; 0 if unknown."""
     record: RunRecord = field(default_factory=RunRecord)
     ending: str = ""
     """What is done after the workflow."""
@@ -118,7 +125,8 @@ class RunView:
                 f"{seconds:.0f} s"
             ),
             _one_line(
-                f"{run.calls} calls, {self.under_way} in progress{rate} · {run.tokens} tokens · "
+                f"{_calls(run.calls, self.expected)}, {self.under_way} in progress{rate} · "
+                f"{run.tokens} tokens · "
                 f"cost {cost}"
             ),
             Text.assemble("best ", (best, "bold green"), "  ", (sparkline(self.curve), "green")),
@@ -129,6 +137,13 @@ class RunView:
             lines.append(_stage_table(run.stages))
         lines += [_one_line(line, "dim") for line in self.failures]
         return Group(*lines)
+
+
+def _calls(made: int, expected: int) -> str:
+    """How many calls were made, and of about how many while there are fewer."""
+    return (
+        f"{made} of about {counted(expected, 'call')}" if made < expected else counted(made, "call")
+    )
 
 
 def _one_line(text: str, style: str = "") -> Text:
@@ -184,6 +199,8 @@ EVERY_S = 30.0
 class PlainProgress:
     """Progress where there is no terminal: a line per stage, and now and then one in between."""
 
+    expected: int = 0
+    """About how many calls it makes; 0 if unknown."""
     record: RunRecord = field(default_factory=RunRecord)
     _told: float = field(default_factory=time.monotonic)
     _refused: str = ""
@@ -199,8 +216,9 @@ class PlainProgress:
         line = _line(event)
         if not line and time.monotonic() - self._told >= EVERY_S:
             run = self.record
-            done = counted(run.calls, "call"), counted(run.evaluations, "simulation")
-            line = f"{', '.join(done)}, best {number(run.best)}{self._refused}"
+            done = f"{_calls(run.calls, self.expected)}, {counted(run.evaluations, 'simulation')}"
+            best = "" if run.best is None else f", best {number(run.best)}"
+            line = f"{done}{best}{self._refused}" if run.calls else "waiting for the first reply"
             self._refused = ""
         if line:
             self._told = time.monotonic()

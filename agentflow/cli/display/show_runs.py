@@ -49,8 +49,8 @@ MOST_OF_FRONT = 10
 """Most machines of a Pareto front that are printed; the data holds all."""
 
 
-def show_result(result: Data, pictures: Mapping[str, str]) -> None:
-    """Print the result of a design run: score, stages, model, cost, paths."""
+def show_result(result: Data, files: Mapping[str, str]) -> None:
+    """Print the result of a design run: score, stages, model, cost, paths of its files by name."""
     console = output()
     if seeds := result.get("seeds"):
         _show_seeds(seeds)
@@ -63,6 +63,8 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
         )
     if verified := result.get("verified"):
         console.print(verified_line(verified))
+    if (record := result.get("record")) and record["share"] is not None:
+        console.print(record_line(record))
     show_objectives(result)
     console.print(table(STAGE, result["stages"]))
     if note := _lower_stage(result["stages"]):
@@ -76,7 +78,7 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
         f"{counted(result['rollouts'], 'rollout')}, {result['seconds']:.1f} s"
     )
     print_lines(console, (field("engine"), field("run")), result)  # older results lack the engine
-    for name, path in pictures.items():
+    for name, path in files.items():
         console.print(f"{name}: {path}")
     console.print(f"see every step in 3D: agentflow report {shlex.quote(result['run'])}")
     if ending := ending_of(result):

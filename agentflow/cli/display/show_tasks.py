@@ -32,7 +32,11 @@ LIMITS = (
     field("record", show=record_text),
     Field("note", lambda task: task["note"] or None),
 )
-KNOB = (field("knob", "name"), field("value"), field("range"), field("description", "help"))
+KNOB = (
+    field("knob", "name"),
+    field("value"),
+    Field("meaning and range", lambda knob: f"{knob['help']} ({knob['range']})"),
+)
 DIAGNOSIS = (
     field("endpoint", "base_url"),
     Field(
@@ -76,7 +80,7 @@ def show_task(task: Data) -> None:
         console.print(f"required: exactly {count} of type {kind}")
     print_lines(console, LIMITS, task)
     console.print()
-    console.print(table(KNOB, task["knobs"]))
+    console.print_wide(table(KNOB, task["knobs"]))
 
 
 def show_diagnosis(found: Data) -> None:

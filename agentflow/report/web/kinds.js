@@ -2,9 +2,9 @@
 
 import { el, section, formatNumber, revealHidden } from "./dom.js";
 
-/** The section; `choose` is called with the content hash of a machine. Null if no kind is known. */
+/** The section; `choose` is called with the content hash of a machine. Null if there is only one kind. */
 export function kindsSection({ archive, classes = [] }, choose) {
-  if (!archive && !classes.length) return null;
+  if (!archive && classes.length < 2) return null;
   return section("Kinds of machines", ...(archive ? archiveParts(archive, choose) : []),
     classes.length ? el("h3", {}, "Best machine of each mechanism class: what drives / what holds / how it releases") : null,
     el("div", { class: "cards" }, ...classes.map((item) => classCard(item, choose))));

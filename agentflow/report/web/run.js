@@ -70,7 +70,7 @@ export class RunView {
   search() {
     this.tree = new Tree(this.data.nodes, (node) => this.choose(node));
     if (this.picked) this.tree.select(this.picked);
-    return this.data.nodes.length ? section("Search", el("div", { class: "tall" }, this.tree.element), legend()) : null;
+    return this.data.nodes.length > 1 ? section("Search", el("div", { class: "tall" }, this.tree.element), legend()) : null;
   }
 
   /** Show a machine by content hash. */

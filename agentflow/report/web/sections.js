@@ -34,7 +34,7 @@ export function legend() {
 }
 
 export function scoreCharts({ progress }) {
-  if (!progress.length) return null;
+  if (progress.length < 2) return null;
   const tokens = progress.at(-1).tokens > 0;
   const searched = progress.at(-1).expansions > 0;
   return section("Score",
