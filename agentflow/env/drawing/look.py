@@ -24,7 +24,8 @@ from agentflow.env.drawing.film import objects_at
 from agentflow.env.drawing.raster import CORNERS, corners_of
 from agentflow.env.drawing.solids import MachineSolids, Pose
 from agentflow.env.drawing.stills import INK, caption, render_image
-from agentflow.env.rollout import Array, Rollout, Trace
+from agentflow.env.feedback.fragments import held_pairs, joined_to
+from agentflow.env.rollout import Array, Rollout
 from agentflow.env.scene import Body, SceneObject
 from agentflow.errors import UsageError
 from agentflow.machine.geometry.vectors import Vec3
@@ -132,14 +133,8 @@ def _at(rollout: Rollout, time: float) -> _Moment:
         {item.block for item in rollout.broken if item.time <= at},
         [item for item in objects if item.name in trace.objects],
         [item for item in objects if item.name not in trace.objects],
-        _connected(trace, index),
+        held_pairs(trace, index),
     )
-
-
-def _connected(trace: Trace, index: int) -> set[tuple[int, int]]:
-    """The connections that hold in one sample; nothing reports the load of one that is lost."""
-    holds = ~np.isnan(trace.utilisation[index])
-    return {pair for pair, held in zip(trace.connections, holds, strict=True) if held}
 
 
 def _framed(shapes: MachineSolids, moment: _Moment, follow: Body | None, within: float) -> Array:
@@ -159,7 +154,7 @@ def _framed(shapes: MachineSolids, moment: _Moment, follow: Body | None, within:
             raise UsageError(f"there is no block {follow}; follow one from 0 to {len(blocks) - 1}")
         centre = pose.centre[follow or 0]
         if follow is not None and moment.connected is not None:
-            blocks = _fragment(follow, moment.connected)
+            blocks = joined_to(follow, moment.connected)
     near = np.linalg.norm(pose.centre - centre, axis=1) <= within
     solids = [item for item in shapes.objects(pose) if _is_framed(item, blocks, near)]
     close = [item for item in moment.moving if dist(item.position, centre) <= within]
@@ -172,14 +167,6 @@ def _framed(shapes: MachineSolids, moment: _Moment, follow: Body | None, within:
 def _is_framed(item: SceneObject, blocks: Collection[int], near: Array) -> bool:
     block = int(item.name.removeprefix("block "))
     return block in blocks and bool(near[block])
-
-
-def _fragment(block: int, connected: Collection[tuple[int, int]]) -> set[int]:
-    """The blocks that hang together with one."""
-    found = {block}
-    while more := {b for pair in connected if found & {*pair} for b in pair} - found:
-        found |= more
-    return found
 
 
 def _draw(shapes: MachineSolids, moment: _Moment, camera: Camera, said: str) -> Image.Image:

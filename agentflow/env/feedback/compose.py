@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
+from agentflow.env.feedback.fragments import find_fragments, fragment_lines
 from agentflow.env.feedback.orientation import frame_text, orientation_runs, orientation_text
 from agentflow.env.feedback.stalls import stall_lines
 from agentflow.env.feedback.text import (
@@ -67,6 +68,7 @@ def compose(
     even, measured, moment = trace.even, trace.measured, verdict.moment
     end = float(trace.times[-1])
     contacts = explanatory(measured.contacts, moment, end)
+    fragments = find_fragments(machine, trace)
     runs = orientation_runs(even)
     stalls = [event for event in verdict.events if event.kind == "motor_stalled"]
     text = [
@@ -75,6 +77,7 @@ def compose(
         *_energy_lines(machine, measured.energy, moment),
         *contact_line(contacts, end),
         *broken_lines(machine, broken),
+        *fragment_lines(fragments),
         *load_lines(measured.peaks, moment),
         *stall_lines(stalls),
         "Orientation of block 0: " + orientation_text(runs, spacing(even.times)),
@@ -88,6 +91,7 @@ def compose(
         "moment": None if moment is None else dict(vars(moment)),
         "seconds": end,
         "broken": [dict(vars(item)) for item in broken],
+        "fragments": [vars(item) | {"blocks": list(item.blocks)} for item in fragments],
         "orientation": [{"faces": word, "from": start, "to": end} for word, start, end in runs],
         "events": [vars(event) | {"blocks": list(event.blocks)} for event in verdict.events],
         "series": [dict(vars(path)) for path in paths],

@@ -24,7 +24,7 @@ PULLING = ("spring", "rope")
 
 
 def describe_release(
-    machine: Machine, trace: Trace, moment: Moment | None, velocity: Array
+    machine: Machine, trace: Trace, moment: Moment | None, velocity: Array, what: str = ""
 ) -> tuple[list[str], dict[str, Any]]:
     """A line with speed, elevation, angle and turning rate of the arm, and lengths of springs, and
     as data (`release`) speed, m/s, and elevation, degrees; without a release, no line and None.
@@ -34,6 +34,7 @@ def describe_release(
         trace: Its trace.
         moment: The release.
         velocity: (T, 3) of what is released.
+        what: Of what the moment is, such as " of the root's fragment".
     """
     if moment is None:
         return [], {"release": None}
@@ -52,7 +53,7 @@ def describe_release(
         held = max(index - int(trace.times[index] > moment.time + 1e-6), 0)
         parts.append(_arm_text(machine, trace, moment.holder, held))
     parts += _lengths(machine, trace, index)
-    line = f"{moment.name.capitalize()} at {number(moment.time)} s: {', '.join(parts)}"
+    line = f"{moment.name.capitalize()}{what} at {number(moment.time)} s: {', '.join(parts)}"
     return [line], {"release": {"speed": speed, "elevation": elevation}}
 
 

@@ -63,9 +63,9 @@ def rounded(value: float) -> str:
     )
 
 
-def point_text(point: Iterable[float]) -> str:
+def point_text(point: Iterable[float], digits: int = 2) -> str:
     """Format a position: "(0.00, 1.50, 3.00)"."""
-    return f"({', '.join(map(number, point))})"
+    return f"({', '.join(number(value, digits) for value in point)})"
 
 
 def vector_text(vector: Sequence[float]) -> str:

@@ -10,8 +10,9 @@ import pytest
 from PIL import Image
 
 from agentflow.env.drawing.backdrop import LAND
-from agentflow.env.drawing.look import AXES, DIRECTIONS, _fragment, look_at
+from agentflow.env.drawing.look import AXES, DIRECTIONS, look_at
 from agentflow.env.drawing.stills import INK
+from agentflow.env.feedback.fragments import joined_to
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
@@ -127,6 +128,6 @@ def test_the_camera_follows_a_fragment_and_a_moving_object() -> None:
     )
     assert len({wide, cargo, close}) == 3
     holding = {(1, 0), (2, 1), (5, 4), (4, 3)}
-    assert _fragment(0, holding) == {0, 1, 2}
-    assert _fragment(5, holding) == {3, 4, 5}
-    assert _fragment(9, holding) == {9}
+    assert joined_to(0, holding) == {0, 1, 2}
+    assert joined_to(5, holding) == {3, 4, 5}
+    assert joined_to(9, holding) == {9}

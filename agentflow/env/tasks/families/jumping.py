@@ -7,13 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-import numpy as np
-
 from agentflow.env.feedback.clearance import least_height_over
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.release import describe_release
+from agentflow.env.feedback.fragments import is_root_alone, root_velocity
+from agentflow.env.feedback.release import describe_release, sample_at
 from agentflow.env.feedback.text import block_name, number, object_label, series
-from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
+from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Start, blocks_among
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
 from agentflow.env.tasks.family import (
@@ -170,8 +169,10 @@ class Jumping(TrialFamily):
         """Outcome of the trial and path of the root."""
         terms = verdict.terms
         top = trace.centre[:, 0, 1]
-        velocity = centre_velocity(machine, trace)
-        take_off_line, data = describe_release(machine, trace, verdict.moment, velocity)
+        moment, velocity, what = verdict.moment, root_velocity(machine, trace), ""
+        if moment and is_root_alone(machine, trace, sample_at(trace, moment.time)):
+            what = " of the root's fragment"
+        take_off_line, data = describe_release(machine, trace, moment, velocity, what)
         lines = (
             f"Result: {terms['outcome']}",
             f"Conditions: {self._conditions}",
@@ -294,19 +295,13 @@ class JumpReferee:
 
 
 def take_off(machine: Machine, trace: Trace) -> Moment | None:
-    """When the machine's centre of mass rises fastest, as gravity alone acts from then on."""
-    rise = centre_velocity(machine, trace)[:, 1]
+    """When the centre of mass of what stays with the root rises fastest: from then on, gravity
+    alone acts."""
+    rise = root_velocity(machine, trace)[:, 1]
     fastest = int(rise.argmax())
     if rise[fastest] < LEAST_RISE:
         return None
     return Moment(float(trace.times[fastest]), "take-off")
-
-
-def centre_velocity(machine: Machine, trace: Trace) -> Array:
-    """(T, 3) velocity of the centre of mass of all blocks, m/s."""
-    masses = np.array([library()[step.type].mass for step in machine])
-    velocity: Array = (trace.velocity * masses[:, None]).sum(axis=1) / masses.sum()
-    return velocity
 
 
 def lowest_point(world: WorldView, machine: Machine, block: int) -> float:
