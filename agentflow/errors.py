@@ -6,7 +6,7 @@
     │   ├── ConfigError         a configuration key is invalid
     │   ├── RunError            a run directory is busy, damaged or unwritable
     │   ├── PromptError         a prompt template is invalid or lacks a variable
-    │   └── FamilyError         a task family of another distribution failed
+    │   └── PluginError         a part of another distribution failed
     ├── EndpointError           the model endpoint cannot be used             exit 4
     │   ├── UnreachableError    no answer from the base URL
     │   ├── UnauthorisedError   401 or 403
@@ -64,8 +64,8 @@ class RunError(UsageError):
     """A run directory is busy, damaged, unwritable or has an unsupported schema."""
 
 
-class FamilyError(UsageError):
-    """A task family of another distribution failed; the message names family and method."""
+class PluginError(UsageError):
+    """A part of another distribution failed; the message names it and its package."""
 
 
 class PromptError(UsageError):

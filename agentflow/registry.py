@@ -19,12 +19,13 @@ Another distribution adds to it in its pyproject.toml:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from agentflow.errors import ConfigError, UnknownNameError
+from agentflow.errors import AgentflowError, ConfigError, PluginError, UnknownNameError
 
 if TYPE_CHECKING:  # loading it takes as long as a whole `agentflow --help`
     from importlib.metadata import EntryPoint
@@ -92,6 +93,36 @@ class Registry(Mapping[str, T]):
         entry = self._others[name]
         dist = f"{entry.dist.name} {entry.dist.version} " if entry.dist else ""
         return f"{dist}source {_source_digest(entry.module.partition('.')[0])}"
+
+    @contextmanager
+    def blaming(self, name: str) -> Iterator[None]:
+        """Run code of a part; what its own package raises becomes a PluginError that names it.
+
+        Errors of agentflow, and bugs in parts of ours, propagate as they are.
+        """
+        try:
+            yield
+        except AgentflowError:
+            raise
+        except Exception as error:
+            place = self._place_of(error, name)
+            if not place:
+                raise
+            what = f"{type(error).__name__}: {error}"
+            raise PluginError(f"{self.describe(name)} failed: {place} raised {what}") from error
+
+    def _place_of(self, error: Exception, name: str) -> str:
+        """File and line in the package of a part where an error is from; "" for one of ours."""
+        if name in self._ours or name not in self._others:
+            return ""
+        package, place, step = self._others[name].module.partition(".")[0], "", error.__traceback__
+        while step:  # the last one that is in either package
+            owner = str(step.tb_frame.f_globals.get("__name__")).partition(".")[0]
+            if owner in (package, "agentflow"):
+                code = step.tb_frame.f_code
+                place = f"{code.co_filename}, line {step.tb_lineno}" if owner == package else ""
+            step = step.tb_next
+        return place
 
     def _describe(self, entry: EntryPoint) -> str:
         origin = f" of the distribution {entry.dist.name!r}" if entry.dist else ""

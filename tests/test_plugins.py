@@ -125,6 +125,25 @@ def test_a_run_made_of_toys(run: Path) -> None:
 
 
 @pytest.mark.slow
+def test_options_of_a_strategy_and_what_it_raises(tmp_path: Path) -> None:
+    def design(*settings: str) -> str:
+        words = [word for item in (*SMALL, *settings) for word in ("--set", item)]
+        return python(MAIN, *DESIGN, *words, "--quiet", "--name", "toy", cwd=tmp_path, status=2)
+
+    told = design("search.options.flor=1")
+    assert told.startswith(
+        "agentflow: settings.search.options of eager: unknown option 'flor'; known: floor, rates\n"
+    )
+    assert not (tmp_path / "runs").exists()
+    told = design("search.options.rates=[]")
+    assert re.match(
+        r"agentflow: the search strategy 'eager' \(toybox.parts:eager\) of the distribution "
+        r"'toybox' failed: \S+parts.py, line \d+ raised IndexError: ",
+        told,
+    )
+
+
+@pytest.mark.slow
 def test_runs_of_an_edited_plug_in_are_not_mixed(tmp_path: Path) -> None:
     shutil.copytree(PLUGINS, tmp_path, dirs_exist_ok=True)
     path = tmp_path / "toys.yaml"

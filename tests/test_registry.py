@@ -15,7 +15,7 @@ from agentflow.agents.registry import ROLES
 from agentflow.app.pages.registry import PAGES
 from agentflow.env.physics.registry import ENGINES
 from agentflow.env.tasks.registry import FAMILIES
-from agentflow.errors import UnknownNameError
+from agentflow.errors import PluginError, UnknownNameError
 from agentflow.metrics.cells import METRICS
 from agentflow.prompts import compact
 from agentflow.prompts.registry import PROMPT_SETS
@@ -104,14 +104,7 @@ def test_the_identity_of_a_part_from_elsewhere_covers_its_sources(
 ) -> None:
     found = []
     for name, size in (("idle_one", 1), ("idle_two", 1), ("idle_three", 2)):
-        folder = tmp_path / name
-        (folder / name).mkdir(parents=True)
-        (folder / name / "__init__.py").write_text("len = len\n" * size)
-        (folder / f"{name}-1.0.dist-info").mkdir()
-        (folder / f"{name}-1.0.dist-info/METADATA").write_text(f"Name: {name}\nVersion: 1.0\n")
-        entry = f"[agentflow.strategies]\n{name} = {name}:len\n"
-        (folder / f"{name}-1.0.dist-info/entry_points.txt").write_text(entry)
-        monkeypatch.syspath_prepend(folder)
+        monkeypatch.syspath_prepend(_distribution(tmp_path, name, "run = len\n" * size))
     registry = Registry("search strategy", "agentflow.strategies", {"ours": len}, is_callable)
     for name in ("idle_one", "idle_two", "idle_three"):
         identity = registry.identity(name)
@@ -119,3 +112,43 @@ def test_the_identity_of_a_part_from_elsewhere_covers_its_sources(
         found.append(identity.rpartition(" ")[2])
     assert found[0] == found[1] != found[2]
     assert registry.identity("ours") == registry.identity("nobody") == ""
+
+
+FAULTY = """
+def run(call):
+    if call is None:
+        raise KeyError("depth")
+    return call()
+"""
+
+
+def test_what_a_part_raises_names_it_and_its_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(_distribution(tmp_path, "faulty_one", FAULTY))
+    registry = Registry("search strategy", "agentflow.strategies", {"ours": len}, is_callable)
+    part: Any = registry["faulty_one"]
+    with pytest.raises(PluginError) as caught, registry.blaming("faulty_one"):
+        part(None)
+    assert str(caught.value) == (
+        "the search strategy 'faulty_one' (faulty_one:run) of the distribution 'faulty_one' "
+        f"failed: {tmp_path}/faulty_one/faulty_one/__init__.py, line 4 raised KeyError: 'depth'"
+    )
+    with pytest.raises(KeyError), registry.blaming("faulty_one"):
+        part(lambda: registry.describe("nobody"))  # a bug of ours that it runs into
+    with pytest.raises(KeyError), registry.blaming("ours"):
+        part(None)
+    with pytest.raises(UnknownNameError), registry.blaming("faulty_one"):
+        part(lambda: registry["nobody"])
+
+
+def _distribution(folder: Path, name: str, code: str) -> Path:
+    """A folder with an installed distribution that holds a strategy; all have this one name."""
+    place = folder / name
+    (place / name).mkdir(parents=True)
+    (place / name / "__init__.py").write_text(code)
+    info = place / f"{name}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Name: {name}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[agentflow.strategies]\n{name} = {name}:run\n")
+    return place

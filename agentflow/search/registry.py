@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from agentflow.registry import Registry, is_callable
-
-if TYPE_CHECKING:
-    from agentflow.search.pooled.pool import PooledStrategy
 
 STRATEGIES: Registry[Callable[..., Any]] = Registry(
     "search strategy",
@@ -24,13 +21,8 @@ STRATEGIES: Registry[Callable[..., Any]] = Registry(
     is_callable,
 )
 """A strategy is a coroutine function with the arguments of `mcts`, which searches from one
-candidate, or a class derived from `PooledStrategy`, which deals the budget of a whole run."""
+candidate, or a class derived from `PooledStrategy`, which deals the budget of a whole run.
 
-
-def pooled(name: str) -> PooledStrategy | None:
-    """The strategy of this name if it deals the budget of a whole run; None if it does not."""
-    from agentflow.search.pooled.pool import PooledStrategy
-
-    strategy = STRATEGIES[name]
-    is_pooled = isinstance(strategy, type) and issubclass(strategy, PooledStrategy)
-    return strategy() if is_pooled else None
+A function that also has a parameter `rng` gets its own `random.Random`. A function or a class that
+has a parameter `options`, annotated with a pydantic model, gets `search.options` as that model.
+"""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
@@ -42,6 +42,9 @@ class SearchSettings(BaseModel, frozen=True, extra="forbid"):
         5, ge=1, description="maximum rounds of concurrent requests per expansion"
     )
     ucb: UcbSettings = Field(UcbSettings(), description="selection settings of mcts")
+    options: dict[str, Any] = Field(
+        {}, description="options of a strategy from another package, which that checks"
+    )
 
     @property
     def children(self) -> int:

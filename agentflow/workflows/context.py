@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from agentflow.agents.base import AskContext, Role, RoleAttempt, RoleOutcome, ask
 from agentflow.agents.refiner import Refinement
+from agentflow.agents.registry import ROLES
 from agentflow.agents.tool_agent import Agent, take_turn
 from agentflow.errors import BudgetSpentError, RunError
 from agentflow.llm.messages import Message, Tool
@@ -31,7 +32,7 @@ from agentflow.runs.events import (
 from agentflow.runs.locations import Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
-from agentflow.search.registry import pooled
+from agentflow.search.strategies import deals_budget
 from agentflow.tools.host import Shot, Told
 from agentflow.workflows.base import (
     GREATEST,
@@ -90,7 +91,7 @@ class WorkflowContext:
         self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
         self._stages: list[Stage] = []
         self._opened = settings.trajectories
-        self._pooled = pooled(settings.search.strategy) is not None
+        self._pooled = deals_budget(settings.search.strategy)
         self._tried: dict[int, set[Machine]] = {}
         """Trajectory -> the machines that were simulated in it."""
         self._counts: dict[str, _Count] = {}
@@ -140,10 +141,10 @@ class WorkflowContext:
             once: Make only one attempt, as searches do.
         """
         used = self._context(model_role or role.model_role or role.name, stage)
+        used = replace(used, max_retry=1) if once else used
         try:
-            return await ask(
-                role, given, replace(used, max_retry=1) if once else used, str(location)
-            )
+            with ROLES.blaming(role.name):
+                return await ask(role, given, used, str(location))
         except BudgetSpentError as spent:
             self.spent = spent
             return None

@@ -7,7 +7,7 @@ from dataclasses import replace
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
 from agentflow.runs.events import BlueprintEvent
 from agentflow.runs.locations import INITIAL, Location
-from agentflow.search.registry import pooled
+from agentflow.search.strategies import pooled
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.iterative import ITERATIVE
@@ -38,7 +38,7 @@ async def hierarchical(run: WorkflowContext) -> WorkflowResult:
         (candidate,) = await build(run, blueprint, only=trajectory)
         return candidate
 
-    if (strategy := pooled(run.settings.search.strategy)) is not None:
+    if (strategy := pooled(run.settings.search)) is not None:
         return await search_all(run, strategy, design, blueprint)
     return await refine(run, await build(run, blueprint), blueprint)
 

@@ -8,7 +8,7 @@ from agentflow.agents.designer import Designer
 from agentflow.agents.refiner import Refiner
 from agentflow.runs.locations import FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
-from agentflow.search.registry import pooled
+from agentflow.search.strategies import deals_budget, pooled
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.random_dsl import RANDOM_DSL
@@ -32,7 +32,7 @@ async def single(run: WorkflowContext) -> WorkflowResult:
     feedback. There is no inspector. With 0 rounds there is no feedback.
     """
     run.begin_stage(INITIAL)
-    if (strategy := pooled(run.settings.search.strategy)) is not None:
+    if (strategy := pooled(run.settings.search)) is not None:
         design = partial(design_machine, run)
         return await search_all(run, strategy, design, model_role=Designer.name)
     designed = await design_machines(run)
@@ -53,21 +53,21 @@ def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
     """Without a querier; strategies that search from one machine give way to `random`, which
     refines the last machine."""
     search = settings.search
-    if pooled(search.strategy) is None:
+    if not deals_budget(search.strategy):
         search = search.model_copy(update={"strategy": "random"})
     adapted = settings.model_copy(update={"querier": False, "search": search})
     return within_limit(adapted)
 
 
 def _calls(settings: WorkflowSettings) -> dict[str, int]:
-    if pooled(settings.search.strategy):
+    if deals_budget(settings.search.strategy):
         return count_calls(settings)
     revised = settings.trajectories * settings.search.rounds
     return {**count_designs(settings), Refiner.name: revised}
 
 
 def _rollouts(settings: WorkflowSettings) -> int:
-    if pooled(settings.search.strategy):
+    if deals_budget(settings.search.strategy):
         return count_rollouts(settings)
     most = settings.trajectories * (1 + settings.search.rounds)
     return min(most, settings.max_simulations or most)

@@ -15,7 +15,7 @@ from agentflow.cluster.pool import RayPool
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.errors import FamilyError
+from agentflow.errors import PluginError
 from agentflow.rewards.scoring import Sample, Scorer
 from tests.cluster.conftest import NODE
 from tests.env.pool.test_pool import CAR, LONE_ROOT, trouble
@@ -73,7 +73,7 @@ async def test_three_deaths_are_a_crash_and_no_answer_is_a_timeout(tmp_path: Pat
     async with RayPool(1, grace=10) as pool:
         crashed = await pool.run(CAR, trouble(deaths, 9, "die"))
         hung = await pool.run(CAR, trouble(naps, 1, "sleep"), wall_limit=0.5)
-        with pytest.raises(FamilyError, match="scene raised ValueError: no such scene"):
+        with pytest.raises(PluginError, match="scene raised ValueError: no such scene"):
             await pool.run(CAR, trouble(tmp_path, 9, "raise"))
         after = await pool.run(CAR, get_task("movement", {"window": 1}))
     assert (crashed.status, crashed.score) == ("crashed", None)

@@ -8,11 +8,12 @@ from typing import Any
 import pytest
 
 from agentflow.search.node import Evaluation, SearchResult
-from agentflow.search.registry import STRATEGIES, pooled
+from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import SearchSettings
+from agentflow.search.strategies import deals_budget
 from tests.search.domain import ONE_KIND, Words
 
-FROM_ONE = [name for name in STRATEGIES if pooled(name) is None]
+FROM_ONE = [name for name in STRATEGIES if not deals_budget(name)]
 """Strategies that search from one candidate."""
 
 REPLIES = {

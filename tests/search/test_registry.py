@@ -1,12 +1,14 @@
 import math
+from random import Random
 
 import pytest
 from pydantic import ValidationError
 
-from agentflow.errors import UnknownNameError
+from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.search.mcts import mcts
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import SearchSettings, UcbSettings
+from agentflow.search.strategies import extras
 
 
 def test_by_name() -> None:
@@ -47,3 +49,9 @@ def test_every_setting_has_help(settings: type[SearchSettings] | type[UcbSetting
 def test_invalid_settings_are_rejected(wrong: dict[str, object]) -> None:
     with pytest.raises(ValidationError, match=next(iter(wrong))):
         SearchSettings.model_validate(wrong)
+
+
+def test_options_are_refused_by_a_strategy_that_takes_none() -> None:
+    assert extras(SearchSettings(), Random(0)) == {}
+    with pytest.raises(ConfigError, match=r"mcts takes no options: remove settings\.search\.opt"):
+        extras(SearchSettings(options={"depth": 1}))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import pytest
 
 from agentflow.search.node import Evaluation
-from agentflow.search.registry import STRATEGIES, pooled
+from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import SearchSettings
+from agentflow.search.strategies import deals_budget
 from agentflow.search.tree import is_better
 from tests.search.domain import ONE_KIND, Words
 
-FROM_ONE = [name for name in STRATEGIES if pooled(name) is None]
+FROM_ONE = [name for name in STRATEGIES if not deals_budget(name)]
 """Strategies that search from one candidate."""
 
 ROOT = Evaluation(True, 1.0, measurements=ONE_KIND)

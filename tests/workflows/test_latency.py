@@ -12,7 +12,8 @@ import pytest
 from agentflow.llm.messages import Reply, Request
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
-from agentflow.search.registry import STRATEGIES, pooled
+from agentflow.search.registry import STRATEGIES
+from agentflow.search.strategies import deals_budget
 from tests.timing import JumpingLoop
 from tests.workflows.fakes import Author, Run, Shelf
 
@@ -66,7 +67,7 @@ def critical_path(starts: list[tuple[str, float]]) -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("refused", [0.0, 0.3])
-@pytest.mark.parametrize("strategy", [name for name in STRATEGIES if not pooled(name)])
+@pytest.mark.parametrize("strategy", [name for name in STRATEGIES if not deals_budget(name)])
 def test_a_run_takes_little_longer_than_its_critical_path(refused: float, strategy: str) -> None:
     """Eight trajectories, five rounds, all switches on; a second per reply and two workers."""
     loop = JumpingLoop()

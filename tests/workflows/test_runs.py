@@ -12,7 +12,8 @@ from agentflow.agents.registry import ROLES
 from agentflow.errors import UnknownNameError, UnreachableError
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
-from agentflow.search.registry import STRATEGIES, pooled
+from agentflow.search.registry import STRATEGIES
+from agentflow.search.strategies import deals_budget
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 from tests.workflows.fakes import (
@@ -62,7 +63,7 @@ SEARCHING = ("hierarchical", "iterative", "single")
 
 def deals(name: str, strategy: str) -> bool:
     """Whether the search deals the budget of the whole run."""
-    return name in SEARCHING and pooled(strategy) is not None
+    return name in SEARCHING and deals_budget(strategy)
 
 
 @pytest.mark.parametrize("name", ASKING)
@@ -393,7 +394,7 @@ async def test_no_run_simulates_more_than_its_limit(name: str, strategy: str, mo
     assert result.best is not None
 
 
-@pytest.mark.parametrize("strategy", [name for name in STRATEGIES if pooled(name)])
+@pytest.mark.parametrize("strategy", [name for name in STRATEGIES if deals_budget(name)])
 @pytest.mark.parametrize("name", SEARCHING)
 async def test_a_search_over_the_whole_run_uses_all_simulations(name: str, strategy: str) -> None:
     settings = {**MEDIUM, "max_simulations": 30}

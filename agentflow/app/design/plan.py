@@ -12,6 +12,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from agentflow.agents.designer import Designer
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.conditions import (
@@ -28,6 +30,7 @@ from agentflow.env.physics.registry import ENGINES
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import FAMILIES, Level, get_level, make_task, recorded_level
 from agentflow.errors import ConfigError, UsageError
+from agentflow.files.faults import explain
 from agentflow.llm.procedural.mechanisms import STAND, purpose
 from agentflow.machine.blocks.library import LATER
 from agentflow.machine.brief import Brief
@@ -39,8 +42,8 @@ from agentflow.prompts.render import CONTROLS, LATER_FUNCTIONS, PromptSet
 from agentflow.runs.events import StageBeginEvent, read_typed_events
 from agentflow.runs.locations import STAGES
 from agentflow.search.elites.archive import require_pyribs
-from agentflow.search.registry import STRATEGIES
-from agentflow.search.settings import MAP_ELITES
+from agentflow.search.settings import MAP_ELITES, SearchSettings
+from agentflow.search.strategies import extras, options_model
 from agentflow.version import __version__
 from agentflow.workflows.registry import WORKFLOWS, check_fit
 from agentflow.workflows.settings import WorkflowSettings
@@ -78,7 +81,8 @@ class RunPlan:
                 engine is not installed.
             UsageError: The workflow does not support the task.
         """
-        STRATEGIES[config.settings.search.strategy], WORKFLOWS[config.workflow]  # known names
+        _check_options(config.settings.search)
+        WORKFLOWS[config.workflow]  # a known name
         choose_models(config.model)
         engine = choose_engine(config.engine)
         try:
@@ -145,7 +149,6 @@ class RunPlan:
         Hashes have 16 hex digits; `demands` is that of the task's brief. `plugins` holds the
         identity of each part from another distribution, by kind and name; see `Registry.identity`.
         """
-        plugins = plugins_of(self.config, self.level.file.family)
         return {
             "prompts": self.prompts.digest_for(
                 (
@@ -157,7 +160,7 @@ class RunPlan:
             "demands": hashlib.sha256(repr(self.task.brief).encode()).hexdigest()[:16],
             **physics_conditions(self.task.engine),
             "engine": self.engine,
-            **({PLUGINS: plugins} if plugins else {}),
+            PLUGINS: plugins_of(self.config, self.level.file.family),
         }
 
     def changes_since(self, document: Mapping[str, Any]) -> str:
@@ -223,6 +226,15 @@ def require_engine_of_run(path: Path, document: Mapping[str, Any]) -> str:
             "agentflow rescore simulates its machines with another engine"
         )
     return name
+
+
+def _check_options(search: SearchSettings) -> None:
+    """Raise UnknownNameError or ConfigError unless the strategy exists and takes its options."""
+    try:
+        extras(search)
+    except ValidationError as error:
+        told = explain(error, options_model(search.strategy) or SearchSettings, "option")
+        raise ConfigError(f"settings.search.options of {search.strategy}: {told}") from None
 
 
 def _check_start(settings: WorkflowSettings, brief: Brief) -> None:

@@ -10,12 +10,12 @@ from typing import Any
 
 from agentflow.app.design.run import RunOptions, design
 from agentflow.config.run import DesignConfig
-from agentflow.errors import AgentflowError, EndpointError, FamilyError, RunError
+from agentflow.errors import AgentflowError, EndpointError, PluginError, RunError
 from agentflow.runs.result import RunResult
 
 KEYS = ("seed", "score", "best_stage", "calls", "seconds", "run")
 """What the summary says about each run, besides `verified`, `fragile` and `failed`."""
-FAULTS = (EndpointError, RunError, FamilyError)
+FAULTS = (EndpointError, RunError, PluginError)
 """Errors that end one run; any other would end all of them alike."""
 
 

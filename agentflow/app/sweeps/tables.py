@@ -267,7 +267,8 @@ def _value(result: SweepResult, runs: Iterable[FinishedRun], place: _Cell) -> Va
         return None
     stage = place.condition if table.conditions == "stages" else table.stage
     rounds = int(place.condition.partition("_")[2]) if table.conditions == "rounds" else None
-    return METRICS[place.metric].of(Cell(tuple(run.numbers for run in runs), stage, rounds))
+    with METRICS.blaming(place.metric):
+        return METRICS[place.metric].of(Cell(tuple(run.numbers for run in runs), stage, rounds))
 
 
 def _published_rows(result: SweepResult, columns: Sequence[_Cell]) -> tuple[Row, ...]:

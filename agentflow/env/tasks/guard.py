@@ -12,14 +12,14 @@ from typing import Any
 
 from agentflow.env.rollout import Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
-from agentflow.errors import AgentflowError, FamilyError
+from agentflow.errors import AgentflowError, PluginError
 from agentflow.machine.brief import Brief
 
 OURS = "agentflow."
 
 
 def guard_family(family: type) -> None:
-    """Make the methods that a class defines raise FamilyError for exceptions and wrong results."""
+    """Make the methods that a class defines raise PluginError for exceptions and wrong results."""
     if family.__module__.startswith(OURS):
         return
     for name, (expected, fits) in _RESULTS.items():
@@ -50,9 +50,9 @@ def _guarded(
             raise
         except Exception as error:
             what = f"{type(error).__name__}: {error}"
-            raise FamilyError(f"{where} failed: {name} raised {what}") from error
+            raise PluginError(f"{where} failed: {name} raised {what}") from error
         if not fits(result):
-            raise FamilyError(f"{where} failed: {name} returned {result!r:.80}, not {expected}")
+            raise PluginError(f"{where} failed: {name} returned {result!r:.80}, not {expected}")
         return result
 
     return call
@@ -67,7 +67,7 @@ def _with_guarded_referee(method: Callable[..., Any], family: type) -> Callable[
 
 
 class _GuardedReferee:
-    """A referee whose faults raise FamilyError."""
+    """A referee whose faults raise PluginError."""
 
     def __init__(self, referee: Any, family: type) -> None:
         self.start = _guarded(referee.start, family, "referee.start")

@@ -19,6 +19,7 @@ from agentflow.runs.locations import FEEDBACK, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Attempt, Evaluation, Node
 from agentflow.search.registry import STRATEGIES
+from agentflow.search.strategies import extras
 from agentflow.workflows.base import Candidate, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.designs import (
@@ -62,14 +63,17 @@ async def feedback_loop(
     recorder = SearchRecorder(run, Location(FEEDBACK, trajectory=candidate.trajectory))
     trials = candidate.trials
     root = Revision(candidate.machine, None if trials.entries else candidate.edit, trials)
-    found = await STRATEGIES[numbers.strategy](
-        root,
-        candidate.evaluation,
-        trajectory.expand,
-        trajectory.evaluate,
-        numbers,
-        recorder,
-    )
+    more = extras(numbers, run.stream(f"strategy/traj-{candidate.trajectory}"))
+    with STRATEGIES.blaming(numbers.strategy):
+        found = await STRATEGIES[numbers.strategy](
+            root,
+            candidate.evaluation,
+            trajectory.expand,
+            trajectory.evaluate,
+            numbers,
+            recorder,
+            **more,
+        )
     recorder.finish(found)
     best = found.nodes[found.best]
     nothing_to_do = found.perfect and not found.cost.attempts

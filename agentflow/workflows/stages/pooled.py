@@ -13,6 +13,7 @@ from agentflow.runs.events import FLAWLESS
 from agentflow.runs.locations import FEEDBACK, INITIAL, Location
 from agentflow.search.node import Attempt, Node
 from agentflow.search.pooled.pool import Branch, Pool, PooledStrategy, search_pool
+from agentflow.search.registry import STRATEGIES
 from agentflow.search.tree import SearchTree
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
@@ -48,16 +49,17 @@ class PooledSearch:
         """Search until the simulations of the run are used up; the best machine of each branch."""
         run = self._run
         trials = run.brief.limits.trials
-        await search_pool(
-            self._pool,
-            strategy,
-            self._open,
-            self._expand,
-            lambda: 0 if run.spent else run.simulations_left,
-            run.settings.trajectories,
-            run.stream("search"),
-            opening_cost=trials,
-        )
+        with STRATEGIES.blaming(run.settings.search.strategy):
+            await search_pool(
+                self._pool,
+                strategy,
+                self._open,
+                self._expand,
+                lambda: 0 if run.spent else run.simulations_left,
+                run.settings.trajectories,
+                run.stream("search"),
+                opening_cost=trials,
+            )
         return [self._finish(branch) for branch in self._pool.branches if branch.tree is not None]
 
     async def _open(self, branch: Branch[Revision]) -> SearchTree[Revision] | None:

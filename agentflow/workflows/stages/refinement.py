@@ -11,7 +11,7 @@ from agentflow.agents.querier import Querier
 from agentflow.agents.refiner import Refiner
 from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
-from agentflow.search.registry import pooled
+from agentflow.search.strategies import deals_budget, pooled
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
@@ -28,7 +28,7 @@ from agentflow.workflows.stages.pooled import search_all
 
 async def design_and_refine(run: WorkflowContext) -> WorkflowResult:
     """Designers make whole machines, which are refined, or searched all together."""
-    strategy = pooled(run.settings.search.strategy)
+    strategy = pooled(run.settings.search)
     if strategy is not None:
         return await search_all(run, strategy, partial(design_machine, run))
     return await refine(run, await design_machines(run), None)
@@ -87,7 +87,7 @@ async def refine(
 
 def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
     """Role -> calls of a run without retries; `designs` is the designer calls per trajectory."""
-    if pooled(settings.search.strategy):
+    if deals_budget(settings.search.strategy):
         return _count_pooled_calls(settings, designs)
     many, search, blind = settings.trajectories, settings.search, not settings.start
     return {
@@ -123,13 +123,13 @@ def count_rollouts(settings: WorkflowSettings) -> int:
     first = 1 if settings.start else 2
     most = settings.trajectories * (first + search.rounds * search.children)
     limit = settings.max_simulations or most
-    return limit if pooled(settings.search.strategy) else min(most, limit)
+    return limit if deals_budget(settings.search.strategy) else min(most, limit)
 
 
 def within_limit(settings: WorkflowSettings) -> WorkflowSettings:
     """At most as many trajectories as simulations; a search over the whole run has a limit."""
     total = settings.max_simulations
-    if pooled(settings.search.strategy):
+    if deals_budget(settings.search.strategy):
         return settings.model_copy(update={"max_simulations": total or count_rollouts(settings)})
     many = min(settings.trajectories, total or settings.trajectories)
     return settings.model_copy(update={"trajectories": many})

@@ -21,7 +21,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.families.movement import Movement
 from agentflow.env.tasks.registry import get_task
-from agentflow.errors import FamilyError
+from agentflow.errors import PluginError
 from agentflow.machine.tree import ROOT, Machine, Step
 
 LONE_ROOT = Machine((ROOT,))
@@ -134,7 +134,7 @@ async def test_a_worker_killed_from_outside_in_mid_rollout_harms_no_other(tmp_pa
 
 @pytest.mark.slow
 async def test_a_family_that_fails_is_named_here(pool: RolloutPool, tmp_path: Path) -> None:
-    with pytest.raises(FamilyError, match="scene raised ValueError: no such scene"):
+    with pytest.raises(PluginError, match="scene raised ValueError: no such scene"):
         await pool.run(CAR, trouble(tmp_path, 1, "raise"))
     assert (await pool.run(CAR, get_task("movement", {"window": 1}))).status == "ok"
 

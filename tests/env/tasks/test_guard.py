@@ -16,7 +16,7 @@ from agentflow.env.rollout import Rollout, Verdict
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.families.movement import Movement
 from agentflow.env.tasks.registry import get_task
-from agentflow.errors import FamilyError
+from agentflow.errors import PluginError
 from agentflow.machine import Machine, library, read_machine
 
 CAR = Path(__file__).parents[3] / "examples" / "car.json"
@@ -98,7 +98,7 @@ BROKEN: dict[str, tuple[str, Any, str]] = {
 def test_family_and_method_are_named(name: str) -> None:
     method, does, problem = BROKEN[name]
     kind = type("Broken", (Own,), {method: does, "__module__": __name__})
-    with pytest.raises(FamilyError) as caught:
+    with pytest.raises(PluginError) as caught:
         simulate(car(), task_of(kind))
     found = str(caught.value)
     assert found.startswith(f"the task family 'own' ({__name__}) failed: ")
@@ -127,5 +127,5 @@ def test_the_error_comes_from_a_worker_as_it_is() -> None:
         async with RolloutPool(1) as pool:
             return await pool.run(car(), task_of(Failing))
 
-    with pytest.raises(FamilyError, match=f"scene {DIVISION}$"):
+    with pytest.raises(PluginError, match=f"scene {DIVISION}$"):
         asyncio.run(run())

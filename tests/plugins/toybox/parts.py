@@ -8,6 +8,8 @@ from pathlib import Path
 from random import Random
 from typing import Any, ClassVar
 
+from pydantic import BaseModel
+
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import machine_context, task_context
 from agentflow.env.tasks.families.movement import Movement
@@ -39,9 +41,25 @@ class Rolling(Movement):
         return replace(super().brief, objective="Build a machine that rolls along z+.")
 
 
-async def eager(root: Any, evaluation: Any, expand: Any, evaluate: Any, *rest: Any) -> Any:
+class EagerOptions(BaseModel, extra="forbid"):
+    """What eager can be told."""
+
+    floor: float = 0.0
+    rates: tuple[float, ...] = (1.0,)
+
+
+async def eager(
+    root: Any,
+    evaluation: Any,
+    expand: Any,
+    evaluate: Any,
+    *rest: Any,
+    rng: Random,
+    options: EagerOptions,
+) -> Any:
     """Best-of-N, but not for bad machines."""
-    return await best_of_n(root, replace(evaluation, score=0.0), expand, evaluate, *rest)
+    floor = options.floor * rng.choice(options.rates)
+    return await best_of_n(root, replace(evaluation, score=floor), expand, evaluate, *rest)
 
 
 @dataclass(frozen=True)
