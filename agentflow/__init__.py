@@ -32,7 +32,12 @@ if TYPE_CHECKING:
     from agentflow.errors import AgentflowError
     from agentflow.llm.function import ModelFunction
     from agentflow.llm.messages import Message, Reply, Request, Usage
-    from agentflow.machine import Machine, Problem, Report
+    from agentflow.machine import BlockType, Machine, Problem, Report
+    from agentflow.notebook.catalogue import KnobInfo, TaskInfo, blocks, task, tasks
+    from agentflow.notebook.loading import Card, Evaluation, Training, load
+    from agentflow.notebook.machine_rows import CurvePoint
+    from agentflow.notebook.recorded import Run, load_runs
+    from agentflow.notebook.sweeps import Sweep
     from agentflow.rewards import Reward, reward, reward_async
 
 _MODULES = {
@@ -46,7 +51,12 @@ _MODULES = {
     "agentflow.errors": ("AgentflowError",),
     "agentflow.llm.function": ("ModelFunction",),
     "agentflow.llm.messages": ("Message", "Reply", "Request", "Usage"),
-    "agentflow.machine": ("Machine", "Problem", "Report"),
+    "agentflow.machine": ("BlockType", "Machine", "Problem", "Report"),
+    "agentflow.notebook.catalogue": ("KnobInfo", "TaskInfo", "blocks", "task", "tasks"),
+    "agentflow.notebook.loading": ("Card", "Evaluation", "Training", "load"),
+    "agentflow.notebook.machine_rows": ("CurvePoint",),
+    "agentflow.notebook.recorded": ("Run", "load_runs"),
+    "agentflow.notebook.sweeps": ("Sweep",),
     "agentflow.rewards": ("Reward", "reward", "reward_async"),
 }
 """Module -> the names that this package offers from it."""
@@ -54,7 +64,12 @@ _MODULE_OF = {name: module for module, names in _MODULES.items() for name in nam
 
 __all__ = [
     "AgentflowError",
+    "BlockType",
+    "Card",
+    "CurvePoint",
     "Design",
+    "Evaluation",
+    "KnobInfo",
     "Machine",
     "Message",
     "ModelFunction",
@@ -65,19 +80,28 @@ __all__ = [
     "Reward",
     "Rollout",
     "RolloutPool",
+    "Run",
+    "Sweep",
+    "TaskInfo",
+    "Training",
     "Usage",
     "Verification",
     "__version__",
+    "blocks",
     "check",
     "design",
     "design_async",
     "design_prompt",
+    "load",
+    "load_runs",
     "resume",
     "resume_async",
     "reward",
     "reward_async",
     "simulate",
     "simulate_async",
+    "task",
+    "tasks",
     "verify",
     "verify_async",
 ]

@@ -6,9 +6,11 @@ Functions import what they need when called, so that checking a machine loads no
 from __future__ import annotations
 
 import asyncio
+import os
+import re
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,7 +71,7 @@ def design(
     model: str | None = None,
     base_url: str | None = None,
     answer: ModelFunction | None = None,
-    config: Path | Mapping[str, Any] | None = None,
+    config: Path | str | Mapping[str, Any] | None = None,
     settings: Mapping[str, object] | None = None,
     engine: str | None = None,
     seed: int | None = None,
@@ -90,7 +92,8 @@ def design(
         model: Name of the model at the endpoint, or the name to show for `answer`.
         base_url: OpenAI-compatible endpoint; the key is in OPENAI_API_KEY.
         answer: Your own function that answers every request, instead of an endpoint.
-        config: YAML file, or its content as a mapping.
+        config: YAML file, or its content as a mapping. Those that ship with the package have short
+            names, such as "small".
         settings: Dotted configuration keys, or knobs of the task, like `--set`.
         engine: Physics engine; "auto" is the first that is installed.
         seed: Random seed.
@@ -122,7 +125,7 @@ async def design_async(
     model: str | None = None,
     base_url: str | None = None,
     answer: ModelFunction | None = None,
-    config: Path | Mapping[str, Any] | None = None,
+    config: Path | str | Mapping[str, Any] | None = None,
     settings: Mapping[str, object] | None = None,
     engine: str | None = None,
     seed: int | None = None,
@@ -205,7 +208,8 @@ def check(
         engine: Physics engine, which limits how large a machine may be.
 
     Raises:
-        UsageError: The task, knob, engine or file does not exist.
+        UsageError: The task, knob, engine or file does not exist, or the machine is a text that
+            names a file.
     """
     if knobs and task is None:
         raise UsageError("knobs change a task; name it with task=")
@@ -287,7 +291,8 @@ def verify(
         seed: Random seed.
 
     Raises:
-        UsageError: The task, knob, engine or file does not exist.
+        UsageError: The task, knob, engine or file does not exist, or the machine is a text that
+            names a file.
     """
     from agentflow.env import verification
 
@@ -353,7 +358,7 @@ def _config_keys(*values: object) -> dict[str, object]:
 
 
 def _configure(
-    config: Path | Mapping[str, Any] | None,
+    config: Path | str | Mapping[str, Any] | None,
     settings: Mapping[str, object] | None,
     options: Mapping[str, object],
     answer: ModelFunction | None,
@@ -365,6 +370,7 @@ def _configure(
     from agentflow.llm.function import FunctionClient
     from agentflow.models.completion import complete_config
 
+    config = Path(config) if isinstance(config, str) else config
     document = load_document(config) if isinstance(config, Path) else dict(config or {})
     named: dict[str, Any] = {}
     name = {}
@@ -462,16 +468,13 @@ def _check(machine: MachineLike, brief: Brief | None, limits: Limits) -> Report:
         return check_machine(machine, brief, limits)
     if isinstance(machine, Path):
         return check_machine(read_source(str(machine), brief), brief, limits)
-    report = check_machine(read_for(brief, machine), brief, limits)
-    if report.machine is None and isinstance(machine, str) and _is_file_name(machine):
-        first, *others = report.problems
-        message = f"{first.message}; this is the name of a file: pass Path({machine!r})"
-        report = replace(report, problems=(replace(first, message=message), *others))
-    return report
+    if isinstance(machine, str) and _is_file_name(machine):
+        raise UsageError(
+            f"{machine!r} is the name of a file, not the text of a machine: pass Path({machine!r})"
+        )
+    return check_machine(read_for(brief, machine), brief, limits)
 
 
 def _is_file_name(text: str) -> bool:
-    try:
-        return Path(text).is_file()
-    except (OSError, ValueError):  # too long, or contains a null character
-        return False
+    """Whether a text can only be meant as a file: it names one, or one that is not there."""
+    return os.path.isfile(text) or re.fullmatch(r"[^\n{\[<]+\.(json|bsg)", text) is not None

@@ -58,10 +58,14 @@ def test_checking_a_machine_loads_no_physics() -> None:
 
 
 def test_a_file_name_given_as_text_suggests_path() -> None:
-    wanted = f"; this is the name of a file: pass Path({str(CAR)!r})"
-    assert agentflow.check(str(CAR)).problems[0].message.endswith(wanted)
-    assert agentflow.simulate(str(CAR), "movement").problems[0]["message"].endswith(wanted)
-    assert "Path" not in agentflow.check("x" * 5000 + "\0").problems[0].message
+    for name in (str(CAR), "none.json", "my machines/none.bsg"):
+        wanted = f"{name!r} is the name of a file, not the text of a machine: pass Path({name!r})"
+        for ask in (agentflow.check, agentflow.simulate, agentflow.verify):
+            with pytest.raises(UsageError) as refused:
+                ask(name, "movement")
+            assert str(refused.value) == wanted
+    for text in ("x" * 5000 + "\0", "nothing", "[1] car.json", '{"a": "car.json"'):
+        assert not agentflow.check(text).file_valid
 
 
 def test_defaults_match_the_command_line() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from agentflow.config.run import split_setting
@@ -34,7 +34,12 @@ def task_json(name: str, settings: Iterable[str] = ()) -> dict[str, Any]:
         name: Name of a level, or path of a YAML file.
         settings: Strings `knob=value`.
     """
-    task, file = find_task(name, settings), get_level(name).file
+    return describe_task(name, dict(map(split_setting, settings)))
+
+
+def describe_task(name: str, knobs: Mapping[str, object]) -> dict[str, Any]:
+    """As `task_json`, with the values of knobs by name."""
+    task, file = get_task(name, knobs), get_level(name).file
     brief = task.brief
     return {
         "name": brief.name,

@@ -62,14 +62,19 @@ class RunRecord:
 
     @classmethod
     def of(cls, events: Iterable[RunEvent | Event]) -> RunRecord:
-        """Add up the events of a run."""
+        """Add up the events of a run, which must be typed: see `read_typed_events`."""
         record = cls()
         for event in events:
             record.add(event)
         return record
 
     def add(self, event: RunEvent | Event) -> None:
-        """Take in one event."""
+        """Take in one event; TypeError if it is of a known kind and not typed."""
+        if isinstance(event, Event) and event.kind in RunEvent.kinds:
+            raise TypeError(
+                f"an untyped event of the kind {event.kind!r} adds up to nothing: read events with "
+                "read_typed_events, or agentflow.load(run).events"
+            )
         if isinstance(event, AttemptEvent):
             self.calls += 1
             self.valid_calls += event.valid

@@ -200,7 +200,7 @@ def read_objectives(path: str | Path = OBJECTIVES) -> tuple[Objective, ...]:
 
 
 def _entries(path: str | Path) -> list[object]:
-    document = read_yaml_file(find_config(path), "the objectives file ")
+    document = read_yaml_file(find_config(Path(path)), "the objectives file ")
     if not isinstance(document, list) or not document:
         raise ConfigError(f"{path} must be a list of objectives")
     return document
