@@ -62,7 +62,7 @@ def show_tasks(tasks: Sequence[Data]) -> None:
     rows = [
         row for _, family in groupby(tasks, lambda task: task["family"]) for row in (None, *family)
     ]
-    console.print(table(TASK, rows[1:]))
+    console.print_wide(table(TASK, rows[1:]))
     if engines := {task["record"]["engine"] for task in tasks if task["record"]}:
         console.print(f"records: {' and '.join(sorted(engines))}")
 
