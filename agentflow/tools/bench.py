@@ -35,6 +35,7 @@ TOOLS = (
         "LEVEL`, `Uncontrol NUMBER` and `Set NUMBER at S for S level LEVEL` with what changes.",
     ),
     BenchTool.of(measuring.simulate, needs="simulations"),
+    BenchTool.of(measuring.verify, needs="simulations"),
     BenchTool.of(measuring.query, needs="simulations", label="Query"),
     BenchTool.of(measuring.look, needs="pictures", label="Observe"),
     BenchTool.of(designing.history),
@@ -212,6 +213,8 @@ class Bench:
         known = workspace.name(machine, origin, given.get("script", ""), given.get("note", ""))
         if event.tool == measuring.submit.__name__:
             workspace.submit(known, given["last"])
+        elif event.tool == measuring.verify.__name__:
+            workspace.charge_changes(known)
         elif event.tool == measuring.look.__name__:
             pictures = workspace.budget.pictures
             if pictures and (given["time"] is not None or given["moments"]):

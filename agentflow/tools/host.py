@@ -39,6 +39,20 @@ class Told:
     data: Any
 
 
+@dataclass(frozen=True)
+class Aims:
+    """What a score of the task is worth, and how the final one is made."""
+
+    good: float | None = None
+    """A good score; None if the task has changed knobs."""
+    record: float | None = None
+    """The best known verified score, if the agent is to know it."""
+    most_changes: int = 0
+    """Most simulations with changed conditions that verify a machine of the task."""
+    changes: str = ""
+    """What they change, in a phrase."""
+
+
 class Simulation(Protocol):
     """The result of a simulation."""
 
@@ -66,11 +80,22 @@ class BenchHost(Protocol):
     def brief_text(self) -> str:
         """The task, the blocks and the rules as designers see them."""
 
+    @property
+    def aims(self) -> Aims:
+        """What a score is worth, and how the final one is made."""
+
     def simulated(self, machine: Machine) -> Simulation | None:
         """The result of a finished simulation; None without one."""
 
     async def simulate(self, machine: Machine, location: Location) -> Simulation:
         """Simulate a machine once; concurrent calls share it until the last one is cancelled."""
+
+    def count_changes(self, machine: Machine) -> int:
+        """How many simulations verifying a simulated machine takes."""
+
+    async def verify(self, machine: Machine) -> Told:
+        """How the score of a simulated machine holds under small changes: `score`, `low`, `high`
+        and `scores` as data, as in the result of a run; without a score if one timed out."""
 
     async def feedback(self, machine: Machine, trial: int) -> Told:
         """What happened in the simulation of a simulated machine.

@@ -121,6 +121,19 @@ def _is_greatest(workspace: Workspace, result: Simulation) -> bool:
     return greatest is not None and result.score is not None and result.score >= greatest
 
 
+async def verify(call: Call, machine: str) -> ToolResult:
+    """Verify a simulated machine as its final score will be: simulate it under small changes.
+
+    Args:
+        machine: Name of the machine; it costs a simulation for each change, and nothing when it is
+            verified again.
+    """
+    known = _simulated(call.workspace, machine)
+    told = await call.workspace.verify(known)
+    text = f"Machine {known.name}: {told.text}."
+    return _counted(call.workspace, text, {"machine": known.name, **told.data})
+
+
 async def query(
     call: Call,
     machine: str,

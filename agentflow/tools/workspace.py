@@ -12,7 +12,7 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import problems_of
 from agentflow.runs.locations import Location, StageName
-from agentflow.tools.host import BenchHost, Simulation
+from agentflow.tools.host import BenchHost, Simulation, Told
 from agentflow.tools.results import RefusedCall, StageEnded
 
 DIGITS = 8
@@ -35,6 +35,8 @@ class KnownMachine:
     """What its designer said of it."""
     submitted: StageName | None = None
     """The first stage in which it was submitted."""
+    verified: bool = False
+    """Whether its verification is paid for."""
 
 
 class KnownMachines:
@@ -133,13 +135,13 @@ class Allowance:
         self.left += number
 
     @contextmanager
-    def using(self) -> Iterator[None]:
-        """Use one, unless the work fails or is cancelled."""
-        self.take()
+    def using(self, number: int = 1) -> Iterator[None]:
+        """Use some, unless the work fails or is cancelled."""
+        self.take(number)
         try:
             yield
         except BaseException:
-            self.give_back()
+            self.give_back(number)
             raise
 
     def __str__(self) -> str:
@@ -217,6 +219,24 @@ class Workspace:
             simulations.give_back(len(unused))
         return [_result(each) for each in found]
 
+    async def verify(self, known: KnownMachine) -> Told:
+        """Verify a simulated machine, and charge its simulations unless it was verified before."""
+        simulations = self.budget.simulations
+        assert simulations is not None, "only simulated machines are verified"
+        cost = 0 if known.verified else self.host.count_changes(known.machine)
+        with simulations.using(cost):
+            told = await self.host.verify(known.machine)
+        if told.data["score"] is None or (cost and known.verified):
+            simulations.give_back(cost)
+        known.verified = told.data["score"] is not None
+        return told
+
+    def charge_changes(self, known: KnownMachine) -> None:
+        """Charge a verification that an earlier process has made."""
+        if self.budget.simulations and not known.verified:
+            self.budget.simulations.take(self.host.count_changes(known.machine))
+            known.verified = True
+
     def require_submittable(self, known: KnownMachine) -> None:
         """Refuse a machine that has been submitted, and any once the stage has ended."""
         if self.ended.is_set():
@@ -248,9 +268,24 @@ class Workspace:
             if budget.simulations
             else "Machines that you submit are simulated once this stage is over."
         )
+        aims = self.host.aims
+        told += f" A good score is {aims.good:g}." if aims.good is not None else ""
+        told += f" The best known one is {aims.record:g}." if aims.record is not None else ""
         more = f"{budget.stages_left} more stage{'s' * (budget.stages_left > 1)}"
         follow = f" {more} will start from all machines so far." if budget.stages_left else ""
-        return f"{told} The best machine of all stages is the result.{follow}{self._trial_rule}"
+        return f"{told} {self._final_score}{follow}{self._trial_rule}"
+
+    @property
+    def _final_score(self) -> str:
+        """Which machine counts, and how."""
+        aims = self.host.aims
+        if not aims.most_changes:
+            return "The best machine of all stages is the result."
+        now = " `verify` does this now." if self.budget.simulations else ""
+        return (
+            "The best machine of all stages is the result. Its final score is the median of its "
+            f"simulation and up to {aims.most_changes} with small changes ({aims.changes}).{now}"
+        )
 
     @property
     def _trial_rule(self) -> str:

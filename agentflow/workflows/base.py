@@ -12,7 +12,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt, RunEvent
 from agentflow.runs.locations import StageName
 from agentflow.search.node import Evaluation, SearchCost
-from agentflow.tools.host import Shot, Told
+from agentflow.tools.host import Aims, Shot, Told
 
 GREATEST: Final = "greatest score"
 """Why a search or a run ended: a machine has the greatest possible score of the task."""
@@ -48,6 +48,16 @@ class Evaluator(Protocol):
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:
         """Simulate a machine; the result's `details` are a `SimulationSummary`."""
+
+    @property
+    def aims(self) -> Aims:
+        """What a score is worth, and how the final one is made."""
+
+    def count_changes(self, machine: Machine) -> int:
+        """How many simulations `verified` takes."""
+
+    async def verified(self, machine: Machine) -> Told:
+        """How the score of an evaluated machine holds; see `BenchHost.verify`."""
 
     async def feedback(self, machine: Machine, trial: int) -> Told:
         """What happened in a trial of an evaluated machine; see `BenchHost.feedback`."""

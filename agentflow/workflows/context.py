@@ -33,7 +33,7 @@ from agentflow.runs.locations import Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
 from agentflow.search.strategies import deals_budget
-from agentflow.tools.host import Shot, Told
+from agentflow.tools.host import Aims, Shot, Told
 from agentflow.workflows.base import (
     GREATEST,
     AskContexts,
@@ -221,6 +221,19 @@ class WorkflowContext:
         if machine is None or machine.digest != digest:
             raise RunError(f"machines/{digest}.json of the run is damaged: restore it")
         return machine
+
+    @property
+    def aims(self) -> Aims:
+        """What a score is worth, and how the final one is made."""
+        return self._evaluator.aims
+
+    def count_changes(self, machine: Machine) -> int:
+        """How many simulations verifying an evaluated machine takes."""
+        return self._evaluator.count_changes(machine)
+
+    async def verified(self, machine: Machine) -> Told:
+        """How the score of an evaluated machine holds under small changes."""
+        return await self._evaluator.verified(machine)
 
     async def feedback(self, machine: Machine, trial: int) -> Told:
         """What happened in a trial of an evaluated machine."""

@@ -112,6 +112,9 @@ class WorkflowSettings(BaseModel):
     max_pictures: int = Field(
         24, ge=1, description="pictures that an agent may look at in a run (tools, with vision)"
     )
+    tell_record: bool = Field(
+        False, description="tell agents the best known score of the task (tools, external)"
+    )
     external: ExternalSettings = Field(
         ExternalSettings(), description="the agent program (external)"
     )

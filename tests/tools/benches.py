@@ -33,20 +33,22 @@ async def open_bench(
     rollouts: int | None = 3,
     looks: int | None = 2,
     greatest: float | None = None,
+    good: float | None = None,
+    record: float | None = None,
 ) -> AsyncIterator[tuple[Bench, MemoryRecord]]:
     """A bench on real physics with one worker, and the record of its run."""
     level = get_task(task)
-    record = MemoryRecord()
+    memory = MemoryRecord()
     contexts = AskContext(ScriptedClient([]), PromptSet())
     async with RolloutPool(1) as pool:
-        evaluator = PhysicsEvaluator(level, pool, seed=0)
+        evaluator = PhysicsEvaluator(level, pool, 0, good=good, record=record)
         run = WorkflowContext(
             "tools",
             replace(level.brief, greatest=greatest),
             lambda _: contexts,
             evaluator,
             WorkflowSettings(),
-            record,
+            memory,
             0,
         )
         run.begin_stage(stage)
@@ -55,4 +57,4 @@ async def open_bench(
             None if rollouts is None else Allowance.of_simulations(rollouts),
             None if looks is None else Allowance.of_pictures(looks),
         )
-        yield Bench(RunHost(run), stage, budget, KnownMachines()), record
+        yield Bench(RunHost(run), stage, budget, KnownMachines()), memory

@@ -1,4 +1,4 @@
-"""The nine tools on real physics: what they give, what they cost, what they refuse."""
+"""The tools on real physics: what they give, what they cost, what they refuse."""
 
 from __future__ import annotations
 

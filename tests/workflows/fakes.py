@@ -24,7 +24,7 @@ from agentflow.prompts.render import PromptSet
 from agentflow.runs.events import RunEvent
 from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.node import Evaluation
-from agentflow.tools.host import Shot, Told
+from agentflow.tools.host import Aims, Shot, Told
 from agentflow.workflows.base import SimulationSummary, WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
@@ -224,6 +224,17 @@ class Shelf:
         summary = SimulationSummary(score, status, told, ((1, 0, 0.5),), found.digest)
         kind = Measurement(BLOCKS, float(len(found)))
         return Evaluation(True, score, summary, measurements=(kind,))
+
+    @property
+    def aims(self) -> Aims:
+        return Aims(good=3.0)
+
+    def count_changes(self, found: Machine) -> int:
+        return len(found)
+
+    async def verified(self, found: Machine) -> Told:
+        score = self.score(found)
+        return Told(f"verified score {score}", {"score": score})
 
     async def feedback(self, found: Machine, trial: int) -> Told:
         assert found.digest in self.tried

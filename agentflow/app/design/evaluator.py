@@ -12,6 +12,7 @@ import numpy as np
 from agentflow.env.constants import constants
 from agentflow.env.drawing.look import look_at
 from agentflow.env.drawing.stills import png_url
+from agentflow.env.feedback.text import number
 from agentflow.env.mechanism import classify
 from agentflow.env.perturbation import robust_score
 from agentflow.env.pool.base import Simulator
@@ -19,17 +20,25 @@ from agentflow.env.pool.spool import Rollouts
 from agentflow.env.query import answer_each, wanted_interval, wanted_trial
 from agentflow.env.rollout import Rollout, Trace
 from agentflow.env.simulation.trials import SHOWN_TRIAL
-from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, Variation
+from agentflow.env.simulation.variations import (
+    DEFAULT,
+    LITTLE,
+    PERTURBATIONS,
+    Variation,
+    most_variations_of,
+    variations_of,
+)
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.descriptors import measure
 from agentflow.env.verification import Verification, run_under, verify_async
 from agentflow.errors import UsageError
+from agentflow.holding import with_holding
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.balance import mass
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
-from agentflow.tools.host import Shot, Told
+from agentflow.tools.host import Aims, Shot, Told
 from agentflow.workflows.base import SimulationSummary
 from agentflow.workflows.settings import Objective
 
@@ -41,14 +50,23 @@ class PhysicsEvaluator:
     """Simulates machines at one task. Implements the workflows' `Evaluator`."""
 
     def __init__(
-        self, task: Task, pool: Simulator, seed: int, objective: Objective = "score"
+        self,
+        task: Task,
+        pool: Simulator,
+        seed: int,
+        objective: Objective = "score",
+        good: float | None = None,
+        record: float | None = None,
     ) -> None:
-        """Rollouts take random perturbations and gusts from `seed`.
+        """Rollouts take random perturbations and gusts from `seed`; agents are told the good score
+        and the record.
 
         With the objectives `robust` and `pareto`, the value of an evaluation is the robust score.
         With `pareto`, it has `objectives` as well.
         """
         self._objective = objective
+        changes = [v.name for v in most_variations_of(task) if v is not DEFAULT]
+        self.aims = Aims(good, record, len(changes), _changes_text(changes))
         self._task = task
         self._pool = pool
         self._seed = seed
@@ -60,6 +78,8 @@ class PhysicsEvaluator:
         """Simulated time of all rollouts."""
         self.worker_seconds = 0.0
         """Time that workers spent on them."""
+        self._verified: dict[str, Told] = {}
+        """What agents were told of verified machines, by digest."""
         self._pictures: dict[str, asyncio.Task[str]] = {}
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:  # noqa: ARG002
@@ -112,6 +132,17 @@ class PhysicsEvaluator:
         run = partial(self._pool.run, machine, self._task, seed=self._seed)
         default = self.rollouts[machine.digest]
         return await verify_async(machine, self._task, run, default, repeated)
+
+    def count_changes(self, machine: Machine) -> int:
+        """How many simulations verifying an evaluated machine takes."""
+        return len(variations_of(machine, self._task)) - 1
+
+    async def verified(self, machine: Machine) -> Told:
+        """How the score of an evaluated machine holds; repeated only if it was incomplete."""
+        told = self._verified.get(machine.digest) or _tell(await self.verify(machine))
+        if told.data["score"] is not None:
+            self._verified[machine.digest] = told
+        return told
 
     async def feedback(self, machine: Machine, trial: int) -> Told:
         """The feedback of an evaluated machine, or that of one of its trials."""
@@ -180,6 +211,30 @@ class PhysicsEvaluator:
         return await asyncio.to_thread(
             look_at, machine, shot.view, rollout, shot.times, shot.follow, shot.within
         )
+
+
+def _changes_text(changes: Sequence[str]) -> str:
+    """Names of variations in a phrase: what is a little more and a little less is named once."""
+    little = f"{100 * LITTLE:g} %"
+    more, less = f" +{little}", f" -{little}"
+    both = ", ".join(name.removesuffix(more) for name in changes if name.endswith(more))
+    others = ", ".join(name for name in changes if not name.endswith((more, less)))
+    return f"{others}; {little} more and less of {both}"
+
+
+def _tell(verification: Verification) -> Told:
+    """A verification for agents: verified score and range, where it holds, then every score."""
+    data = with_holding(verification.to_json())
+    assert data is not None
+    holding, scores = verification.holding, data["scores"]
+    each = "; ".join(
+        f"{item['variation']} {item['status'] if item['score'] is None else number(item['score'])}"
+        for item in scores
+    )
+    if holding is None:
+        return Told(f"not verified, because simulations stopped early: {each}", data)
+    spread = f"{number(data['low'])} to {number(data['high'])}"
+    return Told(f"verified score {number(data['score'])} ({spread}), {holding}: {each}", data)
 
 
 def pareto_objectives(machine: Machine, found: Evaluation) -> tuple[float, ...]:

@@ -68,7 +68,9 @@ async def execute(
     try:
         async with open_pool(config.workers) if pool is None else nullcontext(pool) as simulator:
             objective = config.settings.objective
-            evaluator = PhysicsEvaluator(plan.task, simulator, config.seed, objective)
+            evaluator = PhysicsEvaluator(
+                plan.task, simulator, config.seed, objective, plan.good, plan.record
+            )
             result = await workflow(
                 plan.task.brief, context_for, evaluator, config.settings, record, config.seed
             )

@@ -28,6 +28,7 @@ from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import choose_engine, physics_conditions, usable_engine
 from agentflow.env.physics.registry import ENGINES
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.records import record_of
 from agentflow.env.tasks.registry import FAMILIES, Level, get_level, make_task, recorded_level
 from agentflow.errors import ConfigError, UsageError
 from agentflow.files.faults import explain
@@ -66,6 +67,17 @@ class RunPlan:
     """Name and version of the physics engine, e.g. "pybullet 3.2.7"."""
     level: Level
     """The level of the task, without the configured knobs."""
+
+    @property
+    def good(self) -> float | None:
+        """The good score of the level; None if its knobs are changed."""
+        return None if self.config.knobs else self.level.file.good
+
+    @property
+    def record(self) -> float | None:
+        """The verified score of the task's record, if designers are to know it."""
+        found = record_of(self.task) if self.config.settings.tell_record else None
+        return found.verified if found else None
 
     @classmethod
     def of(cls, config: DesignConfig, level: Level | None = None) -> RunPlan:

@@ -11,7 +11,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, CandidateEvent, RunEvent
 from agentflow.runs.locations import FEEDBACK, INITIAL, STAGES, Location, StageName
 from agentflow.tools.bench import Bench
-from agentflow.tools.host import Shot, Told
+from agentflow.tools.host import Aims, Shot, Told
 from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
 from agentflow.workflows.base import Candidate, SimulationSummary, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
@@ -52,6 +52,19 @@ class RunHost:
         evaluation = await self._run.evaluate(machine, replace(location, trajectory=1))
         summary: SimulationSummary = evaluation.details
         return summary
+
+    @property
+    def aims(self) -> Aims:
+        """What a score is worth, and how the final one is made."""
+        return self._run.aims
+
+    def count_changes(self, machine: Machine) -> int:
+        """How many simulations verifying a machine takes."""
+        return self._run.count_changes(machine)
+
+    async def verify(self, machine: Machine) -> Told:
+        """How the score of a simulated machine holds under small changes."""
+        return await self._run.verified(machine)
 
     async def feedback(self, machine: Machine, trial: int) -> Told:
         """What happened in a trial of a simulated machine."""
