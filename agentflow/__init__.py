@@ -15,6 +15,7 @@ from agentflow.version import __version__
 if TYPE_CHECKING:
     from agentflow.api import (
         Design,
+        build,
         check,
         design,
         design_async,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from agentflow.llm.function import ModelFunction
     from agentflow.llm.messages import Message, Reply, Request, Usage
     from agentflow.machine import BlockType, Machine, Problem, Report
+    from agentflow.machine.building import BuiltBlock, MachineBuilder
     from agentflow.notebook.catalogue import KnobInfo, TaskInfo, blocks, task, tasks
     from agentflow.notebook.loading import Card, Evaluation, Training, load
     from agentflow.notebook.machine_rows import CurvePoint
@@ -42,7 +44,16 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "agentflow.api": (
-        *("Design", "check", "design", "design_async", "design_prompt", "resume", "resume_async"),
+        *(
+            "Design",
+            "build",
+            "check",
+            "design",
+            "design_async",
+            "design_prompt",
+            "resume",
+            "resume_async",
+        ),
         *("simulate", "simulate_async", "verify", "verify_async"),
     ),
     "agentflow.env.pool.pool": ("RolloutPool",),
@@ -52,6 +63,7 @@ _MODULES = {
     "agentflow.llm.function": ("ModelFunction",),
     "agentflow.llm.messages": ("Message", "Reply", "Request", "Usage"),
     "agentflow.machine": ("BlockType", "Machine", "Problem", "Report"),
+    "agentflow.machine.building": ("BuiltBlock", "MachineBuilder"),
     "agentflow.notebook.catalogue": ("KnobInfo", "TaskInfo", "blocks", "task", "tasks"),
     "agentflow.notebook.loading": ("Card", "Evaluation", "Training", "load"),
     "agentflow.notebook.machine_rows": ("CurvePoint",),
@@ -65,12 +77,14 @@ _MODULE_OF = {name: module for module, names in _MODULES.items() for name in nam
 __all__ = [
     "AgentflowError",
     "BlockType",
+    "BuiltBlock",
     "Card",
     "CurvePoint",
     "Design",
     "Evaluation",
     "KnobInfo",
     "Machine",
+    "MachineBuilder",
     "Message",
     "ModelFunction",
     "Problem",
@@ -88,6 +102,7 @@ __all__ = [
     "Verification",
     "__version__",
     "blocks",
+    "build",
     "check",
     "design",
     "design_async",

@@ -20,6 +20,7 @@ from agentflow.machine import Machine, Report
 from agentflow.machine import check as check_machine
 from agentflow.machine.brief import Brief, Limits
 from agentflow.machine.formats.detect import read_for
+from agentflow.machine.tree import MachineJson
 
 if TYPE_CHECKING:
     from agentflow.app.design.run import RunOptions
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from agentflow.env.tasks.base import Task
     from agentflow.env.verification import Verification
     from agentflow.llm.function import FunctionClient, ModelFunction
+    from agentflow.machine.building import MachineBuilder
     from agentflow.runs import Listener, Notify, RunResult
 
 MachineLike = Machine | str | list[dict[str, Any]] | dict[str, Any] | Path
@@ -190,6 +192,67 @@ async def resume_async(
 
     options = _options_of_run(Path(run), answer, trust, say, listener, pool)
     return _to_design(await runs.resume_async(Path(run), options))
+
+
+def build(task: str | None = None, **knobs: object) -> MachineBuilder:
+    """Begin to build a machine, block by block.
+
+    ```python
+    with agentflow.build("throwing") as m:
+        beam = m.add("Log", to=m.root, face="up")
+        m.add("Container", to=beam, face="up")
+    ```
+
+    Args:
+        task: Level whose block list, limits and given blocks hold, and whose demands a `with` block
+            checks at its end; by default the core types and the standard building volume.
+        **knobs: Knobs of the level to change, with underscores for dots.
+
+    Raises:
+        UsageError: The task or a knob does not exist.
+    """
+    from agentflow.machine.building import MachineBuilder
+
+    if task is None:
+        return MachineBuilder()
+    from agentflow.env.tasks.registry import get_task, knob_names
+
+    return MachineBuilder(get_task(task, knob_names(task, knobs)).brief)
+
+
+def read_machine(source: str | MachineJson | Path) -> Machine:
+    """The machine in a text, JSON data or a file; see `Machine.from_json`."""
+    from agentflow.machine.blocks.library import library
+    from agentflow.machine.formats.detect import read_any
+
+    if isinstance(source, Path):
+        from agentflow.app.machines.files import read_one
+
+        return read_one(str(source))
+    if isinstance(source, str):
+        _require_text(source)
+    reading = read_any(source, blocks=tuple(library()))
+    if reading.machine is None or reading.problems or reading.loose:
+        raise UsageError((*reading.problems, *reading.loose)[0].message)
+    return reading.machine
+
+
+def edit_machine(
+    machine: Machine, script: str, task: str | None, knobs: Mapping[str, object] | None
+) -> Machine:
+    """The machine after an edit script; see `Machine.edit`."""
+    from agentflow.machine.edits.script import apply_script
+
+    brief = None
+    if task is not None:
+        from agentflow.env.tasks.registry import get_task
+
+        brief = get_task(task, knobs).brief
+    outcome = apply_script(machine, script, brief)
+    for step in outcome.steps:
+        if step.verdict == "Error":
+            raise UsageError(f"{step.text.strip()!r} is refused: {step.reason}")
+    return outcome.machine
 
 
 def check(
@@ -468,13 +531,14 @@ def _check(machine: MachineLike, brief: Brief | None, limits: Limits) -> Report:
         return check_machine(machine, brief, limits)
     if isinstance(machine, Path):
         return check_machine(read_source(str(machine), brief), brief, limits)
-    if isinstance(machine, str) and _is_file_name(machine):
-        raise UsageError(
-            f"{machine!r} is the name of a file, not the text of a machine: pass Path({machine!r})"
-        )
+    if isinstance(machine, str):
+        _require_text(machine)
     return check_machine(read_for(brief, machine), brief, limits)
 
 
-def _is_file_name(text: str) -> bool:
-    """Whether a text can only be meant as a file: it names one, or one that is not there."""
-    return os.path.isfile(text) or re.fullmatch(r"[^\n{\[<]+\.(json|bsg)", text) is not None
+def _require_text(text: str) -> None:
+    """Refuse what can only be meant as a file: the name of one, or of one that is not there."""
+    if os.path.isfile(text) or re.fullmatch(r"[^\n{\[<]+\.(json|bsg)", text):
+        raise UsageError(
+            f"{text!r} is the name of a file, not the text of a machine: pass Path({text!r})"
+        )

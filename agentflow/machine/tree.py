@@ -7,6 +7,8 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from agentflow.machine.blocks.types import Group
@@ -96,8 +98,8 @@ class Machine:
     Its length, items and iteration are those of its steps.
     """
 
-    steps: tuple[Step, ...]
-    """One step for each block, in order of id."""
+    steps: tuple[Step, ...] = (ROOT,)
+    """One step for each block, in order of id; a lone root by default."""
     controls: tuple[Control, ...] = ()
     """Its own control program; without one, the task's schedule drives it."""
 
@@ -140,6 +142,60 @@ class Machine:
     def count(self, block_type: int) -> int:
         """Number of blocks of this type."""
         return sum(step.type == block_type for step in self.steps)
+
+    @classmethod
+    def from_json(cls, source: str | MachineJson) -> Machine:
+        """The machine in a text, or in JSON data, of any format; valid for any task or none.
+
+        Raises:
+            UsageError: It cannot be read; the message says why.
+        """
+        found: Machine = _functions().read_machine(source)
+        return found
+
+    @classmethod
+    def from_file(cls, path: Path | str) -> Machine:
+        """The machine in a file of any format (`.json`, `.bsg`), or the best one of a run.
+
+        Raises:
+            UsageError: It cannot be read; the message says why.
+        """
+        found: Machine = _functions().read_machine(Path(path))
+        return found
+
+    def edit(
+        self, script: str, task: str | None = None, *, knobs: Mapping[str, object] | None = None
+    ) -> Machine:
+        """The machine after an edit script, which has one command per line; all or nothing.
+
+        Args:
+            script: Such as "Remove 4" or "Add 63 to 2 in x+"; ids are those of this machine.
+            task: Level whose block list and limits hold; by default the core types and the standard
+                building volume.
+            knobs: Knobs of the level to change.
+
+        Raises:
+            UsageError: A command is refused; the message says which and why.
+        """
+        found: Machine = _functions().edit_machine(self, script, task, knobs)
+        return found
+
+    def check(self, task: str | None = None, **options: Any) -> Any:
+        """The `Report` that `agentflow.check` gives of this machine; same arguments."""
+        return _functions().check(self, task, **options)
+
+    def simulate(self, task: str, **options: Any) -> Any:
+        """The `Rollout` that `agentflow.simulate` gives of this machine; same arguments."""
+        return _functions().simulate(self, task, **options)
+
+    def verify(self, task: str, **options: Any) -> Any:
+        """The `Verification` that `agentflow.verify` gives of this machine; same arguments."""
+        return _functions().verify(self, task, **options)
+
+
+def _functions() -> Any:
+    """The functions for Python programs, as methods; machines know nothing of what they use."""
+    return import_module("agentflow.api")
 
 
 MachineJson = list[dict[str, int]] | dict[str, list[dict[str, Any]]]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from agentflow.app.tasks import describe_task
-from agentflow.env.tasks.registry import get_task, knob_table, task_names
+from agentflow.env.tasks.registry import knob_names, task_names
 from agentflow.machine import BlockType, Machine, library, read_machine
 
 
@@ -32,7 +32,9 @@ class TaskInfo:
     name: str
     """Level, such as "throwing" or "throwing/3"."""
     family: str
+    """What its score measures, such as "throwing"."""
     title: str
+    """Its name in words."""
     objective: str
     """What the machine must do, in one sentence."""
     scene: tuple[str, ...] = field(repr=False)
@@ -80,9 +82,7 @@ def task(name: str, **knobs: object) -> TaskInfo:
     Raises:
         UsageError: The task or a knob does not exist, or a value is out of range.
     """
-    names = {knob.name.replace(".", "_"): knob.name for knob, _ in knob_table(get_task(name))}
-    changed = {names.get(knob, knob): value for knob, value in knobs.items()}
-    found = describe_task(name, changed)
+    found = describe_task(name, knob_names(name, knobs))
     given = read_machine(found["given"], tuple(library())).machine if found["given"] else None
     lists = {key: tuple(found[key]) for key in ("scene", "schedule", "score", "blocks")}
     known = {key: value for key, value in found.items() if key in TaskInfo.__dataclass_fields__}

@@ -225,6 +225,12 @@ def _check_withheld(task: Task, withheld: Collection[int]) -> None:
             )
 
 
+def knob_names(name: str, knobs: Mapping[str, object]) -> dict[str, object]:
+    """Knobs of a level, given with underscores in place of dots, by their own names."""
+    known = {knob.name.replace(".", "_"): knob.name for knob, _ in knob_table(get_task(name))}
+    return {known.get(knob, knob): value for knob, value in knobs.items()}
+
+
 def knob_table(task: Task) -> tuple[tuple[Knob, Any], ...]:
     """All knobs of a task with their values, in the family's order."""
     knobs = task.parameters

@@ -97,8 +97,11 @@ class BlockType:
     """One entry of the library. Directions are words in the block's own frame."""
 
     type: int
+    """Number of the type."""
     name: str
+    """Name of the type, such as "Log"."""
     category: str
+    """Kind of type, such as "Mechanical"."""
     size: Vec3 | None
     """Full extent along the block's own x, y, z in metres; None for two-ended blocks."""
     mass: float
@@ -106,6 +109,7 @@ class BlockType:
     faces: tuple[Face, ...]
     """`faces[i].id == i`."""
     color: Color
+    """In pictures."""
     linear_drag: float = 0.0
     """1/s: the block loses mass * drag * velocity."""
     angular_drag: float = 0.0
