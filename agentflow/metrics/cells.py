@@ -11,8 +11,7 @@ from itertools import chain
 from typing import Literal
 
 from agentflow.metrics import search
-from agentflow.metrics.formats import interval_text
-from agentflow.metrics.intervals import Rate
+from agentflow.metrics.intervals import Interval, Rate
 from agentflow.metrics.scores import Scores, mean_known
 from agentflow.metrics.tables import Value
 from agentflow.registry import Registry, instance_of
@@ -80,6 +79,8 @@ class Metric:
     """Explanation, printed below tables."""
     percent: bool = False
     """Whether to show it as a percentage."""
+    digits: int = 2
+    """Decimals of its floats."""
 
 
 def _first_attempts(
@@ -119,9 +120,9 @@ def _successes(cell: Cell) -> Rate | None:
     return _share_of(judged)
 
 
-def _success_interval(cell: Cell) -> str | None:
+def _success_interval(cell: Cell) -> Interval | None:
     rate = _successes(cell)
-    return None if rate is None else interval_text(rate.interval, 1, in_percent=True)
+    return None if rate is None else rate.interval
 
 
 METRICS: Registry[Metric] = Registry(
@@ -177,7 +178,9 @@ METRICS: Registry[Metric] = Registry(
             "machines that meet the task's criterion of success; those whose simulation crashed or "
             "timed out do not count",
         ),
-        "success_95": Metric(_success_interval, "Wilson's 95 % interval of success"),
+        "success_95": Metric(
+            _success_interval, "Wilson's 95 % interval of success", percent=True, digits=1
+        ),
         "pass_of_50": Metric(_passes, "attempts that passed, which means a score of at least 1"),
     },
     instance_of(Metric),

@@ -59,7 +59,9 @@ def interval_text(
 
 
 def cell_text(value: object, digits: int = 2, *, in_percent: bool = False) -> str:
-    """A cell of a table: floats with a few decimals, counts as they are, a dash for no value."""
+    """A cell of a table: floats and intervals with a few decimals, a dash for no value."""
     if value is None or isinstance(value, float):
         return percent(value, digits) if in_percent else number(value, digits)
+    if isinstance(value, tuple):
+        return interval_text(value, digits, in_percent=in_percent) or NOTHING
     return str(value)

@@ -6,7 +6,7 @@ The bootstrap needs scipy, an extra; without it there are no intervals of means 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 CONFIDENCE = 0.95
 RESAMPLES = 10_000
 """Resamples of a bootstrap; the usual number for percentile intervals."""
+POWER = 0.8
+"""Share of experiments in which `seeds_needed` shows a difference; the usual one."""
 BATCH = 1_000_000
 """Numbers drawn at once, to bound memory."""
 
@@ -90,22 +92,54 @@ def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Interval | None:
     Returns:
         Ends in the unit of the values; None for fewer than two values or without scipy.
     """
-    stats = _stats() if len(values) > 1 else None
+    return bootstrap_clusters([(value,) for value in values], seed)
+
+
+def bootstrap_clusters(groups: Iterable[Sequence[float]], seed: int = 0) -> Interval | None:
+    """`bootstrap_mean` of all values, where whole groups are resampled.
+
+    Values of one group, such as the machines of one run, are not independent of one another.
+
+    Returns:
+        Ends in the unit of the values; None for fewer than two groups with values or without scipy.
+    """
+    sums = [(sum(group), len(group)) for group in groups if group]
+    stats = _stats() if len(sums) > 1 else None
     if stats is None:
         return None
     import numpy as np
 
+    totals, counts = np.asarray(sums, dtype=np.float64).T
     found = stats.bootstrap(
-        (np.asarray(values, dtype=np.float64),),
-        np.mean,
+        (totals, counts),
+        lambda total, count, axis: total.sum(axis=axis) / count.sum(axis=axis),
         n_resamples=RESAMPLES,
         confidence_level=CONFIDENCE,
         method="percentile",
+        paired=True,
         rng=np.random.default_rng(seed),
-        batch=max(1, BATCH // len(values)),
+        batch=max(1, BATCH // len(sums)),
         vectorized=True,
     ).confidence_interval
     return Interval(float(found.low), float(found.high))
+
+
+def seeds_needed(differences: Sequence[float]) -> int | None:
+    """About how many pairs show that a mean difference like theirs is not 0.
+
+    So many that the 95 % interval of the mean leaves out 0 in four of five experiments, if these
+    differences have the true mean and deviation (normal approximation; J. Cohen, "Statistical power
+    analysis for the behavioral sciences", 1988).
+
+    Returns:
+        At least 2; None for fewer than two differences, or if their mean is 0.
+    """
+    from statistics import NormalDist, fmean, stdev
+
+    if len(differences) < 2 or not (mean := fmean(differences)):
+        return None
+    reach = NormalDist().inv_cdf((1 + CONFIDENCE) / 2) + NormalDist().inv_cdf(POWER)
+    return max(2, math.ceil((reach * stdev(differences) / mean) ** 2))
 
 
 def bootstrap_pairs(matrix: NDArray[np.float64], seed: int = 0) -> Interval | None:

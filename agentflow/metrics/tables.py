@@ -8,17 +8,22 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from types import MappingProxyType
 from typing import Any
 
 from agentflow.metrics.formats import cell_text
-from agentflow.metrics.intervals import Rate
+from agentflow.metrics.intervals import Interval, Rate
 
-Value = float | int | str | Rate | None
+Value = float | int | str | Rate | Interval | None
 """Content of a table cell; None for an empty one."""
+PARTS: Mapping[type, tuple[str, str]] = MappingProxyType(
+    {Rate: ("count", "of"), Interval: ("low", "high")}
+)
+"""Kind of value -> its numbers, each of which has a column of its own in CSV and JSON."""
 PUBLISHED = "published (other models, in the game; not comparable in absolute terms)"
 GAP = "  "
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -105,7 +110,8 @@ def markdown(table: Table) -> str:
 
 
 def comma_separated(table: Table) -> str:
-    """CSV with full precision and a `source` column: measured or published."""
+    """CSV with full precision and a `source` column: measured or published; see `in_parts`."""
+    table = in_parts(table)
     out = io.StringIO()
     write = csv.writer(out, lineterminator="\n").writerow
     write(["source", *table.heads, *(_escape_formula(column.full) for column in table.columns)])
@@ -137,16 +143,12 @@ def latex(table: Table) -> str:
 
 
 def as_json(table: Table) -> str:
-    """One JSON object; a share is {"count", "of"}."""
+    """One JSON object; see `in_parts`."""
+    table = in_parts(table)
 
     def plain(rows: Sequence[Row]) -> list[dict[str, Any]]:
         return [
-            {
-                **dict(zip(table.heads, row.labels, strict=True)),
-                "values": [
-                    {"count": v.count, "of": v.of} if isinstance(v, Rate) else v for v in row.values
-                ],
-            }
+            {**dict(zip(table.heads, row.labels, strict=True)), "values": row.values}
             for row in rows
         ]
 
@@ -158,6 +160,50 @@ def as_json(table: Table) -> str:
         "notes": list(table.notes),
     }
     return json.dumps(content) + "\n"
+
+
+def in_parts(table: Table) -> Table:
+    """The table with a column for each number: `count` and `of` of shares, `low` and `high` of
+    intervals, which are named after the column that holds both."""
+    kinds = [_parts(table, place) for place in range(len(table.columns))]
+    columns = tuple(
+        replace(column, name=f"{column.name} {part}".strip())
+        for column, parts in zip(table.columns, kinds, strict=True)
+        for part in parts
+    )
+
+    def split(rows: Iterable[Row]) -> tuple[Row, ...]:
+        return tuple(
+            Row(
+                row.labels,
+                tuple(
+                    number
+                    for value, parts in zip(row.values, kinds, strict=True)
+                    for number in _numbers(value, len(parts))
+                ),
+            )
+            for row in rows
+        )
+
+    return replace(table, columns=columns, rows=split(table.rows), published=split(table.published))
+
+
+def _parts(table: Table, place: int) -> tuple[str, ...]:
+    """What a column is split into; one unnamed part if it holds single numbers."""
+    kinds = (PARTS.get(type(row.values[place])) for row in table.rows)
+    return next(filter(None, kinds), ("",))
+
+
+def _numbers(value: Value, parts: int) -> Sequence[float | int | str | None]:
+    """The numbers of a value; a published one is text, and may be an interval or a count."""
+    if isinstance(value, Rate):
+        return value.count, value.of
+    if isinstance(value, Interval):
+        return value
+    if parts == 1:
+        return (value,)
+    first, *rest = re.split(" - |/|, ", value) if isinstance(value, str) else [value]
+    return first, rest[0] if rest else None
 
 
 FORMATS: Mapping[str, Callable[[Table], str]] = MappingProxyType(

@@ -74,7 +74,9 @@ def _has_values(table: Table, place: int) -> bool:
 def _cells(table: Table, row: Row, kept: Sequence[int]) -> list[str]:
     labels = [_label(head, label) for head, label in zip(table.heads, row.labels, strict=True)]
     return labels + [
-        cell_text(row.values[place], in_percent=table.columns[place].percent) for place in kept
+        cell_text(row.values[place], column.digits, in_percent=column.percent)
+        for place in kept
+        for column in [table.columns[place]]
     ]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from agentflow.app.benchmark.card import ItemResult, Scorecard, read_card
 from agentflow.env.tasks.records import other_recorders
 from agentflow.errors import UsageError
-from agentflow.metrics.formats import interval_text, number
+from agentflow.metrics.formats import number
 from agentflow.metrics.intervals import missing_scipy
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
 
@@ -61,19 +61,19 @@ def format_tables(tables: Sequence[Table], form: str) -> str:
 def _ranking(cards: Sequence[Scorecard]) -> Table:
     columns = (
         Column("refined", "share", percent=True),
-        Column("refined", INTERVAL),
+        Column("refined", INTERVAL, percent=True, digits=1),
         *[Column("refined", "fragile")] * tell_fragile(cards),
         Column("first", "share", percent=True),
-        Column("first", INTERVAL),
+        Column("first", INTERVAL, percent=True, digits=1),
         *(Column("", name) for name in ("calls", "tokens", "money", "rollouts")),
     )
     rows = []
     for place, card in enumerate(cards, start=1):
         cost, total = card.cost, card.total
         values: tuple[Value, ...] = (
-            *(total.refined.mean, interval_text(total.refined.interval, 1, in_percent=True)),
+            *(total.refined.mean, total.refined.interval),
             *[card.fragile] * tell_fragile(cards),
-            *(total.first.mean, interval_text(total.first.interval, 1, in_percent=True)),
+            *(total.first.mean, total.first.interval),
             *(cost.calls, cost.prompt_tokens + cost.completion_tokens, cost.money, cost.rollouts),
         )
         rows.append(Row((str(place) if card.complete else "-", card.model), values))

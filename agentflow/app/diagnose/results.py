@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agentflow.app.diagnose.facing import CLOSE
@@ -11,7 +11,7 @@ from agentflow.app.diagnose.overlap import Overlap
 from agentflow.app.diagnose.question import Diagnosis
 from agentflow.errors import UsageError
 from agentflow.metrics import published as literature
-from agentflow.metrics.formats import interval_text
+from agentflow.metrics.intervals import Interval
 from agentflow.metrics.tables import FORMATS, Column, Row, Table
 
 TABLE = "overlap_qa"
@@ -65,7 +65,7 @@ Layout = tuple[tuple[str, ...], list[tuple[str, tuple[Any, ...]]], str]
 def _overlap(results: Mapping[str, Any]) -> Layout:
     values = (
         results["accuracy"],
-        interval_text(results["interval"], DIGITS),
+        _interval(results["interval"]),
         results["precision"],
         results["f1"],
         results["pairs"],
@@ -98,7 +98,11 @@ _LAYOUTS = {"overlap": _overlap, "facing": _facing, "outcome": _outcome}
 
 def _share(rate: Mapping[str, Any]) -> tuple[Any, ...]:
     """Share, interval, and of how many."""
-    return rate["share"], interval_text(rate["interval"], DIGITS), rate["of"]
+    return rate["share"], _interval(rate["interval"]), rate["of"]
+
+
+def _interval(ends: Sequence[float] | None) -> Interval | None:
+    return Interval(*ends) if ends else None
 
 
 def _notes(results: Mapping[str, Any]) -> list[str]:

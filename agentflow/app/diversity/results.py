@@ -12,7 +12,6 @@ from agentflow.app.diversity.sources import Source, read_sources
 from agentflow.diversity.measures import Measures, compare
 from agentflow.machine import Machine
 from agentflow.metrics import published as literature
-from agentflow.metrics.formats import interval_text
 from agentflow.metrics.tables import FORMATS, Column, Row, Table
 from agentflow.progress import Progress
 
@@ -58,7 +57,7 @@ class Result:
             cell
             for name, digits in zip(NAMES, DIGITS, strict=True)
             for measure in [getattr(self.measures, name)]
-            for cell in (measure.mean, interval_text(measure.interval, digits))
+            for cell in (measure.mean, measure.interval)
         ]
         return Row((self.source.name,), (self.measures.machines, *cells))
 
@@ -108,7 +107,7 @@ def format_results(results: Sequence[Result], form: str, *, published: bool) -> 
 def _table(results: Sequence[Result], published: tuple[Row, ...]) -> Table:
     columns = [Column("", "number")]
     for heading, digits in zip(HEADINGS, DIGITS, strict=True):
-        columns += [Column(heading, "mean", digits=digits), Column(heading, "95 %")]
+        columns += [Column(heading, "mean", digits=digits), Column(heading, "95 %", digits=digits)]
     return Table(
         "Diversity of machines",
         ("machines",),

@@ -162,7 +162,11 @@ def layout_table(result: SweepResult, *, published: bool = False) -> Table:
     return Table(
         result.sweep.title,
         ("model",) if by_task else ("task", "model"),
-        tuple(Column(c.group, c.metric, METRICS[c.metric].percent) for c in columns),
+        tuple(
+            Column(c.group, c.metric, m.percent, m.digits)
+            for c in columns
+            for m in [METRICS[c.metric]]
+        ),
         measured,
         published_rows,
         (

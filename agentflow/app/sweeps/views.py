@@ -19,7 +19,6 @@ from agentflow.app.sweeps.tables import (
 from agentflow.errors import UsageError
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import Cell, RunNumbers, curve
-from agentflow.metrics.formats import interval_text
 from agentflow.metrics.intervals import Rate, missing_scipy
 from agentflow.metrics.scores import mean_known
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
@@ -66,11 +65,11 @@ def scores_table(result: SweepResult) -> Table:
         best = found.best_at()
         values: list[Value] = [
             rate,
-            interval_text(rate.interval),
+            rate.interval,
             found.mean_valid,
-            interval_text(found.mean_valid_interval()),
+            found.mean_valid_interval(),
             found.mean_all,
-            interval_text(found.mean_all_interval()),
+            found.mean_all_interval(),
             found.max,
             found.std,
             *(best.get(n) for n in powers),

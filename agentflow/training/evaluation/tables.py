@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from agentflow.errors import RunError, UsageError
-from agentflow.metrics.formats import interval_text
 from agentflow.metrics.intervals import missing_scipy
 from agentflow.metrics.published import published
 from agentflow.metrics.scores import Scores
@@ -30,7 +29,7 @@ TO = " to "
 INTERVAL = "95 %"
 NUMBERS = (
     Column("valid", "count"),
-    Column("valid", INTERVAL),
+    Column("valid", INTERVAL, percent=True),
     Column("all replies", "mean"),
     Column("all replies", INTERVAL),
     Column("all replies", "SD"),
@@ -198,9 +197,9 @@ def _main(item: PooledEvaluation, task: str) -> tuple[Value, Value, Value]:
 def _numbers(own: Summary) -> tuple[Value, ...]:
     return (
         own.valid if own.replies else None,
-        interval_text(own.valid.interval, in_percent=True),
+        own.valid.interval,
         own.mean,
-        interval_text(own.scores.mean_all_interval(own.seed)),
+        own.scores.mean_all_interval(own.seed),
         own.sd,
         own.scores.max,
     )

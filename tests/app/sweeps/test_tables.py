@@ -19,7 +19,7 @@ from agentflow.app.sweeps.views import format_view, simulation_speeds, view
 from agentflow.env.tasks.records import record_of
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UnknownNameError, UsageError
-from agentflow.metrics.intervals import Rate
+from agentflow.metrics.intervals import Interval, Rate
 from agentflow.metrics.published import SOURCES
 from agentflow.metrics.tables import Row, Table
 from agentflow.runs import Event, RunDirectory
@@ -132,7 +132,7 @@ def test_unfinished_runs_keep_their_columns_and_rows(tmp_path: Path) -> None:
     }
     assert table.notes[0] == "1 run; 1 seed."
     lines = format_view(path, "published", "csv").splitlines()
-    assert [line.split(",")[-4:] for line in lines[1:3]] == [["2/2", "3.0", "", ""], [""] * 4]
+    assert [line.split(",")[-5:] for line in lines[1:3]] == [["2", "2", "3.0", "", ""], [""] * 5]
     rows = format_view(path, "scores", "text").splitlines()
     undone = [row.split() for row in rows if row.startswith(("movement", "throwing"))][1:]
     assert [row[-2:] for row in undone] == [["-", "-"]] * 3
@@ -240,7 +240,7 @@ def test_success_rates_stand_beside_published_means_over_levels(tmp_path: Path) 
     axes = {"task": ["rocket/1", "rocket/4"]}
     path = sweep(tmp_path, runs, axes=axes, table=table)
     found = layout_table(read_sweep_result(path), published=True)
-    assert values(found)["rocket/1", MODEL] == (Rate(1, 2), "9.5% - 90.5%")
+    assert values(found)["rocket/1", MODEL] == (Rate(1, 2), Rate(1, 2).interval)
     assert values(found)["rocket/4", MODEL] == (None, None)
     assert Row(("rocket/1-3", "Grok-4"), ("21.9%", "16.6% - 28.2%")) in found.published
     assert len(found.published) == 8
@@ -271,11 +271,11 @@ def test_scores_have_both_means_with_intervals(tmp_path: Path) -> None:
     assert values(table) == {
         ("throwing", MODEL, "baseline"): (
             Rate(2, 3),
-            "0.21 - 0.94",
+            Rate(2, 3).interval,
             3.0,
-            "2.00 - 4.00",
+            Interval(2.0, 4.0),
             2.0,
-            "0.00 - 4.00",
+            Interval(0.0, 4.0),
             4.0,
             1.0,
             2.0,
@@ -283,7 +283,7 @@ def test_scores_have_both_means_with_intervals(tmp_path: Path) -> None:
         ),
         ("throwing", MODEL, "no_inspector"): (
             Rate(1, 1),
-            "0.21 - 1.00",
+            Rate(1, 1).interval,
             1.0,
             None,
             1.0,
