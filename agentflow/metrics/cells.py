@@ -193,16 +193,16 @@ def check_metrics(names: Iterable[str]) -> None:
         METRICS[name]
 
 
-def curve(runs: Iterable[RunNumbers], expansions: int) -> float | None:
-    """Mean best score of all searches after this many new machines each.
+def curve(runs: Iterable[RunNumbers], expansions: int) -> list[list[float]]:
+    """The best scores of the searches of each run after this many new machines each.
 
-    None if even the longest search made fewer; a search that ended earlier keeps its last score.
+    Nothing if even the longest search made fewer; a search that ended earlier keeps its last score.
     """
     items = list(runs)
     longest = max(
         (node.location.node or 0 for run in items for node in run.record.nodes), default=0
     )
     if expansions > longest:
-        return None
+        return []
     found = (search.best_after_expansions(run.record, expansions) for run in items)
-    return mean_known(chain.from_iterable(scores.values() for scores in found))
+    return [list(scores.values()) for scores in found]

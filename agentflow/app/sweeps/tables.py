@@ -11,10 +11,12 @@ from pathlib import Path
 from shlex import quote
 
 from agentflow.app.sweeps.folder import RUNS, read_failures, read_folder
+from agentflow.app.sweeps.unread import unread_note
 from agentflow.config.sweep import SweepConfig, SweepRun, list_runs
 from agentflow.env.tasks.records import full_score, other_recorders
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UsageError
+from agentflow.llm.procedural import ProceduralClient
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import METRICS, Cell, RunNumbers
 from agentflow.metrics.formats import counted
@@ -82,6 +84,8 @@ class SweepResult:
             )
         only = "; no number is of more than one" if len(self.engines) > 1 else ""
         notes.append(f"Physics engine: {', '.join(self.engines)}{only}.")
+        if any(run.result.model == ProceduralClient.name for run in self.finished):
+            notes += filter(None, [unread_note(self.sweep)])
         return tuple(notes)
 
 
@@ -189,7 +193,8 @@ class _Cell:
     metric: str
 
 
-def _conditions(result: SweepResult) -> tuple[str, ...]:
+def conditions(result: SweepResult) -> tuple[str, ...]:
+    """What the columns of the published layout compare; ("",) for nothing."""
     table = result.sweep.table
     if table.conditions == "stages":
         return STAGES
@@ -201,15 +206,15 @@ def _conditions(result: SweepResult) -> tuple[str, ...]:
 
 
 def _columns(result: SweepResult) -> list[_Cell]:
-    table, conditions = result.sweep.table, _conditions(result)
+    table, compared = result.sweep.table, conditions(result)
     if table.columns == "task":
         groups = [
             (f"{task} {condition}".strip(), task, condition)
             for task in result.tasks
-            for condition in conditions
+            for condition in compared
         ]
     else:
-        groups = [(condition, "", condition) for condition in conditions]
+        groups = [(condition, "", condition) for condition in compared]
     return [
         _Cell(group, task, condition, metric)
         for group, task, condition in groups

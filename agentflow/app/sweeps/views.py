@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 
 from agentflow.agents.registry import stage_of
+from agentflow.app.sweeps.against import against_table
 from agentflow.app.sweeps.registry import LAYOUT, VIEWS
 from agentflow.app.sweeps.tables import (
     FinishedRun,
@@ -19,7 +21,7 @@ from agentflow.app.sweeps.tables import (
 from agentflow.errors import UsageError
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import Cell, RunNumbers, curve
-from agentflow.metrics.intervals import Rate, missing_scipy
+from agentflow.metrics.intervals import Rate, bootstrap_clusters, missing_scipy
 from agentflow.metrics.scores import mean_known
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
 from agentflow.metrics.usage import Spent, UsageSummary, summarize_usage
@@ -140,23 +142,33 @@ def players_table(result: SweepResult) -> Table:
 def expansions_table(result: SweepResult) -> Table:
     """Mean best score of searches against the number of new machines, by variant."""
     groups = all_variants(result)
-    counts = [
-        n for n in CURVE if any(curve(_numbers(runs), n) is not None for runs in groups.values())
-    ]
+    curves = {key: {n: curve(_numbers(runs), n) for n in CURVE} for key, runs in groups.items()}
+    counts = [n for n in CURVE if any(any(found[n]) for found in curves.values())]
     rows = tuple(
-        Row(key, tuple(curve(_numbers(runs), count) for count in counts))
-        for key, runs in groups.items()
+        Row(
+            key,
+            tuple(
+                value
+                for count in counts
+                for scores in [found[count]]
+                for value in (mean_known(chain.from_iterable(scores)), bootstrap_clusters(scores))
+            ),
+        )
+        for key, found in curves.items()
     )
     return Table(
         f"{result.sweep.title}: score against expansions",
         ("task", "model", "variant"),
-        tuple(Column("score after N new machines, N =", str(count)) for count in counts),
+        tuple(Column(f"N = {n}", name) for n in counts for name in ("mean", INTERVAL)),
         rows,
         notes=(
             *result.notes,
             *(() if counts else ("No run of this sweep searches.",)),
-            "Best score so far, averaged over searches and including the initial machine; a search "
-            "that ended early keeps its final value.",
+            "Best score so far after N new machines, averaged over searches and including the "
+            "initial machine; a search that ended early keeps its final value. Intervals are "
+            "bootstrap intervals over runs (10,000 resamples), because searches of one run are not "
+            "independent; a single run has none.",
+            *filter(None, [missing_scipy()]),
         ),
     )
 
@@ -191,15 +203,23 @@ def verified_table(result: SweepResult) -> Table:
     )
 
 
-def view(path: Path, name: str = LAYOUT, *, published: bool = False) -> Table:
+def view(
+    path: Path, name: str = LAYOUT, *, published: bool = False, against: str | None = None
+) -> Table:
     """A table of the sweep in a folder, with published rows if `published`.
 
+    `against` is a condition, in place of the view: the table shows differences from it.
+
     Raises:
-        UnknownNameError: There is no such view.
+        UnknownNameError: There is no such view, or no such condition.
         UsageError: The view has no published rows.
         RunError: It is not a sweep directory, is damaged, or has no finished run.
     """
     make = VIEWS[name]
+    if against is not None:
+        if published or name != LAYOUT:
+            raise UsageError("--against has a table of its own: remove --show and --published")
+        return against_table(read_sweep_result(path), against)
     if not published:
         return make(read_sweep_result(path))
     if name != LAYOUT:
@@ -207,9 +227,11 @@ def view(path: Path, name: str = LAYOUT, *, published: bool = False) -> Table:
     return layout_table(read_sweep_result(path), published=True)
 
 
-def format_view(path: Path, name: str, form: str, *, published: bool = False) -> str:
+def format_view(
+    path: Path, name: str, form: str, *, published: bool = False, against: str | None = None
+) -> str:
     """A view of a sweep as text in one of the `FORMATS`; see `view`."""
-    return FORMATS[form](view(path, name, published=published))
+    return FORMATS[form](view(path, name, published=published, against=against))
 
 
 def variants(result: SweepResult) -> dict[tuple[str, ...], list[FinishedRun]]:

@@ -13,6 +13,7 @@ import typer
 from agentflow.cli import options
 from agentflow.cli.display.text import escape_controls
 from agentflow.cli.root import PARTLY, allow, approve, commands, print_json, print_table
+from agentflow.errors import UsageError
 from agentflow.metrics.formats import counted, duration
 
 if TYPE_CHECKING:
@@ -119,6 +120,14 @@ def table(
             "by step)."
         ),
     ] = "published",
+    against: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CONDITION",
+            help="Show differences from this condition of a sweep: paired by seed, with intervals, "
+            "how often each condition is better, and how many seeds would be needed.",
+        ),
+    ] = None,
     form: options.FormatOrJson = "text",
     published: options.Published = False,
 ) -> None:
@@ -130,7 +139,9 @@ def table(
     from agentflow.app.sweeps.views import format_view
 
     if len(folders) == 1 and is_sweep(folders[0]):
-        text = format_view(folders[0], show, form, published=published)
+        text = format_view(folders[0], show, form, published=published, against=against)
+    elif against is not None:
+        raise UsageError("--against compares the conditions of one sweep: name its directory")
     else:
         from agentflow.training.evaluation.tables import format_tables
 
@@ -142,6 +153,7 @@ def print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
     """Print the estimated cost of the runs that are left."""
     from agentflow.app.sweeps.estimates import NOTHING, estimate
     from agentflow.app.sweeps.folder import RUNS
+    from agentflow.app.sweeps.unread import unread_note
     from agentflow.config.run import build_config
     from agentflow.models.choices import choose_models
 
@@ -164,14 +176,17 @@ def print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
                 f"{_cost_text(_estimate_json(cost))} each"
             )
     whole = _estimate_json(left)
+    who = [one for first in plan.firsts for one in choose_models(first.config.model).values()]
+    note = unread_note(plan.sweep) if any(one.procedural for one in who) else ""
     if as_json:
-        print_json({"sweep": str(folder), "runs": runs, "left": whole})
+        print_json({"sweep": str(folder), "runs": runs, "left": whole, "note": note})
         return
     for run in runs:
         state = "done" if run["done"] else _cost_text(run)
         print(f"{run['run']}: {state}")
-    who = [one for first in plan.firsts for one in choose_models(first.config.model).values()]
     print(_remaining_text(whole, undone, all(one.procedural for one in who), base.workers))
+    if note:
+        print(note)
 
 
 def _estimate_json(cost: Estimate) -> dict[str, Any]:

@@ -352,8 +352,22 @@ def test_seeds_with_different_engines_are_refused(tmp_path: Path) -> None:
 
 def test_score_against_expansions(tmp_path: Path) -> None:
     table = view(sweep(tmp_path, {"seed-0": TREE}), "expansions")
-    assert [column.name for column in table.columns] == ["0", "1", "2"]
-    assert values(table) == {("throwing", MODEL, ""): (1.0, 3.0, 3.0)}
+    assert [column.full for column in table.columns] == [
+        *("N = 0 mean", "N = 0 95 %", "N = 1 mean", "N = 1 95 %", "N = 2 mean", "N = 2 95 %")
+    ]
+    assert values(table) == {("throwing", MODEL, ""): (1.0, None, 3.0, None, 3.0, None)}
+
+
+def test_intervals_of_expansions_are_over_runs(tmp_path: Path) -> None:
+    shifted = [candidate("blind_refinement", 1, 2.0), expansion(1, 1, "v"), node(1, 1, 1, 5.0)]
+    path = sweep(tmp_path, {"seed-0": TREE, "seed-1": shifted}, seeds=[0, 1])
+    assert values(view(path, "expansions")) == {
+        ("throwing", MODEL, ""): (
+            *(1.5, Interval(1.0, 2.0)),
+            *(4.0, Interval(3.0, 5.0)),
+            *(4.0, Interval(3.0, 5.0)),
+        )
+    }
 
 
 def test_sweeps_that_do_not_search_have_no_curve(tmp_path: Path) -> None:

@@ -1,0 +1,37 @@
+"""What axes may vary that the built-in model does not read."""
+
+from __future__ import annotations
+
+from agentflow.config.sweep import SweepConfig
+
+UNREAD = frozenset(
+    {
+        *("prompts", "rationales", "history", "spatial", "vision", "feedback", "querier"),
+        *("representation", "refinement", "drafts", "simulate_first"),
+        *(f"model.sampling.{name}" for name in ("temperature", "top_p", "max_tokens")),
+    }
+)
+"""Keys, without `settings.`, that change what a model is told or how it is sampled: the procedural
+model writes the same machines whatever they are."""
+
+
+def unread_note(sweep: SweepConfig) -> str:
+    """What a sweep that the procedural model answers should be told; "" if it reads all axes."""
+    varied: dict[str, list[object]] = {}
+    for axis in sweep.axes.values():
+        keys = {key for settings in axis.values() for key in settings}
+        for key in keys:
+            varied[key.removeprefix("settings.")] = [s.get(key) for s in axis.values()]
+    unread = [
+        key
+        for key, values in varied.items()
+        if key in UNREAD and any(value != values[0] for value in values)
+    ]
+    if not unread:
+        return ""
+    verb, what = ("changes", "this") if len(unread) == 1 else ("change", "them")
+    return (
+        "The procedural model reads its data from prompts but ignores their wording: "
+        f"{' and '.join(sorted(unread))} {verb} nothing that it designs, so compare {what} with a "
+        "language model (--model)."
+    )
