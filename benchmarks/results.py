@@ -60,9 +60,11 @@ explains workflows, stages and search strategies, and
 Every row names the model that was used:
 
 * `procedural (no language model)` is the built-in model. It combines fixed rules with random
-  choices, reads the same prompts as a language model, and writes replies in the same format. Its
-  scores show that the system works end to end and what each part contributes; they say nothing
-  about language models.
+  choices, reads the same prompts as a language model, and writes replies in the same format. It
+  takes its data from prompts but ignores their wording, what feedback says, and the sampling
+  temperature, so rows that differ only in these are equal: a difference between them is not
+  measured here. Its scores show that the system works end to end and what each part contributes;
+  they say nothing about language models.
 * `none (random edits)` marks the two baselines that use no model: random machines with random
   edits (`random-dsl`), and cogs placed at random (`random-placement`).
 
