@@ -58,6 +58,8 @@ class RefinerInput(RoleInput):
     score: float | None = None
     feedback: str = ""
     """The default feedback of the machine's simulation."""
+    trials: str = ""
+    """What single edits of the machine did to its score."""
     queried: str = ""
     """Answers to a querier's queries."""
     earlier: tuple[str, ...] = ()
@@ -110,7 +112,8 @@ class Refiner(Role[RefinerInput, Refinement]):
         return find_sections(text, (PREDICTION,)).get(PREDICTION, "")
 
     def variables(self, given: RefinerInput) -> Mapping[str, object]:
-        report = report_context(given.score, given.feedback)
+        told = "\n\n".join(filter(None, (given.feedback, given.trials)))
+        report = report_context(given.score, told)
         blind = given.spatial and not report["report"]
         return {
             **given.context(given.machine),

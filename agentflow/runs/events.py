@@ -334,6 +334,28 @@ class NodeEvent(RunEvent, kind="node", needs=("trajectory", "node")):
 
 
 @dataclass(frozen=True)
+class LocalTrial:
+    """One edit of a machine, tried alone."""
+
+    edit: str
+    """Commands, with `; ` between them, or words for an edit that none repeat."""
+    machine: str
+    """Content hash of what it made."""
+    score: float | None
+
+
+@dataclass(frozen=True)
+class LocalTrialsEvent(RunEvent, kind="local_trials", needs=("trajectory", "node")):
+    """Single edits of a machine were tried before its refiner was asked."""
+
+    machine: str
+    score: float | None
+    trials: tuple[LocalTrial, ...]
+    text: str
+    """What the refiner reads of them."""
+
+
+@dataclass(frozen=True)
 class BackUpEvent(RunEvent, kind="back_up", needs=("trajectory", "node")):
     """A reward was added to every node of a path."""
 

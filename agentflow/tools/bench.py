@@ -13,7 +13,7 @@ from agentflow.errors import RunError
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import EvaluationEvent, QueryEvent, RunEvent, ToolEvent
 from agentflow.runs.locations import Location, StageName
-from agentflow.tools import designing, measuring
+from agentflow.tools import designing, exploring, measuring
 from agentflow.tools.host import BenchHost
 from agentflow.tools.results import RefusedCall, StageEnded, ToolResult, ToolSpec
 from agentflow.tools.schema import BenchTool
@@ -36,6 +36,7 @@ TOOLS = (
     ),
     BenchTool.of(measuring.simulate, needs="simulations"),
     BenchTool.of(measuring.verify, needs="simulations"),
+    BenchTool.of(exploring.explore_edits, needs="simulations", label="Revise"),
     BenchTool.of(measuring.query, needs="simulations", label="Query"),
     BenchTool.of(measuring.look, needs="pictures", label="Observe"),
     BenchTool.of(designing.history),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from random import Random
 from typing import Any, Literal, Protocol
 
 from agentflow.machine.brief import Brief
@@ -68,6 +69,10 @@ class Simulation(Protocol):
     def feedback(self) -> str:
         """What happened, as text."""
 
+    @property
+    def broken(self) -> Sequence[tuple[int, int, float]]:
+        """(block, partner, seconds since t = 0) of each broken connection."""
+
 
 class BenchHost(Protocol):
     """One task, where machines are simulated and everything is recorded."""
@@ -83,6 +88,9 @@ class BenchHost(Protocol):
     @property
     def aims(self) -> Aims:
         """What a score is worth, and how the final one is made."""
+
+    def stream(self, name: str) -> Random:
+        """A random stream for one purpose, derived from the run's seed and the name."""
 
     def simulated(self, machine: Machine) -> Simulation | None:
         """The result of a finished simulation; None without one."""

@@ -46,6 +46,7 @@ class Emitters:
     ) -> None:
         """Work for the trajectory `number`; make at most `rollouts` new machines."""
         self.refiners = Trajectory(run, number)
+        self.refiners.granted = {}  # no local trials: edits are an emitter of their own
         self._run, self._number, self._archive = run, number, archive
         self._left = rollouts
         self._seen = set[Machine]()

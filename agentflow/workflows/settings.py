@@ -118,6 +118,13 @@ class WorkflowSettings(BaseModel):
     external: ExternalSettings = Field(
         ExternalSettings(), description="the agent program (external)"
     )
+    local_trials: int = Field(
+        0,
+        ge=0,
+        le=1000,
+        description="single edits of a machine that are simulated before its refiner is asked, "
+        "and told to it (hierarchical, iterative, single); 0: none",
+    )
     objective: Objective = Field(
         "score",
         description="what makes a machine better: its score; its robust score; or pareto: score, "

@@ -69,7 +69,7 @@ def _calls(settings: WorkflowSettings) -> dict[str, int]:
 def _rollouts(settings: WorkflowSettings) -> int:
     if deals_budget(settings.search.strategy):
         return count_rollouts(settings)
-    most = settings.trajectories * (1 + settings.search.rounds)
+    most = settings.trajectories * (1 + settings.search.rounds * (1 + settings.local_trials))
     return min(most, settings.max_simulations or most)
 
 

@@ -100,7 +100,10 @@ EDITS: Mapping[str, tuple[Edit, ...]] = {
         ),
     ),
     "agentflow/tools/bench.py": (
-        ("import designing, measuring", "import designing, measuring, weighing"),
+        (
+            "import designing, exploring, measuring",
+            "import designing, exploring, measuring, weighing",
+        ),
         (
             "    BenchTool.of(measuring.simulate",
             "    BenchTool.of(weighing.weigh),\n    BenchTool.of(measuring.simulate",

@@ -53,7 +53,8 @@ async def test_stages_share_machines_and_leave_simulations_for_the_last() -> Non
     line = next(line for line in second.splitlines() if line.startswith("Machines so far: "))
     assert all(name in line for name in names)
     offered = {r.label.split("/")[1]: {t.name for t in r.tools} for r in run.client.requests}
-    assert offered["env_feedback"] - offered["initial"] == {"simulate", "verify", "query"}
+    more = {"simulate", "verify", "explore_edits", "query"}
+    assert offered["env_feedback"] - offered["initial"] == more
 
 
 async def test_scores_of_earlier_stages_are_known_only_with_simulation() -> None:

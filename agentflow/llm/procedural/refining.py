@@ -23,6 +23,9 @@ from agentflow.machine.blocks.library import BOULDER, CONTAINER
 FacePosition = tuple[tuple[float, ...], str]  # a face's position, and its name in a command
 REVISED = 0.5  # share of changes that revise the control program, where there is one
 ATTEMPTS, MIN_LENGTH = 200, 1.5  # changes tried; length of a two-ended block, m
+TRIALS = "Trials of single edits"  # how what local trials showed begins
+ADOPTED, COMBINED = 0.6, 0.5  # shares of changes that adopt a gain, and of further gains added
+_GAIN = re.compile(r"^(?:> ?)?- ([A-Z][^:\n]{1,400}): \+\d", re.MULTILINE)
 _COMMAND = re.compile(r"(?:add|remove|move) ?[\d\[][\d\[\] toin]*", re.IGNORECASE)
 _ENTRY = re.compile(r"^(?:> ?)?\d{1,6}\. ", re.MULTILINE)
 _CHANGE = re.compile(r"(-?\d{1,6}\.?\d{0,6}) -> (-?\d{1,6}\.?\d{0,6})")
@@ -56,7 +59,10 @@ def refine(prompt: PromptContent, rng: random.Random) -> str:
 def propose_change(prompt: PromptContent, rng: random.Random, failed: Set[str]) -> Change:
     """One or two changes that fit the symptoms; `failed` are scripts not to try again."""
     geometry, goal = place(prompt.machine), purpose(prompt.brief)
-    symptoms = prompt.sections["Simulation feedback"] + prompt.sections["Critique"]
+    feedback, _, trials = prompt.sections["Simulation feedback"].partition(TRIALS)
+    if (learned := _adopt_gains(prompt, trials, rng, failed)) is not None:
+        return learned
+    symptoms = feedback + prompt.sections["Critique"]
     every = load_data("refining.yaml")
     rules = [rule for rule in every if goal in rule["for"]] or every
     matches = [[words for words in rule["seen"] if words in symptoms] for rule in rules]
@@ -75,6 +81,22 @@ def propose_change(prompt: PromptContent, rng: random.Random, failed: Set[str]) 
         if change and _is_usable(prompt, [*script, *change], failed):
             script, names = [*script, *change], [*names, rule["name"]]
     return Change(script, names, sorted({words for seen in matches for words in seen}))
+
+
+def _adopt_gains(
+    prompt: PromptContent, trials: str, rng: random.Random, failed: Set[str]
+) -> Change | None:
+    """The best edit of the local trials, mostly with others that raised the score as well; None
+    if there is none, or something else should be tried."""
+    gains = [gain.split("; ") for gain in _GAIN.findall(trials)]
+    if not gains or rng.random() >= ADOPTED:
+        return None
+    script = list[str]()
+    for gain in gains:
+        wanted = not script or rng.random() < COMBINED
+        if wanted and _is_usable(prompt, [*script, *gain], failed):
+            script = [*script, *gain]
+    return Change(script, ["what trials showed"], ["gains in trials"]) if script else None
 
 
 def _propose(rule: Any, prompt: PromptContent, geometry: Geometry, rng: random.Random) -> list[str]:

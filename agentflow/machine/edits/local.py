@@ -7,11 +7,12 @@ are, since baselines draw them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from random import Random
 
+from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.changes import add_images
@@ -21,6 +22,8 @@ from agentflow.machine.edits.random import draw_legal, kinds_of_moves
 from agentflow.machine.problems import RefusedEdit
 from agentflow.machine.tree import Control, Machine, Step, renumber
 
+MAX_MISSES = 5
+"""Edits of one kind that may be drawn in vain."""
 NUDGES = (0.8, 0.9, 1.1, 1.25)
 """Factors of times and levels."""
 
@@ -32,6 +35,41 @@ def local_edit(machine: Machine, rng: Random, brief: Brief) -> tuple[str, Machin
         UsageError: There is no legal edit.
     """
     return draw_legal(machine, rng, brief, {**kinds_of_moves(brief), **local_moves(brief)})
+
+
+def local_edits(
+    machine: Machine, rng: Random, brief: Brief, count: int, is_new: Callable[[Machine], bool]
+) -> list[Machine]:
+    """Machines one legal edit away, all different and new: fewer if there are not as many.
+
+    Novelty comes first: the kinds of edits take turns, so that each has been tried before one is
+    tried again.
+
+    Args:
+        machine: What is edited.
+        rng: Random generator.
+        brief: The task.
+        count: Most machines.
+        is_new: Whether a machine is to be tried; asked once for each.
+    """
+    kinds = {**kinds_of_moves(brief), **local_moves(brief)}
+    turns = list(kinds)
+    rng.shuffle(turns)
+    misses = dict.fromkeys(turns, 0)
+    found: list[Machine] = []
+    while turns and len(found) < count:
+        kind = turns.pop(0)
+        try:
+            _, edited = draw_legal(machine, rng, brief, {kind: kinds[kind]})
+        except UsageError:
+            continue
+        if edited != machine and edited not in found and is_new(edited):
+            found.append(edited)
+        else:
+            misses[kind] += 1
+        if misses[kind] < MAX_MISSES:
+            turns.append(kind)
+    return found
 
 
 def insertions(machine: Machine, types: Sequence[int]) -> list[Move]:

@@ -111,6 +111,7 @@ async def search_pool(
     rng: Random,
     *,
     opening_cost: int = 1,
+    preparing: Callable[[Choice, int], int] = lambda _choice, _left: 0,
 ) -> None:
     """Carry out the choices of a strategy until nothing is left of the budget.
 
@@ -123,6 +124,8 @@ async def search_pool(
         width: Choices per round.
         rng: What the strategy draws from.
         opening_cost: Most evaluations that a first candidate takes.
+        preparing: Given a choice of a child and what is left besides it, how many more evaluations
+            are made before it.
     """
     round_ = idle = 0
     while (before := left()) > 0 and idle < PATIENCE and not pool.is_over:
@@ -137,6 +140,7 @@ async def search_pool(
             if choice.branch and rest >= 1:
                 groups.setdefault((choice.branch, choice.node), []).append(choice.arm)
                 rest -= 1
+                rest -= preparing(choice, rest)
             number = len(pool.branches) + len(begun) + 1
             open_ = pool.most_branches is None or number <= pool.most_branches
             if not choice.branch and open_ and rest >= opening_cost:

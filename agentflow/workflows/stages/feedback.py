@@ -7,19 +7,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from agentflow.agents.history import EditRecord, History
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.errors import BudgetSpentError
+from agentflow.machine.edits.local import local_edits
 from agentflow.machine.tree import Machine
+from agentflow.machine.twins import tree_key
 from agentflow.runs.events import FirstAttempt
 from agentflow.runs.locations import FEEDBACK, Location
 from agentflow.search.concurrency import run_concurrently
-from agentflow.search.node import Attempt, Evaluation, Node
+from agentflow.search.node import Attempt, Evaluation, Node, SearchResult
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.strategies import extras
+from agentflow.search.tree import is_better
 from agentflow.workflows.base import Candidate, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.designs import (
@@ -28,7 +32,13 @@ from agentflow.workflows.stages.designs import (
     first_attempt_of,
     with_result,
 )
+from agentflow.workflows.stages.local_trials import LocalTrials
 from agentflow.workflows.stages.search_record import SearchRecorder
+
+TWIN = (
+    "this machine differs from one that was simulated only in the numbers of its blocks: make a "
+    "different change"
+)
 
 
 @dataclass(frozen=True)
@@ -47,6 +57,18 @@ class Revision:
     def is_edited(self) -> bool:
         """Whether it differs from the machine that was designed."""
         return self.edit is not None or bool(self.history.entries)
+
+
+@dataclass
+class _Shown:
+    """What refiners see of a node under expansion, and what was known as it began."""
+
+    history: History
+    """The edits that led to it."""
+    forms: dict[str, Machine]
+    """Key of a construction tree -> its machine."""
+    views: tuple[str, ...] = ()
+    """Pictures of its machine."""
 
 
 async def feedback_loop(
@@ -75,16 +97,9 @@ async def feedback_loop(
             **more,
         )
     recorder.finish(found)
-    best = found.nodes[found.best]
     nothing_to_do = found.perfect and not found.cost.attempts
-    return Candidate(
-        candidate.trajectory,
-        best.candidate.machine,
-        best.evaluation,
-        first=candidate.first if nothing_to_do else trajectory.first or FirstAttempt(),
-        edit=best.candidate.edit,
-        search_cost=found.cost,
-    )
+    first = candidate.first if nothing_to_do else trajectory.first or FirstAttempt()
+    return trajectory.finish(found, first)
 
 
 class Trajectory:
@@ -109,9 +124,32 @@ class Trajectory:
         """Label of a revision -> attempts to refine it, over all its expansions."""
         self._evaluations: dict[Machine, Evaluation] = {}
         self._first_label = ""
-        self._shown: dict[int, tuple[History, tuple[str, ...]]] = {}
-        """Id of a node under expansion -> its edit history and pictures of its machine. A search
-        over the whole run expands several nodes of a trajectory at once."""
+        self._shown: dict[int, _Shown] = {}
+        """By the id of a node under expansion. A search over the whole run expands several nodes of
+        a trajectory at once."""
+        self.granted: dict[int, int] | None = None
+        """Id of a node -> local trials of its machine, where a search deals them; None: as many as
+        the settings say."""
+        self.trials = LocalTrials(run, number)
+        self._explored: dict[int, str] = {}
+        """Id of a node -> what the local trials of its machine showed."""
+        self._forms: dict[str, Machine] = {}
+        """Key of a construction tree, whatever its ids -> the first machine that has it."""
+
+    def finish(self, found: SearchResult[Revision], first: FirstAttempt) -> Candidate:
+        """The best machine of its search, or of its local trials if one of them is better."""
+        node, tried = found.nodes[found.best], self.trials.best
+        best = Candidate(
+            self._number,
+            node.candidate.machine,
+            node.evaluation,
+            first=first,
+            edit=node.candidate.edit,
+            search_cost=found.cost,
+        )
+        if tried is None or not is_better(tried.evaluation, node.evaluation):
+            return best
+        return replace(best, machine=tried.machine, evaluation=tried.evaluation, edit=None)
 
     async def evaluate(self, revision: Revision, label: str) -> Evaluation:
         """Simulate a revision."""
@@ -131,17 +169,93 @@ class Trajectory:
             raise BudgetSpentError("the simulations of this trajectory are used up")
         self._first_label = self._first_label or labels[0]
         if not earlier:
-            history = self._history_of(node)
-            self._shown[node.id] = history, await self._run.views(node.candidate.machine)
-            if self._run.settings.asks_querier and node.id not in self._queried:
-                self._queried[node.id] = await self._inquire(node)
+            await self._prepare(node, self._run.left_in(self._number) - waiting - len(labels))
+        best = self.trials.best
+        if best is not None and best.evaluation.perfect:
+            revision = Revision(best.machine, label=labels[0])
+            return [Attempt(label, revision, f"local trial: {best.edit}") for label in labels]
         given = self._given(node, earlier)
         answers = await run_concurrently(self._refine(node, given, label) for label in labels)
         attempts = [answer for answer in answers if answer is not None]
         if not attempts:
             raise self._run.spent or BudgetSpentError("the budget has run out")
+        attempts = self._without_twins(node, earlier, attempts)
         self._tried.setdefault(node.candidate.label, []).extend(attempts)
         return attempts
+
+    def grant(self, node: int, left: int) -> int:
+        """Plan the local trials of a node, once, with what a search has left; their number."""
+        assert self.granted is not None
+        if node in self._explored or node in self.granted:
+            return 0
+        most = self.granted[node] = min(self._run.settings.local_trials, left)
+        return most
+
+    async def _prepare(self, node: Node[Revision], left: int) -> None:
+        """What refiners see of a node; the querier is asked while local trials run.
+
+        Args:
+            node: What is about to be refined.
+            left: How many machines the trials may simulate at most.
+        """
+        run, machine = self._run, node.candidate.machine
+        self._forms.setdefault(tree_key(machine), machine)
+        edited = self._draw_edits(node, left)
+        shown = self._shown[node.id] = _Shown(self._history_of(node), dict(self._forms))
+        explored = self.trials.carry_out(machine, node.evaluation, node.id, edited)
+        queried, told = await run_concurrently((self._query(node), explored))
+        self._queried[node.id] = queried
+        self._explored[node.id] = told or self._explored.get(node.id, "")
+        shown.views = await run.views(machine)
+
+    async def _query(self, node: Node[Revision]) -> str:
+        """Answers to a querier's queries on a node, which is asked once."""
+        if not self._run.settings.asks_querier or node.id in self._queried:
+            return self._queried.get(node.id, "")
+        return await self._inquire(node)
+
+    def _draw_edits(self, node: Node[Revision], left: int) -> list[Machine]:
+        """The machines of the local trials of a node; none if it had some.
+
+        They are drawn before anything is waited for, so that they depend on no answer.
+        """
+        run = self._run
+        most = min(left, run.settings.local_trials)
+        if self.granted is not None:
+            most = self.granted.get(node.id, 0)
+        if most <= 0 or node.id in self._explored:
+            return []
+        rng = run.stream(f"local-trials/traj-{self._number}/node-{node.id}")
+        is_new = partial(self._is_new, forms=self._forms)
+        return local_edits(node.candidate.machine, rng, run.brief, most, is_new)
+
+    def _is_new(self, machine: Machine, forms: dict[str, Machine]) -> bool:
+        """Whether a machine differs from known ones in more than its ids; then it is known."""
+        return forms.setdefault(tree_key(machine), machine) is machine
+
+    def _without_twins(
+        self,
+        node: Node[Revision],
+        earlier: Sequence[Attempt[Revision]],
+        attempts: Sequence[Attempt[Revision]],
+    ) -> list[Attempt[Revision]]:
+        """Refuse machines that differ from known ones only in the ids of their blocks.
+
+        Known are those from before the expansion and its own, which no order of answers changes.
+        """
+        forms = dict(self._shown[node.id].forms)
+        kept: list[Attempt[Revision]] = []
+        for attempt in (*earlier, *attempts):
+            made = attempt.candidate
+            if made is not None and not self._is_new(made.machine, forms):
+                twin = forms[tree_key(made.machine)]
+                if twin != made.machine:
+                    attempt = Attempt(attempt.label, None, TWIN)
+                made = None
+            if made is not None:
+                self._forms.setdefault(tree_key(made.machine), made.machine)
+            kept.append(attempt)
+        return kept[len(earlier) :]
 
     async def _refine(
         self, node: Node[Revision], given: RefinerInput, label: str
@@ -157,7 +271,7 @@ class Trajectory:
         if outcome.output is None:
             return Attempt(label, None, failure_reason(outcome))
         edit = edit_record(outcome.output, node.evaluation)
-        revision = Revision(outcome.output.machine, edit, self._shown[node.id][0], label)
+        revision = Revision(outcome.output.machine, edit, self._shown[node.id].history, label)
         return Attempt(label, revision, edit.script)
 
     def _location(self, name: str, label: str) -> Location:
@@ -165,18 +279,20 @@ class Trajectory:
         return replace(Location.parse(label), name=name, trajectory=self._number)
 
     def _given(self, node: Node[Revision], earlier: Sequence[Attempt[Revision]]) -> RefinerInput:
-        settings, (history, views) = self._run.settings, self._shown[node.id]
+        settings, shown = self._run.settings, self._shown[node.id]
+        told = "" if settings.feedback == "score_only" else _feedback(node)
         return RefinerInput(
             **self._run.role_input | {"brief": self.brief},
             machine=node.candidate.machine,
             blueprint=None if node.candidate.is_edited else self._blueprint,
-            history=history if settings.history else History(),
+            history=shown.history if settings.history else History(),
             score=node.evaluation.score,
-            feedback="" if settings.feedback == "score_only" else _feedback(node),
+            feedback=told,
+            trials=self._explored.get(node.id, ""),
             queried=self._queried.get(node.id, ""),
             earlier=tuple(_verdict(attempt) for attempt in earlier),
             format=settings.refinement,
-            images=views,
+            images=shown.views,
         )
 
     def _history_of(self, node: Node[Revision]) -> History:

@@ -12,7 +12,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS
 from agentflow.runs.locations import FEEDBACK, INITIAL, Location
 from agentflow.search.node import Attempt, Node
-from agentflow.search.pooled.pool import Branch, Pool, PooledStrategy, search_pool
+from agentflow.search.pooled.pool import Branch, Choice, Pool, PooledStrategy, search_pool
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.tree import SearchTree
 from agentflow.workflows.base import Candidate, WorkflowResult
@@ -59,6 +59,7 @@ class PooledSearch:
                 run.settings.trajectories,
                 run.stream("search"),
                 opening_cost=trials,
+                preparing=self._grant,
             )
         return [self._finish(branch) for branch in self._pool.branches if branch.tree is not None]
 
@@ -71,6 +72,7 @@ class PooledSearch:
             return None
         self._proposed.add(candidate.machine)
         trajectory = Trajectory(run, number, self._blueprint, self._model_role)
+        trajectory.granted = {}
         place = Location(FEEDBACK, trajectory=number)
         recorder = SearchRecorder(run, place, names_nodes=True)
         self._trajectories[number], self._recorders[number] = trajectory, recorder
@@ -83,6 +85,12 @@ class PooledSearch:
             run.settings.search.request_rounds,
             recorder,
         )
+
+    def _grant(self, choice: Choice, left: int) -> int:
+        """Local trials of a machine before its refiner is asked: how many of what is left."""
+        if choice.arm != Refiner.name:
+            return 0
+        return self._trajectories[choice.branch].grant(choice.node, left)
 
     async def _expand(
         self,
@@ -126,15 +134,8 @@ class PooledSearch:
         assert branch.tree is not None
         found = branch.tree.result(branch.tree.best())
         self._recorders[branch.number].finish(found)
-        best = found.nodes[found.best]
-        return Candidate(
-            branch.number,
-            best.candidate.machine,
-            best.evaluation,
-            first=self._trajectories[branch.number].first or FLAWLESS,
-            edit=best.candidate.edit,
-            search_cost=found.cost,
-        )
+        trajectory = self._trajectories[branch.number]
+        return trajectory.finish(found, trajectory.first or FLAWLESS)
 
 
 async def search_all(

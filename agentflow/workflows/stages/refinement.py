@@ -103,7 +103,8 @@ def _count_pooled_calls(settings: WorkflowSettings, designs: int) -> dict[str, i
     everybody made as many of the others: nobody knows before what it will choose."""
     total, arms = count_rollouts(settings), settings.arms
     begun = 1 if settings.start else total // 2 if arms else total
-    refined = (total - begun) // len(arms) if Refiner.name in arms else 0
+    each = len(arms) + settings.local_trials  # machines made while a refiner makes one
+    refined = (total - begun) // each if Refiner.name in arms else 0
     first = settings.model_copy(update={"trajectories": begun})
     return {
         **count_designs(first, designs),
@@ -121,7 +122,8 @@ def count_rollouts(settings: WorkflowSettings) -> int:
     """Simulations of a run that designs and refines, if no two machines are equal."""
     search = settings.search
     first = 1 if settings.start else 2
-    most = settings.trajectories * (first + search.rounds * search.children)
+    each = search.children + settings.local_trials
+    most = settings.trajectories * (first + search.rounds * each)
     limit = settings.max_simulations or most
     return limit if deals_budget(settings.search.strategy) else min(most, limit)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
+from random import Random
 
 from agentflow.agents.tool_agent import Agent, AgentInput
 from agentflow.machine.brief import Brief
@@ -40,6 +41,10 @@ class RunHost:
     def brief_text(self) -> str:
         """The user prompt of the agent."""
         return self._run.prompts_of(Agent(), AgentInput(**self._run.role_input))[1]
+
+    def stream(self, name: str) -> Random:
+        """A random stream for one purpose."""
+        return self._run.stream(name)
 
     def simulated(self, machine: Machine) -> SimulationSummary | None:
         """The result of a finished simulation; None without one."""

@@ -70,3 +70,24 @@ async def test_the_history_is_not_repeated() -> None:
         given = RefinerInput(brief_of("movement"), machine, history=history)
         text = (await refinement(given, 0, f"r/{number}")).reply.text
         assert f"<Modification Steps>\n{script}\n<" not in text
+
+
+async def test_it_adopts_what_trials_have_shown() -> None:
+    """Edits that raised the score, the best most often; none that lowered it or failed before."""
+    machine = machine_of((2, 0, 2), (2, 0, 3))
+    trials = (
+        "Trials of single edits around this machine, each alone, and how they change its score "
+        "1.00:\n- Add 1 to 0 in 4; Add 1 to 1 in 99: +3.00\n"
+        "- Add 1 to 0 in 4: +2.00, nothing breaks\n"
+        "- a new 1 (Wooden Block) between block 0 and block 2: +1.00\n"
+        "- Add 1 to 0 in 5: -1.00\n- 2 others: +0.00"
+    )
+    scripts = []
+    for number in range(40):
+        given = RefinerInput(brief_of("movement"), machine, score=1.0, trials=trials)
+        text = (await refinement(given, 0, f"r/{number}")).reply.text
+        scripts.append(text.partition("<Modification Steps>\n")[2].partition("\n</")[0])
+    adopted = [script for script in scripts if "what trials showed" in script or "in 4" in script]
+    assert sum(script.startswith("Add 1 to 0 in 4") for script in adopted) > 10
+    assert any(script not in adopted for script in scripts)
+    assert not any("new" in script for script in scripts)

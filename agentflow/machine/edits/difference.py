@@ -1,0 +1,97 @@
+"""What an edit of a machine was: as commands that repeat it, or else in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from agentflow.machine.blocks.library import library
+from agentflow.machine.brief import Brief
+from agentflow.machine.controls import control_text
+from agentflow.machine.edits.script import apply_script
+from agentflow.machine.problems import block_label
+from agentflow.machine.tree import Machine, Step, shorten
+
+
+def edit_text(before: Machine, after: Machine, brief: Brief | None = None) -> str:
+    """One edit that led from a machine to another: commands with `; ` between them, if there are
+    some that repeat it exactly, or else words that no script accepts."""
+    commands = edit_commands(before, after, brief)
+    return "; ".join(commands) if commands else _in_words(before, after)
+
+
+def edit_commands(before: Machine, after: Machine, brief: Brief | None = None) -> tuple[str, ...]:
+    """Commands of an edit script that make one machine from another; () if none were found.
+
+    They are found for machines that one edit separates: blocks added at the end, one block removed,
+    types or places changed, one control added, removed or changed.
+    """
+    commands = tuple(_commands(before, after))
+    outcome = apply_script(before, "\n".join(commands), brief)
+    return commands if outcome.success and outcome.machine == after else ()
+
+
+def _commands(before: Machine, after: Machine) -> Iterator[str]:
+    if before.steps == after.steps:
+        yield from _control_commands(before, after)
+    elif after.steps[: len(before)] == before.steps:
+        yield from _additions(before, after)
+    elif len(after) < len(before):
+        yield f"Remove {_first_difference(before, after)}"
+    elif len(after) == len(before):
+        for old, new in zip(before, after, strict=True):
+            yield from _changes(old, new)
+
+
+def _additions(before: Machine, after: Machine) -> Iterator[str]:
+    """New blocks; those that carry others are named."""
+    new = after.steps[len(before) :]
+    carriers = {parent for step in new for parent in step.parents}
+    for step in new:
+        ends = " to ".join(
+            f"{parent if parent < len(before) else f'n{parent}'} in {face}"
+            for parent, face in step.attachments
+        )
+        name = f" as n{step.id}" if step.id in carriers else ""
+        yield f"Add {step.type} to {ends}{name}"
+
+
+def _changes(old: Step, new: Step) -> Iterator[str]:
+    if old.type != new.type:
+        yield f"Replace {old.id} with {new.type}"
+    pairs = zip("ab", old.attachments, new.attachments, strict=False)
+    for end, here, (parent, face) in pairs:
+        if here != (parent, face):
+            which = f" end {end}" if old.two_ended else ""
+            yield f"Move {old.id}{which} to {parent} in {face}"
+
+
+def _control_commands(before: Machine, after: Machine) -> Iterator[str]:
+    old, new = before.controls, after.controls
+    if len(new) > len(old):
+        yield control_text(new[-1])
+    elif len(new) < len(old):
+        pairs = zip(old, new, strict=False)
+        yield f"Uncontrol {next((n for n, (a, b) in enumerate(pairs) if a != b), len(new))}"
+    else:
+        for number, (a, b) in enumerate(zip(old, new, strict=True)):
+            values = (("at", a.at, b.at), ("for", a.lasts, b.lasts), ("level", a.level, b.level))
+            changed = [f"{word} {shorten(now)}" for word, was, now in values if was != now]
+            if changed:
+                yield f"Set {number} {' '.join(changed)}"
+
+
+def _first_difference(before: Machine, after: Machine) -> int:
+    """The first block that is not the same in both, by its number."""
+    pairs = zip(before, after, strict=False)
+    return next((old.id for old, new in pairs if old != new), min(len(before), len(after)))
+
+
+def _in_words(before: Machine, after: Machine) -> str:
+    at = _first_difference(before, after)
+    if len(after) > len(before):
+        new = library()[after[min(at, len(after) - 1)].type].label
+        return f"a new {new} between block {before[at].parent} and block {at}"
+    label = block_label(at, before[min(at, len(before) - 1)].type)
+    if len(after) < len(before):
+        return f"{label} left out, its place taken by the block that it carries"
+    return f"{library()[after[at].type].label} in place of {label}"

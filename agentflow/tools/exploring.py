@@ -1,0 +1,112 @@
+"""Trials of single edits: what each does to the score of a machine, as text and as a tool."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
+
+from agentflow.machine.edits.difference import edit_commands
+from agentflow.machine.edits.local import local_edits
+from agentflow.machine.tree import Machine
+from agentflow.tools.host import Simulation
+from agentflow.tools.results import RefusedCall, ToolResult
+from agentflow.tools.workspace import Call, require_complete
+
+MOST_GAINS, MOST_LOSSES = 5, 3
+"""Most edits told one by one that raise the score, and that lower it."""
+SAME = 0.005
+"""Share of the score below which a change counts as none."""
+MOST_EDITS = 24
+"""Most edits of one call."""
+TRIALS = "Trials of single edits"
+"""How the text about them begins."""
+
+
+@dataclass(frozen=True)
+class EditTrial:
+    """One edit of a machine, tried alone."""
+
+    edit: str
+    """Commands, with `; ` between them, or words."""
+    score: float | None
+    """What searches compare; None if the simulation failed."""
+    broken: bool
+    """Whether a connection broke."""
+
+
+def trials_text(score: float | None, broken: bool, trials: Sequence[EditTrial]) -> str:
+    """What single edits did to the score of a machine, the best first; "" without any.
+
+    Those that gain most and lose most have a line each; the others are counted.
+
+    Args:
+        score: Score of the machine.
+        broken: Whether a connection of it broke.
+        trials: The edits.
+    """
+    if not trials or score is None:
+        return ""
+    found = [(t.score - score, t) for t in trials if t.score is not None]
+    found.sort(key=lambda pair: -pair[0])
+    least = max(SAME * abs(score), 0.01)
+    gains = [pair for pair in found if pair[0] >= least][:MOST_GAINS]
+    losses = [pair for pair in found if pair[0] <= -least][-MOST_LOSSES:]
+    lines = [f"- {t.edit}: {gain:+.2f}{_breakage(broken, t)}" for gain, t in gains + losses]
+    others = [gain for gain, _ in found[len(gains) : len(found) - len(losses)]]
+    if others:
+        noun = "other" if len(others) == 1 else "others"
+        span = sorted({f"{value:+.2f}" for value in (min(others), max(others))}, key=float)
+        lines.append(f"- {len(others)} {noun}: {' to '.join(span)}")
+    if failed := len(trials) - len(found):
+        lines.append(f"- {failed} without a score")
+    head = f"{TRIALS} around this machine, each alone, and how they change its score {score:.2f}:"
+    return "\n".join([head, *lines])
+
+
+def _breakage(before: bool, trial: EditTrial) -> str:
+    """Whether an edit decided that something breaks."""
+    if before == trial.broken:
+        return ""
+    return ", something breaks" if trial.broken else ", nothing breaks"
+
+
+async def explore_edits(
+    call: Call, machine: str, count: Annotated[int, Field(ge=1, le=MOST_EDITS)] = 8
+) -> ToolResult:
+    """Try random single edits of a machine, each alone: tells what each does to its score.
+
+    Args:
+        machine: Name of the machine; it is simulated too, if it has not been.
+        count: How many edits; each costs a simulation. `edit` makes any of them again, and
+            simulating it then costs nothing.
+    """
+    workspace = call.workspace
+    host, known = workspace.host, workspace.machines.find(machine)
+    require_complete(known.machine, host.brief)
+    commands: dict[Machine, str] = {}
+
+    def is_new(edited: Machine) -> bool:
+        commands[edited] = "; ".join(edit_commands(known.machine, edited, host.brief))
+        return bool(commands[edited]) and workspace.result_of(edited) is None
+
+    rng = host.stream(f"explore_edits/{call.location}")
+    edited = local_edits(known.machine, rng, host.brief, count, is_new)
+    if not edited:
+        raise RefusedCall("no single edit of this machine leads to a new one")
+    base, *found = await workspace.simulate([known.machine, *edited], call.location)
+    tried = [
+        EditTrial(commands[new], result.score, bool(result.broken))
+        for new, result in zip(edited, found, strict=True)
+    ]
+    return _told(call, known.name, base, tried)
+
+
+def _told(call: Call, name: str, base: Simulation, tried: Sequence[EditTrial]) -> ToolResult:
+    workspace = call.workspace
+    text = trials_text(base.score, bool(base.broken), tried) or "The machine has no score."
+    rows = [{"script": t.edit, "score": t.score, "broken": t.broken} for t in tried]
+    data = {"machine": name, "score": base.score, "trials": rows, **workspace.budget_data}
+    return ToolResult(f"Machine {name}: {text}\n{workspace.budget_text}", data)
