@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
@@ -24,6 +24,15 @@ PROCEDURAL = "procedural"
 """The built-in model: rules and random choices, no language model, no endpoint."""
 KEY_VARIABLE = "OPENAI_API_KEY"
 _VARIABLE = r"^[A-Za-z_][A-Za-z0-9_]*$"
+_LISTED = frozenset(
+    {
+        *("task", "workflow", "engine", "seed", "workers", "keep_rollouts"),
+        *("model.name", "model.label", "model.base_url", "model.key_variable"),
+    }
+)
+"""Keys that lists of runs name in columns of their own, or that change no result."""
+_WIDE = 40
+"""Most characters of a value in `differing_text`."""
 
 
 class RoleModel(BaseModel, frozen=True, extra="forbid"):
@@ -173,6 +182,45 @@ def _nested(keys: tuple[str, ...], value: Any) -> dict[str, Any]:
     """A document that holds one value."""
     first, *rest = keys
     return {first: _nested(tuple(rest), value) if rest else value}
+
+
+def changed_keys(config: DesignConfig) -> dict[str, Any]:
+    """Dotted key -> value of what is not the default and says how a run differs from others.
+
+    Without `settings.`, and without what lists of runs name anyway: task, workflow, engine, seed,
+    model.
+    """
+    changed = _flatten(config.model_dump(mode="json", exclude_defaults=True))
+    return {key: value for key, value in changed.items() if key not in _LISTED}
+
+
+def differing_text(runs: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What differs between runs, given the `changed_keys` of each: "rounds=2, history=False".
+
+    A key with its default is left out, so the text of a run may be empty.
+    """
+    keys = dict.fromkeys(key for run in runs for key in run)
+    differing = [key for key in keys if any(run.get(key) != runs[0].get(key) for run in runs)]
+    return [
+        ", ".join(f"{key}={_short(run[key])}" for key in differing if key in run) for run in runs
+    ]
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= _WIDE else f"{text[: _WIDE - 3]}..."
+
+
+def _flatten(group: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    """Dotted key -> value of nested groups; `settings.` is left out."""
+    found: dict[str, Any] = {}
+    for key, value in group.items():
+        path = above + key
+        if isinstance(value, dict) and path not in _plain_keys():
+            found |= _flatten(value, "" if path == "settings" else f"{path}.")
+        else:
+            found[path] = value
+    return found
 
 
 def suggest_key(knobs: Iterable[str]) -> str:

@@ -13,7 +13,7 @@ from agentflow.app.design.plan import task_of_run
 from agentflow.app.design.results import best_machine
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import later_note
-from agentflow.config.run import build_config
+from agentflow.config.run import build_config, changed_keys
 from agentflow.env.archive import load_npz
 from agentflow.env.tasks.records import record_json
 from agentflow.errors import RunError, UsageError
@@ -32,7 +32,8 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
 
     Each is `run`, `state` (done, running, stopped, damaged), `task`, `workflow`, `model`, `seed`,
     `engine` (name and version), `score`, `verified` (see `with_holding`; None if the best machine
-    was not verified), `calls`, `cost`, `problem` (why it is damaged, or empty).
+    was not verified), `calls`, `cost`, `settings` (see `changed_keys`), `problem` (why it is
+    damaged, or empty).
     """
     if not folder.is_dir():
         raise RunError(f"no such directory: {folder}")
@@ -47,7 +48,8 @@ def _row(path: Path, state: str, result: Mapping[str, Any], problem: str = "") -
     keys = ("task", "workflow", "model", "seed", "engine", "score", "verified", "calls", "cost")
     known = {key: result.get(key) for key in keys}
     known["verified"] = with_holding(known["verified"])
-    return {"run": str(path), "state": state, **known, "problem": problem}
+    settings = result.get("settings") or {}
+    return {"run": str(path), "state": state, **known, "settings": settings, "problem": problem}
 
 
 def _read(path: Path) -> tuple[Path, str, dict[str, Any], RunResult | None]:
@@ -60,7 +62,8 @@ def _summary(
     path: Path, state: str, document: Mapping[str, Any], result: RunResult | None
 ) -> dict[str, Any]:
     known = _result_so_far(path, document) if result is None else result.to_json()
-    return _row(path, state, {**known, "engine": document.get("engine")})
+    changed = changed_keys(build_config(document.get("config")))
+    return _row(path, state, {**known, "engine": document.get("engine"), "settings": changed})
 
 
 def _result_so_far(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:

@@ -120,8 +120,15 @@ def _groups(result: SweepResult, baseline: str) -> Iterator[tuple[tuple[str, str
     if len(within if baseline in within else variants) < 2:
         raise UsageError(f"the sweep has no other condition than {baseline!r}")
     found: dict[tuple[str, str], dict[str, dict[int, _Side]]] = {}
+    seen: dict[tuple[str, str, int], str] = {}
     for run in result.finished:
         task, seed = task_of(run.planned), run.planned.config.seed
+        twin = seen.setdefault((task, run.planned.variant, seed), run.planned.name)
+        if twin != run.planned.name:
+            raise UsageError(
+                f"{twin} and {run.planned.name} have the same task, condition and seed, so "
+                "--against cannot tell which is whose pair: move one of them elsewhere"
+            )
         if baseline in variants:
             sides = found.setdefault((task, ""), {})
             sides.setdefault(run.planned.variant, {})[seed] = _Side(run, layout.stage)

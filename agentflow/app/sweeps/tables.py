@@ -24,6 +24,7 @@ from agentflow.metrics.tables import Column, Row, Table, Value
 from agentflow.runs import read_document, read_result
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.locations import STAGES
+from agentflow.runs.reading import RESULT
 from agentflow.runs.record import RunRecord
 from agentflow.runs.result import RunResult
 from agentflow.workflows.registry import WORKFLOWS
@@ -106,25 +107,29 @@ def read_sweep_result(path: Path) -> SweepResult:
     every = list_runs(sweep)
     for planned in every:
         run = path / RUNS / planned.name
-        if (run / "result.json").exists():
-            config = planned.config
-            width = WORKFLOWS[config.workflow].adapt(config.settings).search.children
-            record = RunRecord.of(read_typed_events(run))
-            full = _full_score(config.task, json.dumps(config.knobs, sort_keys=True))
-            numbers = RunNumbers(record, width, full)
-            found = read_result(run)
-            engine = found.engine or read_document(run).get("engine", "not recorded")
-            done.append(FinishedRun(planned, run, found, engine, numbers))
+        if (run / RESULT).exists():
+            done.append(finished_run(planned, run))
     if not done:
         raise RunError(
             f"no run of {path} is finished; run it with agentflow {sweep.command} "
             f"{quote(str(path))} --resume"
         )
-    _require_same_engine(path, done)
+    require_same_engine(path, done)
     return SweepResult(path, sweep, tuple(done), every, read_failures(path))
 
 
-def _require_same_engine(path: Path, runs: Iterable[FinishedRun]) -> None:
+def finished_run(planned: SweepRun, path: Path) -> FinishedRun:
+    """A finished run, which was planned as this one."""
+    config = planned.config
+    width = WORKFLOWS[config.workflow].adapt(config.settings).search.children
+    record = RunRecord.of(read_typed_events(path))
+    full = _full_score(config.task, json.dumps(config.knobs, sort_keys=True))
+    found = read_result(path)
+    engine = found.engine or read_document(path).get("engine", "not recorded")
+    return FinishedRun(planned, path, found, engine, RunNumbers(record, width, full))
+
+
+def require_same_engine(path: Path, runs: Iterable[FinishedRun]) -> None:
     """Raise RunError if the seeds of a variant, which are pooled, have different engines."""
     firsts: dict[tuple[str, ...], FinishedRun] = {}
     for run in runs:

@@ -9,12 +9,12 @@ from pathlib import Path
 from agentflow.agents.registry import stage_of
 from agentflow.app.sweeps.against import against_table
 from agentflow.app.sweeps.registry import LAYOUT, VIEWS
+from agentflow.app.sweeps.several import read_results
 from agentflow.app.sweeps.tables import (
     FinishedRun,
     SweepResult,
     group_runs,
     layout_table,
-    read_sweep_result,
     record_note,
     task_of,
 )
@@ -204,34 +204,44 @@ def verified_table(result: SweepResult) -> Table:
 
 
 def view(
-    path: Path, name: str = LAYOUT, *, published: bool = False, against: str | None = None
+    folders: Path | Sequence[Path],
+    name: str = LAYOUT,
+    *,
+    published: bool = False,
+    against: str | None = None,
 ) -> Table:
-    """A table of the sweep in a folder, with published rows if `published`.
+    """A table of the sweeps and the runs in folders, with published rows if `published`.
 
     `against` is a condition, in place of the view: the table shows differences from it.
 
     Raises:
         UnknownNameError: There is no such view, or no such condition.
         UsageError: The view has no published rows.
-        RunError: It is not a sweep directory, is damaged, or has no finished run.
+        RunError: A folder is damaged, or has no finished run.
     """
+    folders = [folders] if isinstance(folders, Path) else folders
     make = VIEWS[name]
     if against is not None:
         if published or name != LAYOUT:
             raise UsageError("--against has a table of its own: remove --show and --published")
-        return against_table(read_sweep_result(path), against)
+        return against_table(read_results(folders), against)
     if not published:
-        return make(read_sweep_result(path))
+        return make(read_results(folders))
     if name != LAYOUT:
         raise UsageError(f"only the view {LAYOUT!r} has published rows, not {name!r}")
-    return layout_table(read_sweep_result(path), published=True)
+    return layout_table(read_results(folders), published=True)
 
 
 def format_view(
-    path: Path, name: str, form: str, *, published: bool = False, against: str | None = None
+    folders: Path | Sequence[Path],
+    name: str,
+    form: str,
+    *,
+    published: bool = False,
+    against: str | None = None,
 ) -> str:
-    """A view of a sweep as text in one of the `FORMATS`; see `view`."""
-    return FORMATS[form](view(path, name, published=published, against=against))
+    """A view of sweeps and runs as text in one of the `FORMATS`; see `view`."""
+    return FORMATS[form](view(folders, name, published=published, against=against))
 
 
 def variants(result: SweepResult) -> dict[tuple[str, ...], list[FinishedRun]]:

@@ -102,8 +102,8 @@ def table(
     folders: Annotated[
         list[Path],
         typer.Argument(
-            help="Sweep directory, finished or not; or directories that are or contain "
-            "evaluations and training runs."
+            help="Sweeps, finished or not, and directories of runs, in one table; or directories "
+            "that are or contain evaluations and training runs."
         ),
     ],
     show: Annotated[
@@ -131,17 +131,18 @@ def table(
     form: options.FormatOrJson = "text",
     published: options.Published = False,
 ) -> None:
-    """Compare the runs of a sweep, or evaluated models and their training, in a table.
+    """Compare the runs of sweeps, or evaluated models and their training, in a table.
 
-    Evaluations with the same name are pooled into one row.
+    Runs outside a sweep are compared by what differs between them. Evaluations with the same name
+    are pooled into one row.
     """
-    from agentflow.app.sweeps.folder import is_sweep
+    from agentflow.app.sweeps.several import holds_runs
     from agentflow.app.sweeps.views import format_view
 
-    if len(folders) == 1 and is_sweep(folders[0]):
-        text = format_view(folders[0], show, form, published=published, against=against)
+    if all(map(holds_runs, folders)):
+        text = format_view(folders, show, form, published=published, against=against)
     elif against is not None:
-        raise UsageError("--against compares the conditions of one sweep: name its directory")
+        raise UsageError("--against compares conditions of sweeps: name their directories only")
     else:
         from agentflow.training.evaluation.tables import format_tables
 

@@ -15,6 +15,7 @@ from agentflow.cli.display.show_scores import (
     verified_line,
     verified_text,
 )
+from agentflow.config.run import differing_text
 from agentflow.metrics.formats import NOTHING, block_count, change, counted, money, number
 
 STAGE = (
@@ -166,8 +167,11 @@ def _uses(count: Mapping[str, int] | None) -> str:
 
 
 def show_runs(runs: Iterable[Data]) -> None:
-    """Print a list of runs; a column names the engines if there are several."""
+    """Print a list of runs; columns name the engines, and what differs, if there are several."""
     console, runs = output(), tuple(runs)
+    texts = differing_text([item["settings"] for item in runs if not item["problem"]])
+    rest = iter(texts)
+    runs = tuple({**run, "differs": None if run["problem"] else next(rest) or None} for run in runs)
     engines = {item["engine"] for item in runs if item["engine"]}
     named = ("run", "state", "task", "workflow", "model", "seed", *["engine"] * (len(engines) > 1))
     fields = (
@@ -175,6 +179,7 @@ def show_runs(runs: Iterable[Data]) -> None:
         field("score", show=number),
         Field("verified", _verified),
         field("cost", show=money),
+        *[field("differs")] * any(texts),
     )
     for item in runs:
         if item["problem"]:

@@ -50,6 +50,7 @@ def test_the_list_tells_the_state_of_each(folder: Path) -> None:
         "verified": with_holding(result.to_json()["verified"]),
         "calls": result.calls,
         "cost": 0.0,
+        "settings": {"trajectories": 2, "search.rounds": 1, "search.width": 2},
         "problem": "",
     }
     assert stopped == {
