@@ -24,6 +24,7 @@ from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.llm.procedural.reading import read_listing
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT, Brief, Limits
+from agentflow.machine.edits.commands import read_command
 from agentflow.machine.formats.coordinates import read_coordinates
 from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.prompts.render import PromptSet
@@ -419,6 +420,29 @@ def test_compact_prompts_fit(task: str, blocks: int) -> None:
     for role, given in cases:
         tokens = sum(map(token_estimate, _render(role, given, "compact")))
         assert tokens * CL100K <= COMPACT, (role.name, tokens)
+
+
+@pytest.mark.parametrize("prompts", ["default", "compact"])
+def test_refiners_know_every_edit_command(prompts: str) -> None:
+    """Each line that shows a command is read as one; tasks without two-ended blocks omit ends."""
+    system, _ = _render(Refiner(), RefinerInput(THROWING, FRAME), prompts)
+    lines = system.partition("# Edit commands\n")[2].splitlines()
+    shown = [line for line in lines if re.match(r"[A-Z]\w+ \[", line)]
+    assert [line.split()[0] for line in shown] == (
+        ["Add", "Add", "Remove", "Move", "Move", "Replace", "Mirror"]
+    )
+    for line in shown:
+        filled = re.sub(r"\[[^]]*\]", "0", line.replace("[a or b]", "b").replace("[type]", "15"))
+        assert read_command(filled) is not None, line
+    rocket = get_task("rocket").brief
+    system, _ = _render(Refiner(), RefinerInput(rocket, rocket.given), prompts)
+    assert ("end [a or b]" in system) == any(library()[kind].linear for kind in rocket.blocks)
+
+
+def test_compact_prompts_of_little_room_leave_out_what_whole_machines_can_do() -> None:
+    brief, told = get_task("transport").brief, "Root position (0.00, 1.23, 4.56)\n" * 99
+    given = RefinerInput(brief, machine(*FRAMES), PLAN, feedback=told, queried=told)
+    assert "Replace [id]" not in _render(Refiner(), given, "compact")[0]
 
 
 def test_compact_prompts_keep_what_fits() -> None:
