@@ -61,7 +61,8 @@ def test_settings_of_searches_are_shown_with_their_defaults() -> None:
         for part in key.strip("`").split("."):
             value = getattr(value, part)
         text = f"{value:.4g}" if isinstance(value, float) else str(value)
-        assert default.strip("`") == text, key
+        shown_text = default.strip("`")
+        assert (shown_text.capitalize() if isinstance(value, bool) else shown_text) == text, key
 
 
 def test_settings_of_roles_are_shown_with_their_choices() -> None:

@@ -14,11 +14,62 @@ from agentflow.machine.controls import GROUPS, MAX_CONTROLS
 from agentflow.machine.description.geometry_info import describe_text, list_text
 from agentflow.machine.tree import Machine
 from agentflow.prompts.render import block_functions, facts
+from agentflow.prompts.text import token_estimate
 
 ROOT_TYPE = 0
+MOST_TOKENS = 300
+"""Most tokens of lessons in a prompt, by estimate."""
 SAMPLE_REPORT = "Score: 0.00\nBroken: none"
 """A short simulation report, for sample inputs of roles."""
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+
+
+def within(lines: Sequence[str], most: int) -> list[str]:
+    """The first lines that have together at most so many tokens, by estimate."""
+    kept: list[str] = []
+    for line in lines:
+        if token_estimate("\n".join([*kept, line])) > most:
+            break
+        kept.append(line)
+    return kept
+
+
+@dataclass(frozen=True)
+class OtherMachine:
+    """The best machine of another trajectory."""
+
+    machine: Machine
+    score: float | None
+    mechanism: str
+    """Class of its mechanism: drive / hold / lets go."""
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """What was learnt elsewhere, in this run or in others; empty fields are left out."""
+
+    machines: tuple[OtherMachine, ...] = ()
+    """Of other trajectories, the best first."""
+    lessons: tuple[str, ...] = ()
+    """What edits of this run did to scores, one line each, the most telling first."""
+    book: tuple[str, ...] = ()
+    """What other runs found out."""
+    avoid: tuple[str, ...] = ()
+    """Mechanisms that have been tried, if another one is asked for."""
+
+    def context(self) -> dict[str, object]:
+        """Template variables; none if there is nothing to show."""
+        machines = [
+            {
+                "score": "none" if other.score is None else f"{other.score:.2f}",
+                "mechanism": other.mechanism,
+                "blocks": list_text(other.machine),
+            }
+            for other in self.machines
+        ]
+        lessons, book = within(self.lessons, MOST_TOKENS), within(self.book, MOST_TOKENS)
+        data = {"machines": machines, "lessons": lessons, "book": book, "avoid": self.avoid}
+        return {"elsewhere": data} if self != Elsewhere() else {}
 
 
 @dataclass(frozen=True)
@@ -30,13 +81,15 @@ class RoleInput:
     """Whether to include 3D information."""
     representation: Representation = field(default="tree", kw_only=True)
     """How whole machines are written."""
+    elsewhere: Elsewhere = field(default_factory=Elsewhere, kw_only=True)
+    """What was learnt elsewhere."""
 
     def context(self, machine: Machine | None) -> dict[str, object]:
         """Template variables of the task and of a machine."""
         shown = machine_context(
             machine, spatial=self.spatial, representation=self.representation, brief=self.brief
         )
-        return {**task_context(self.brief), **shown}
+        return {**task_context(self.brief), **shown, **self.elsewhere.context()}
 
 
 def task_context(brief: Brief) -> dict[str, object]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.context import ROOT_TYPE, task_context
+from agentflow.agents.context import ROOT_TYPE, Elsewhere, task_context
 from agentflow.llm.procedural.designing import plan
 from agentflow.llm.procedural.reading import Script
 from agentflow.machine.brief import Brief
@@ -26,6 +26,8 @@ class MetaDesignerInput:
     brief: Brief
     detailed: bool = False
     """Whether the guidance should describe the construction step by step."""
+    elsewhere: Elsewhere = field(default_factory=Elsewhere)
+    """What was learnt elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,8 @@ class MetaDesigner(Role[MetaDesignerInput, Blueprint]):
         return MetaDesignerInput(brief)
 
     def variables(self, given: MetaDesignerInput) -> Mapping[str, object]:
-        return {**task_context(given.brief), "detailed": given.detailed}
+        known = given.elsewhere.context()
+        return {**task_context(given.brief), "detailed": given.detailed, **known}
 
     def parse(self, text: str, given: MetaDesignerInput) -> Parsed[Blueprint]:
         """Read the last JSON object of the reply that is a blueprint."""

@@ -28,7 +28,9 @@ _RETRY = "_parts/retry.j2"
 _REPLY = "\n## Your reply\n"
 CONTROLS = "_controls"
 """Folder of what is added to every prompt of a task with control programs."""
-_APART = frozenset({"agent", "drafter", "_questions", "_sessions", CONTROLS})
+ELSEWHERE = "_elsewhere"
+"""Folder of what is added to prompts that show what was learnt elsewhere."""
+_APART = frozenset({"agent", "drafter", "_questions", "_sessions", CONTROLS, ELSEWHERE})
 """Folders that came later, whose templates must not change the digests of runs without them: a run
 records the digest of its prompts, and can be continued and replayed only with the same ones. So
 each counts only for what uses it; `agent` and `drafter` are roles like others, but younger than
@@ -119,6 +121,8 @@ class PromptSet:
             system = self._render(f"{role}/system.j2", given)
             edits = role == "agent" or variables.get("format") == "steps"
             user = self._with_controls(self._render(f"{role}/user.j2", given), given, edits)
+            if given.get("elsewhere"):
+                user = _insert(user, self._render(f"{ELSEWHERE}/elsewhere.j2", given))
             if not self.fits or CL100K * token_estimate(system + user) <= self.fits:
                 break
         return system, user
@@ -139,8 +143,7 @@ class PromptSet:
         if not variables.get("controls"):
             return text
         rules = self._render(f"{CONTROLS}/controls.j2", {**variables, "edits": edits})
-        before, heading, after = text.rpartition(_REPLY)
-        return f"{before}\n{rules}{heading}{after}" if heading else f"{text}\n{rules}"
+        return _insert(text, rules)
 
     def retry(self, problem: str) -> str:
         """Render the message that rejects a reply and gives the reason."""
@@ -156,6 +159,12 @@ class PromptSet:
             raise PromptError(f"prompt set {self.name!r}, {place}: {error.message}") from error
         except jinja2.TemplateError as error:
             raise PromptError(f"prompt set {self.name!r}, {template}: {error}") from error
+
+
+def _insert(prompt: str, section: str) -> str:
+    """Put a section before what a prompt asks for."""
+    before, heading, after = prompt.rpartition(_REPLY)
+    return f"{before}\n{section}{heading}{after}" if heading else f"{prompt}\n{section}"
 
 
 def _home() -> Traversable:

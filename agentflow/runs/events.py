@@ -356,6 +356,46 @@ class LocalTrialsEvent(RunEvent, kind="local_trials", needs=("trajectory", "node
 
 
 @dataclass(frozen=True)
+class RememberedMachine:
+    """The best machine of a trajectory."""
+
+    trajectory: int
+    machine: str
+    """Content hash."""
+    score: float | None
+    mechanism: str
+    """Class of its mechanism."""
+
+
+@dataclass(frozen=True)
+class RememberedMechanism:
+    """The machines of one class."""
+
+    mechanism: str
+    count: int
+    best: float
+    """Best of what searches compare."""
+
+
+@dataclass(frozen=True)
+class MemoryEvent(RunEvent, kind="memory", needs=("round",)):
+    """What trajectories see of each other from now on; the location counts these events."""
+
+    best: tuple[RememberedMachine, ...]
+    lessons: tuple[str, ...]
+    """What edits did to the score, the most telling first; prompts have room for fewer."""
+    mechanisms: tuple[RememberedMechanism, ...]
+
+
+@dataclass(frozen=True)
+class AnotherMechanismEvent(RunEvent, kind="another_mechanism", needs=("trajectory",)):
+    """The first design of a trajectory is asked for another mechanism than those found."""
+
+    mechanisms: tuple[str, ...]
+    """Those to avoid, as designers read them."""
+
+
+@dataclass(frozen=True)
 class BackUpEvent(RunEvent, kind="back_up", needs=("trajectory", "node")):
     """A reward was added to every node of a path."""
 

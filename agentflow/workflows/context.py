@@ -22,14 +22,17 @@ from agentflow.runs.events import (
     AttemptEvent,
     CandidateEvent,
     EvaluationEvent,
+    MemoryEvent,
     QueryEvent,
+    RememberedMachine,
+    RememberedMechanism,
     ResultEvent,
     RunEvent,
     StageBeginEvent,
     StageEvent,
     ToolEvent,
 )
-from agentflow.runs.locations import Location, StageName
+from agentflow.runs.locations import FEEDBACK, Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
 from agentflow.search.strategies import deals_budget
@@ -45,6 +48,7 @@ from agentflow.workflows.base import (
     WorkflowResult,
 )
 from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.stages.memory import Memory, Snapshot
 from agentflow.workflows.statistics import find_best, pareto_front, stage_row
 
 In = TypeVar("In")
@@ -94,6 +98,9 @@ class WorkflowContext:
         self._pooled = deals_budget(settings.search.strategy)
         self._tried: dict[int, set[Machine]] = {}
         """Trajectory -> the machines that were simulated in it."""
+        self.memory = Memory(settings, self._note_memory)
+        """What the trajectories see of each other."""
+        self._revealed = 0
         self._counts: dict[str, _Count] = {}
         """By stage name; trajectories may be in different stages at the same time."""
 
@@ -115,6 +122,17 @@ class WorkflowContext:
             "spatial": settings.spatial,
             "representation": settings.representation,
         }
+
+    def _note_memory(self, shown: Snapshot) -> None:
+        """Record what trajectories see of each other from now on."""
+        self._revealed += 1
+        best = tuple(
+            RememberedMachine(number, it.machine.digest, it.evaluation.score, it.mechanism)
+            for number, it in shown.best
+        )
+        mechanisms = tuple(RememberedMechanism(*item) for item in shown.mechanisms)
+        at = Location(FEEDBACK, round=self._revealed)
+        self.note(MemoryEvent(at, best, shown.lessons, mechanisms))
 
     def stream(self, name: str) -> random.Random:
         """A random stream for one purpose, derived from the run's seed and the name."""

@@ -33,20 +33,27 @@ async def hierarchical(run: WorkflowContext) -> WorkflowResult:
     if blueprint is None:
         candidates = [Candidate(t, reason=reason) for t in run.trajectories]
         return await refine(run, candidates, None)
+    other: dict[int, Blueprint] = {}
 
     async def design(trajectory: int) -> Candidate:
-        (candidate,) = await build(run, blueprint, only=trajectory)
+        """Asked for another mechanism, the meta-designer splits the task anew."""
+        if run.memory.for_trajectory(trajectory).avoid:
+            again, _ = await _plan(run, trajectory)
+            other[trajectory] = again or blueprint
+        plan = other.get(trajectory, blueprint)
+        (candidate,) = await build(run, plan, only=trajectory)
         return candidate
 
     if (strategy := pooled(run.settings.search)) is not None:
-        return await search_all(run, strategy, design, blueprint)
+        return await search_all(run, strategy, design, lambda t: other.get(t, blueprint))
     return await refine(run, await build(run, blueprint), blueprint)
 
 
-async def _plan(run: WorkflowContext) -> tuple[Blueprint | None, str]:
-    """The blueprint, or why there is none."""
-    given = MetaDesignerInput(run.brief, detailed=run.settings.meta_designer == "detailed")
-    location = Location(MetaDesigner.name)
+async def _plan(run: WorkflowContext, trajectory: int = 0) -> tuple[Blueprint | None, str]:
+    """The blueprint of the run, or another one for a trajectory; or why there is none."""
+    detailed = run.settings.meta_designer == "detailed"
+    given = MetaDesignerInput(run.brief, detailed, run.memory.for_trajectory(trajectory))
+    location = Location(MetaDesigner.name, trajectory=trajectory)
     outcome = await run.ask(MetaDesigner(), given, location, stage=INITIAL)
     if outcome is None or outcome.output is None:
         return None, f"no valid blueprint: {failure_reason(outcome)}"

@@ -125,6 +125,28 @@ class WorkflowSettings(BaseModel):
         description="single edits of a machine that are simulated before its refiner is asked, "
         "and told to it (hierarchical, iterative, single); 0: none",
     )
+    inspirations: int = Field(
+        0,
+        ge=0,
+        le=10,
+        description="best machines of other trajectories that designers and refiners are shown, "
+        "with score and mechanism (hierarchical, iterative, single)",
+    )
+    lessons: bool = Field(
+        False,
+        description="show designers and refiners what edits in all trajectories did to the score, "
+        "in at most 300 tokens (hierarchical, iterative, single)",
+    )
+    another_mechanism: bool = Field(
+        False,
+        description="when a search over the whole run prefers a new design to refining, ask for "
+        "another mechanism than those found (ab-mcts)",
+    )
+    known_lessons: tuple[str, ...] = Field(
+        (),
+        description="lessons of other runs that designers and refiners are shown; --lessons takes "
+        "them from a book",
+    )
     objective: Objective = Field(
         "score",
         description="what makes a machine better: its score; its robust score; or pareto: score, "
@@ -156,6 +178,12 @@ class WorkflowSettings(BaseModel):
     def start_data(self) -> object:
         """The machine to start from as JSON data: its blocks, or an object with its controls."""
         return self.start if isinstance(self.start, dict) else list(self.start)
+
+    @property
+    def shows_elsewhere(self) -> bool:
+        """Whether prompts may show what was learnt elsewhere."""
+        shared = self.inspirations > 0 or self.lessons or self.another_mechanism
+        return shared or bool(self.known_lessons)
 
     def rationale(self, trajectory: int) -> str:
         """The plan for the designers of a trajectory (1, 2, ...); "" for none."""

@@ -42,10 +42,10 @@ async def single(run: WorkflowContext) -> WorkflowResult:
     if not run.is_over(initial) and run.settings.search.rounds:
         run.begin_stage(FEEDBACK)
         revised = (
-            feedback_loop(run, candidate, None, model_role=Designer.name)
+            (candidate.trajectory, feedback_loop(run, candidate, None, model_role=Designer.name))
             for candidate in initial.survivors
         )
-        run.end_stage(FEEDBACK, await run_concurrently(revised))
+        run.end_stage(FEEDBACK, await run_concurrently(run.memory.in_step(revised)))
     return run.result()
 
 

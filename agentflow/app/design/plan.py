@@ -39,7 +39,7 @@ from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.validity import check
 from agentflow.models.choices import choose_models
 from agentflow.models.local.folder import read_folder
-from agentflow.prompts.render import CONTROLS, LATER_FUNCTIONS, PromptSet
+from agentflow.prompts.render import CONTROLS, ELSEWHERE, LATER_FUNCTIONS, PromptSet
 from agentflow.runs.events import StageBeginEvent, read_typed_events
 from agentflow.runs.locations import STAGES
 from agentflow.search.elites.archive import require_pyribs
@@ -165,6 +165,7 @@ class RunPlan:
             "prompts": self.prompts.digest_for(
                 (
                     *WORKFLOWS[self.config.workflow].calls(self.config.settings),
+                    *([ELSEWHERE] if self.config.settings.shows_elsewhere else []),
                     *([CONTROLS] if self.task.schedule.designed else []),
                     *([LATER_FUNCTIONS] if LATER.intersection(self.task.brief.blocks) else []),
                 )

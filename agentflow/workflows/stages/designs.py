@@ -96,7 +96,11 @@ async def design_machine(run: WorkflowContext, trajectory: int) -> Candidate:
     start = run.settings.start_machine
     if start is not None:
         return Candidate(trajectory, check(start, run.brief).machine or start, first=FLAWLESS)
-    given = DesignerInput(**run.role_input, rationale=run.settings.rationale(trajectory))
+    given = DesignerInput(
+        **run.role_input,
+        rationale=run.settings.rationale(trajectory),
+        elsewhere=run.memory.for_trajectory(trajectory),
+    )
     location = Location(Designer.name, trajectory=trajectory)
     return candidate_of(trajectory, await ask_designer(run, given, location))
 

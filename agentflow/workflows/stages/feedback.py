@@ -83,6 +83,7 @@ async def feedback_loop(
     assert candidate.evaluation is not None
     trajectory = Trajectory(run, candidate.trajectory, blueprint, model_role)
     recorder = SearchRecorder(run, Location(FEEDBACK, trajectory=candidate.trajectory))
+    recorder.begin(candidate.machine, candidate.evaluation)
     trials = candidate.trials
     root = Revision(candidate.machine, None if trials.entries else candidate.edit, trials)
     more = extras(numbers, run.stream(f"strategy/traj-{candidate.trajectory}"))
@@ -169,6 +170,7 @@ class Trajectory:
             raise BudgetSpentError("the simulations of this trajectory are used up")
         self._first_label = self._first_label or labels[0]
         if not earlier:
+            await self._run.memory.step(self._number)
             await self._prepare(node, self._run.left_in(self._number) - waiting - len(labels))
         best = self.trials.best
         if best is not None and best.evaluation.perfect:
@@ -293,6 +295,7 @@ class Trajectory:
             earlier=tuple(_verdict(attempt) for attempt in earlier),
             format=settings.refinement,
             images=shown.views,
+            elsewhere=self._run.memory.for_trajectory(self._number),
         )
 
     def _history_of(self, node: Node[Revision]) -> History:

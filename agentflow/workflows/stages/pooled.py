@@ -9,7 +9,7 @@ from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.refiner import Refiner
 from agentflow.machine.edits.local import local_edit
 from agentflow.machine.tree import Machine
-from agentflow.runs.events import FLAWLESS
+from agentflow.runs.events import FLAWLESS, AnotherMechanismEvent
 from agentflow.runs.locations import FEEDBACK, INITIAL, Location
 from agentflow.search.node import Attempt, Node
 from agentflow.search.pooled.pool import Branch, Choice, Pool, PooledStrategy, search_pool
@@ -24,18 +24,20 @@ from agentflow.workflows.stages.search_record import SearchRecorder
 
 Design = Callable[[int], Awaitable[Candidate]]
 """Number of a trajectory -> its first machine, not simulated yet."""
+BlueprintOf = Callable[[int], Blueprint | None]
+"""Number of a trajectory -> the plan that its first machine followed."""
 
 
 class PooledSearch:
     """The first machines and the refinements of one search; a trajectory is one of its branches."""
 
     def __init__(
-        self, run: WorkflowContext, design: Design, blueprint: Blueprint | None, model_role: str
+        self, run: WorkflowContext, design: Design, blueprint_of: BlueprintOf, model_role: str
     ) -> None:
         """Search with `design` for first machines; `model_role` refines, if not the refiner."""
         self.initial: list[Candidate] = []
         self._run, self._design = run, design
-        self._blueprint, self._model_role = blueprint, model_role
+        self._blueprint_of, self._model_role = blueprint_of, model_role
         self._trajectories: dict[int, Trajectory] = {}
         self._recorders: dict[int, SearchRecorder] = {}
         most = 1 if run.settings.start else None  # a start machine takes the place of designs
@@ -55,7 +57,7 @@ class PooledSearch:
                 strategy,
                 self._open,
                 self._expand,
-                lambda: 0 if run.spent else run.simulations_left,
+                self._left,
                 run.settings.trajectories,
                 run.stream("search"),
                 opening_cost=trials,
@@ -63,18 +65,39 @@ class PooledSearch:
             )
         return [self._finish(branch) for branch in self._pool.branches if branch.tree is not None]
 
+    def _left(self) -> int:
+        """The simulations that are left, as a round begins or ends; what has been learnt by then is
+        shown in the next."""
+        self._run.memory.reveal()
+        return 0 if self._run.spent else self._run.simulations_left
+
+    def _ask_for_another(self, number: int) -> None:
+        """Ask the design of a branch for another mechanism, if the search prefers it to refining.
+
+        It prefers a new design by drawing from its posteriors; that says something once machines
+        have been refined.
+        """
+        refined = any(node.id for _, node in self._pool.nodes)
+        if self._run.settings.another_mechanism and refined:
+            avoided = self._run.memory.avoid(number)
+            if avoided:
+                self._run.note(AnotherMechanismEvent(Location(INITIAL, trajectory=number), avoided))
+
     async def _open(self, branch: Branch[Revision]) -> SearchTree[Revision] | None:
         run, number = self._run, branch.number
+        self._ask_for_another(number)
         designed = await self._design(number)
         (candidate,) = await try_machines(run, INITIAL, [designed], model_role=self._model_role)
         self.initial.append(candidate)
         if not candidate.valid or candidate.machine is None or candidate.evaluation is None:
             return None
         self._proposed.add(candidate.machine)
-        trajectory = Trajectory(run, number, self._blueprint, self._model_role)
+        blueprint = self._blueprint_of(number)
+        trajectory = Trajectory(run, number, blueprint, self._model_role)
         trajectory.granted = {}
         place = Location(FEEDBACK, trajectory=number)
         recorder = SearchRecorder(run, place, names_nodes=True)
+        recorder.begin(candidate.machine, candidate.evaluation)
         self._trajectories[number], self._recorders[number] = trajectory, recorder
         trials = candidate.trials
         return SearchTree(
@@ -142,7 +165,7 @@ async def search_all(
     run: WorkflowContext,
     strategy: PooledStrategy,
     design: Design,
-    blueprint: Blueprint | None = None,
+    blueprint_of: BlueprintOf = lambda _: None,
     *,
     model_role: str = "",
 ) -> WorkflowResult:
@@ -151,7 +174,7 @@ async def search_all(
     The stage of first designs goes on as long as the search wants new ones.
     """
     run.begin_stage(FEEDBACK)
-    found = PooledSearch(run, design, blueprint, model_role)
+    found = PooledSearch(run, design, blueprint_of, model_role)
     searched = await found.search(strategy)
     run.open_trajectories(len(found.initial))
     run.end_stage(INITIAL, found.initial)

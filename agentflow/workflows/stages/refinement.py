@@ -78,7 +78,8 @@ async def refine(
         run.begin_stage(FEEDBACK)
         return await feedback_loop(run, better, blueprint)
 
-    searched = await run_concurrently(follow(design) for design in designed)
+    jobs = run.memory.in_step((design.trajectory, follow(design)) for design in designed)
+    searched = await run_concurrently(jobs)
     found = [candidate for candidate in searched if candidate is not None]
     if found:
         run.end_stage(FEEDBACK, found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from agentflow.machine.tree import Machine
 from agentflow.runs.events import (
     ArchiveEvent,
     BackUpEvent,
@@ -26,9 +27,10 @@ from agentflow.search.events import (
     Selected,
     Simulated,
 )
-from agentflow.search.node import SearchResult
+from agentflow.search.node import Evaluation, Node, SearchResult
 from agentflow.workflows.base import GREATEST, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.stages.memory import Known
 
 
 class SearchRecorder:
@@ -39,6 +41,19 @@ class SearchRecorder:
     ) -> None:
         """Record at a location; `names_nodes`: a round may expand several nodes of it."""
         self._run, self._location, self._names_nodes = run, location, names_nodes
+        self._known: dict[int, Known] = {}
+        """Id of a node -> its machine."""
+
+    def begin(self, machine: Machine, evaluation: Evaluation) -> None:
+        """Remember the machine that a search begins with."""
+        self._known[0] = Known(machine, evaluation)
+        self._run.memory.learn(self._location.trajectory, self._known[0])
+
+    def _learn(self, node: Node[Any]) -> None:
+        """Remember a new machine, and what the edit did that made it."""
+        known = self._known[node.id] = Known(node.candidate.machine, node.evaluation)
+        origin = self._known.get(node.parent or 0)
+        self._run.memory.learn(self._location.trajectory, known, origin)
 
     def __call__(self, event: SearchEvent) -> None:
         round_ = replace(self._location, round=event.round)
@@ -53,6 +68,7 @@ class SearchRecorder:
             self._run.note(ExpandEvent(self._expansion(round_, event.node), *grown))
         elif isinstance(event, Simulated):
             node, evaluation = event.node, event.node.evaluation
+            self._learn(node)
             made = (event.round, node.parent or 0, node.label, node.candidate.machine.digest)
             location = replace(self._location, node=node.id)
             self._run.note(NodeEvent(location, *made, evaluation.valid, evaluation.score))

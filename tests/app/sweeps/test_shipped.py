@@ -34,7 +34,7 @@ def reduced(path: Path) -> list[str]:
         settings += [f"search.rounds={rounds}", "search.width=2"]
     if path.stem == "coding_agent":
         settings += ["max_simulations=6", "candidates_per_stage=2"]
-    if path.stem == "search_budget":
+    if path.stem in ("search_budget", "search_ablations"):
         settings += ["max_simulations=4"]
     if path.stem == "additional_tasks":  # some count ten trials for one rollout
         settings += ["trajectories=1", "search.width=1"]

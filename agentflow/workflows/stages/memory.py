@@ -1,0 +1,218 @@
+"""What a run has learnt: the best machines of its trajectories, and what edits did to scores.
+
+Trajectories see of each other what was known at fixed points: in a search over the whole run, when
+a round begins; otherwise when every trajectory is about to refine. Between these points nothing
+that is shown changes, so that no order of answers does.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import statistics
+from collections import Counter
+from collections.abc import Callable, Coroutine, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import islice, zip_longest
+from typing import Any, TypeVar
+
+from agentflow.agents.context import Elsewhere, OtherMachine
+from agentflow.machine.blocks.library import library
+from agentflow.machine.tree import Machine
+from agentflow.search.node import Evaluation
+from agentflow.search.tree import is_better
+from agentflow.workflows.base import SimulationSummary
+from agentflow.workflows.settings import WorkflowSettings
+
+T = TypeVar("T")
+MOST_LESSONS = 40
+"""Most lessons; prompts have room for fewer."""
+UNKNOWN = "unknown"
+"""Mechanism of a machine whose simulation shows none."""
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """What one edit did."""
+
+    change: str
+    """In words that hold for other machines as well: which blocks came and went."""
+    before: float
+    after: float
+    """Scores of the machine before and after the edit."""
+
+    @property
+    def gain(self) -> float:
+        """Change of the score."""
+        return self.after - self.before
+
+
+@dataclass(frozen=True)
+class Known:
+    """A machine and what is known of it."""
+
+    machine: Machine
+    evaluation: Evaluation
+
+    @property
+    def mechanism(self) -> str:
+        """Class of its mechanism: drive / hold / lets go."""
+        summary: SimulationSummary = self.evaluation.details
+        return summary.mechanism or UNKNOWN
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What is shown, until the next fixed point."""
+
+    best: tuple[tuple[int, Known], ...] = ()
+    """(trajectory, its best machine), by falling score."""
+    lessons: tuple[str, ...] = ()
+    """What edits did, one line each, the most telling first."""
+    mechanisms: tuple[tuple[str, int, float], ...] = ()
+    """(class, number of machines, best score), by falling score."""
+
+
+class Memory:
+    """The memory of one run."""
+
+    def __init__(
+        self, settings: WorkflowSettings, on_reveal: Callable[[Snapshot], None] = lambda _: None
+    ) -> None:
+        """Begin empty; `on_reveal` is told what is shown from now on."""
+        self.shown = Snapshot()
+        self.edits: list[Lesson] = []
+        """What every edit did, in order."""
+        self._settings, self._on_reveal = settings, on_reveal
+        self._best: dict[int, Known] = {}
+        self._scores: dict[str, list[float]] = {}
+        self._members: set[int] = set()
+        self._waiting: set[int] = set()
+        self._released = asyncio.Event()
+        self._avoiding: dict[int, tuple[str, ...]] = {}
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether trajectories see anything of each other."""
+        return self._settings.inspirations > 0 or self._settings.lessons
+
+    def learn(self, trajectory: int, found: Known, origin: Known | None = None) -> None:
+        """Take in a simulated machine, and the one that it was made from."""
+        evaluation = found.evaluation
+        best = self._best.get(trajectory)
+        if best is None or is_better(evaluation, best.evaluation):
+            self._best[trajectory] = found
+        after = evaluation.reward
+        if after is not None and evaluation.valid:
+            self._scores.setdefault(found.mechanism, []).append(after)
+        before = None if origin is None else origin.evaluation.reward
+        if origin is not None and before is not None and after is not None:
+            change = change_text(origin.machine, found.machine)
+            self.edits += [Lesson(change, before, after)] * bool(change)
+
+    def reveal(self) -> None:
+        """Show what is known now, if anything is ever shown; a fixed point."""
+        if not self.is_shared and not self._settings.another_mechanism:
+            return
+        best = [item for item in self._best.items() if item[1].evaluation.reward is not None]
+        best.sort(key=lambda item: (-(item[1].evaluation.reward or 0.0), item[0]))
+        classes = [(name, len(scores), max(scores)) for name, scores in self._scores.items()]
+        classes.sort(key=lambda item: (-item[2], item[0]))
+        shown = Snapshot(tuple(best), lessons_of(self.edits), tuple(classes))
+        if shown != self.shown:
+            self.shown = shown
+            self._on_reveal(shown)
+
+    def avoid(self, trajectory: int) -> tuple[str, ...]:
+        """Ask the first design of a trajectory for another mechanism than those shown now."""
+        told = tuple(
+            f"{name}: {count} machine{'s' * (count > 1)}, best score {best:.2f}"
+            for name, count, best in self.shown.mechanisms
+            if name != UNKNOWN
+        )
+        self._avoiding[trajectory] = told
+        return told
+
+    def for_trajectory(self, trajectory: int) -> Elsewhere:
+        """What a role of a trajectory is shown."""
+        others = [known for number, known in self.shown.best if number != trajectory]
+        machines = tuple(
+            OtherMachine(known.machine, known.evaluation.score, known.mechanism)
+            for known in others[: self._settings.inspirations]
+        )
+        lessons = self.shown.lessons if self._settings.lessons else ()
+        avoided = self._avoiding.get(trajectory, ())
+        return Elsewhere(machines, lessons, self._settings.known_lessons, avoided)
+
+    def in_step(
+        self, jobs: Iterable[tuple[int, Coroutine[Any, Any, T]]]
+    ) -> list[Coroutine[Any, Any, T]]:
+        """Let the jobs of trajectories wait for each other before they refine, if they see each
+        other; all must run at the same time."""
+        given = list(jobs)
+        if self.is_shared:
+            self._members.update(trajectory for trajectory, _ in given)
+        return [self._member(*item) for item in given]
+
+    async def _member(self, trajectory: int, job: Coroutine[Any, Any, T]) -> T:
+        try:
+            return await job
+        finally:
+            self._members.discard(trajectory)
+            self._release()
+
+    async def step(self, trajectory: int) -> None:
+        """Wait until every other trajectory is about to refine as well, or has ended."""
+        if trajectory not in self._members:
+            return
+        self._waiting.add(trajectory)
+        released = self._released
+        self._release()
+        await released.wait()
+
+    def _release(self) -> None:
+        if self._waiting and self._waiting >= self._members:
+            self._waiting = set()
+            self.reveal()
+            self._released.set()
+            self._released = asyncio.Event()
+
+
+def change_text(before: Machine, after: Machine) -> str:
+    """What an edit changed, in words for other machines: blocks by type, not by id; "" if nothing
+    is different."""
+    if before == after:
+        return ""
+    counts = Counter(step.type for step in after)
+    counts.subtract(Counter(step.type for step in before))
+    parts = [
+        f"{count:+d} {library()[kind].name}" for kind, count in sorted(counts.items()) if count
+    ]
+    if parts:
+        return ", ".join(parts)
+    if before.steps == after.steps:
+        return "other controls"
+    moved = sum(old != new for old, new in zip(before, after, strict=True))
+    return f"{moved} block{'s' * (moved > 1)} moved"
+
+
+def lessons_of(edits: Sequence[Lesson]) -> tuple[str, ...]:
+    """What edits did to the score, a line for each kind of change, gains and losses in turns; those
+    that did most come first."""
+    groups: dict[str, list[Lesson]] = {}
+    for lesson in edits:
+        groups.setdefault(lesson.change, []).append(lesson)
+    ranked = sorted(groups.items(), key=lambda item: (-abs(_gain(item[1])), item[0]))
+    gains = [_line(*item) for item in ranked if _gain(item[1]) > 0]
+    losses = [_line(*item) for item in ranked if _gain(item[1]) < 0]
+    turns = (line for pair in zip_longest(gains, losses) for line in pair if line)
+    return tuple(islice(turns, MOST_LESSONS))
+
+
+def _gain(lessons: Sequence[Lesson]) -> float:
+    return statistics.fmean(lesson.gain for lesson in lessons)
+
+
+def _line(change: str, lessons: Sequence[Lesson]) -> str:
+    best = max(lesson.after for lesson in lessons)
+    many = f" on average of {len(lessons)}" if len(lessons) > 1 else ""
+    return f"{change}: {_gain(lessons):+.2f}{many}, to {best:.2f}{' at best' * bool(many)}"
