@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from agentflow.machine import BlockType, Machine, Problem, Report
     from agentflow.machine.building import BuiltBlock, MachineBuilder
     from agentflow.notebook.catalogue import KnobInfo, TaskInfo, blocks, task, tasks
+    from agentflow.notebook.figures.plot import plot
     from agentflow.notebook.loading import Card, Evaluation, Training, load
     from agentflow.notebook.machine_rows import CurvePoint
     from agentflow.notebook.recorded import Run, load_runs
@@ -65,6 +66,7 @@ _MODULES = {
     "agentflow.machine": ("BlockType", "Machine", "Problem", "Report"),
     "agentflow.machine.building": ("BuiltBlock", "MachineBuilder"),
     "agentflow.notebook.catalogue": ("KnobInfo", "TaskInfo", "blocks", "task", "tasks"),
+    "agentflow.notebook.figures.plot": ("plot",),
     "agentflow.notebook.loading": ("Card", "Evaluation", "Training", "load"),
     "agentflow.notebook.machine_rows": ("CurvePoint",),
     "agentflow.notebook.recorded": ("Run", "load_runs"),
@@ -109,6 +111,7 @@ __all__ = [
     "design_prompt",
     "load",
     "load_runs",
+    "plot",
     "resume",
     "resume_async",
     "reward",

@@ -197,11 +197,8 @@ async def resume_async(
 def build(task: str | None = None, **knobs: object) -> MachineBuilder:
     """Begin to build a machine, block by block.
 
-    ```python
-    with agentflow.build("throwing") as m:
-        beam = m.add("Log", to=m.root, face="up")
-        m.add("Container", to=beam, face="up")
-    ```
+    With `m = agentflow.build("throwing")`, `beam = m.add("Log", to=m.root, face="up")` adds a
+    block, and `m.machine` is the machine so far.
 
     Args:
         task: Level whose block list, limits and given blocks hold, and whose demands a `with` block

@@ -20,6 +20,7 @@ from agentflow.errors import AgentflowError
 USAGE, INTERRUPTED = 2, 130
 MODULES = (
     "analysis.models",
+    "analysis.figures",
     "machines",
     "analysis.robustness",
     "sweeps",

@@ -170,6 +170,33 @@ def bootstrap_pairs(matrix: NDArray[np.float64], seed: int = 0) -> Interval | No
     return Interval(float(low), float(high))
 
 
+def bootstrap_band(
+    matrix: NDArray[np.float64], seed: int = 0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """The 95 % bootstrap intervals of the mean of each column; whole rows are resampled.
+
+    The ends are percentiles over 10,000 seeded resamples, as in `bootstrap_mean`; no scipy is
+    needed.
+
+    Args:
+        matrix: (runs, columns).
+        seed: Of the resamples.
+
+    Returns:
+        Lower and upper ends, (columns,) each; None for fewer than two runs.
+    """
+    count = len(matrix)
+    if count < 2:
+        return None
+    import numpy as np
+
+    times = np.random.default_rng(seed).multinomial(count, [1 / count] * count, RESAMPLES)
+    means = (times / count) @ matrix
+    tail = (1 - CONFIDENCE) / 2
+    low, high = np.quantile(means, (tail, 1 - tail), axis=0)
+    return low, high
+
+
 def missing_scipy(what: str = "Intervals of means") -> str:
     """Why there are no bootstrap intervals, and how to get them; "" if there are.
 

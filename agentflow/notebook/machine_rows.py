@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 from agentflow.errors import UnknownNameError
+from agentflow.notebook.words import By
 from agentflow.report.lineage import Lineage, LineageNode
 from agentflow.runs import Event
 from agentflow.runs.events import AttemptEvent, EvaluationEvent, NodeEvent, RunEvent
 from agentflow.runs.locations import Location
 from agentflow.runs.record import RunRecord
 
-By = Literal["simulations", "calls", "tokens", "seconds"]
-"""What a run spends: machines simulated, calls of models, their tokens, seconds of work."""
 COLUMNS = (
     *("run", "seed", "stage", "trajectory", "round", "node", "parent", "machine", "score"),
     *("verified", "validity", "problem", "simulations", "calls", "tokens", "seconds"),

@@ -16,12 +16,12 @@ from agentflow.machine import Machine
 from agentflow.notebook.frames import frame
 from agentflow.notebook.machine_rows import (
     COLUMNS,
-    By,
     CurvePoint,
     curve,
     machine_rows,
     require_by,
 )
+from agentflow.notebook.words import By
 from agentflow.runs import Event, RunResult, State, find_runs, read_calls, read_document, state_of
 from agentflow.runs import read_result as read_run_result
 from agentflow.runs.events import RunEvent, read_typed_events

@@ -19,6 +19,7 @@ from agentflow.env.drawing.cameras import VIEWS as CAMERA_VIEWS
 from agentflow.env.physics.registry import ENGINES
 from agentflow.machine.formats.detect import Form
 from agentflow.metrics.tables import FORMATS
+from agentflow.notebook.figures.plot import DRAWN, LABELS
 from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.study.episodes import Label
 from agentflow.training.views import VIEWS as TRAINING_VIEWS
@@ -29,6 +30,8 @@ OFFERED = {
     ("check", "form"): get_args(Form),
     ("design", "keep_rollouts"): get_args(DesignConfig.model_fields["keep_rollouts"].annotation),
     ("diagnose", "name"): tuple(DIAGNOSTICS),
+    ("plot", "view"): tuple(DRAWN),
+    ("plot", "by"): tuple(LABELS),
     ("table", "show"): tuple(dict.fromkeys((*SWEEP_VIEWS, *TRAINING_VIEWS))),
 }
 OF_SEVERAL = {

@@ -1,0 +1,1 @@
+"""Figures for papers: long rows of numbers, and how each view draws them."""
