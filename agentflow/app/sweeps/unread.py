@@ -17,7 +17,7 @@ model writes the same machines whatever they are."""
 
 
 def unread_note(sweep: SweepConfig) -> str:
-    """What a sweep that the procedural model answers should be told; "" if it reads all axes."""
+    """A note for a sweep that the procedural model answers; "" if that reads all axes."""
     varied: dict[str, list[object]] = {}
     for axis in sweep.axes.values():
         keys = {key for settings in axis.values() for key in settings}

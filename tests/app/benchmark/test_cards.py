@@ -19,7 +19,7 @@ from agentflow.app.benchmark.card import (
     write_card,
 )
 from agentflow.app.benchmark.leaderboard import format_tables, leaderboard, read_cards
-from agentflow.errors import AgentflowError
+from agentflow.errors import AgentflowError, UsageError
 from agentflow.files.documents import sealed
 
 SHIPPED = Path(__file__).parents[3] / "docs" / "cards"
@@ -152,7 +152,7 @@ def test_cards_are_ranked_by_refined_share_and_incomplete_ones_last(tmp_path: Pa
     ("changes", "message"),
     [
         ({"version": 2}, "they differ in version; make both with the same version of the"),
-        ({"constants": "d", "lite": True}, "they differ in lite and constants; make both"),
+        ({"version": 2, "constants": "d"}, "they differ in version and constants; make both"),
         ({"engine": "mujoco 4.0.1"}, "they differ in engine (pybullet 3.2.7, mujoco 4.0.1); make"),
     ],
 )
@@ -163,6 +163,18 @@ def test_cards_of_different_versions_are_not_mixed(
     with pytest.raises(AgentflowError) as caught:
         read_cards([a, b])
     assert str(caught.value).startswith(f"{b} and {a} cannot be compared: {message}")
+
+
+def test_a_lite_card_beside_a_whole_one_says_what_to_run(tmp_path: Path) -> None:
+    lite = card("x", *POOR.items, lite=True, records="other")
+    a, b = written(tmp_path, "a", GOOD), written(tmp_path, "b", lite)
+    for paths in ([a, b], [b, a]):
+        with pytest.raises(UsageError) as caught:
+            read_cards(paths)
+        assert str(caught.value) == (
+            f"{b} is of the lite benchmark and {a} of the whole one, so they cannot be compared: "
+            "make both with --lite, or both without it"
+        )
 
 
 def test_damaged_and_edited_cards_say_what_to_change(tmp_path: Path) -> None:
