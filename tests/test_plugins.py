@@ -125,6 +125,15 @@ def test_a_run_made_of_toys(run: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_role_without_templates_costs_no_call(tmp_path: Path) -> None:
+    design = ("design", "--task", "rolling", "--workflow", "judged", "--quiet")
+    assert python(MAIN, *design, cwd=tmp_path, status=2).startswith(
+        "agentflow: the prompt set 'default' has no templates for the role 'judge': add judge/"
+    )
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.slow
 def test_options_of_a_strategy_and_what_it_raises(tmp_path: Path) -> None:
     def design(*settings: str) -> str:
         words = [word for item in (*SMALL, *settings) for word in ("--set", item)]

@@ -5,16 +5,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from pathlib import Path
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
+from agentflow.errors import PromptError
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Message, Reply, Request, Sampling
 from agentflow.llm.procedural.reading import Script
 from agentflow.machine.blocks.library import EXAMPLE
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import ROOT, Machine, Step
-from agentflow.prompts.render import PromptSet
+from agentflow.prompts.render import PromptSet, open_set
 
 In = TypeVar("In")
 Out = TypeVar("Out", covariant=True)
@@ -97,6 +98,24 @@ class Prompt(ABC, Generic[In, Out]):
     def variables(self, given: In) -> Mapping[str, object]:
         """Variables of the templates."""
 
+    templates: ClassVar[Path | None] = None
+    """Folder with its `system.j2` and `user.j2`, for prompt sets that lack them."""
+
+    def prompt(self, given: In, prompts: PromptSet) -> tuple[str, str]:
+        """The system and the user prompt.
+
+        Raises:
+            PromptError: Neither the set nor the role has templates, or a variable is missing.
+        """
+        found = prompts.completed(self.name, self.templates)
+        if self.name not in found.roles:
+            raise PromptError(
+                f"the prompt set {prompts.name!r} has no templates for the role {self.name!r}: add "
+                f"{self.name}/system.j2 and {self.name}/user.j2 to it, or let `templates` of the "
+                "role name a folder with both"
+            )
+        return found.render(self.name, self.variables(given))
+
     def images(self, given: In) -> tuple[str, ...]:  # noqa: ARG002
         """PNG data URLs to send with the user prompt."""
         return ()
@@ -160,16 +179,16 @@ def chat_prompt(
         prompts: Prompt set.
         machine: For roles that receive one; by default a small one.
     """
-    asked = role()
-    given = asked.sample(brief, machine or _small_machine(brief))
-    system, user = _open_set(prompts).render(asked.name, asked.variables(given))
+    system, user = first_prompt(role, brief, open_set(prompts), machine)
     return [{"role": "system", "content": system}, {"role": "user", "content": user}]
 
 
-@cache
-def _open_set(name: str) -> PromptSet:
-    """A prompt set, whose templates are compiled once."""
-    return PromptSet(name)
+def first_prompt(
+    role: type[Role[Any, Any]], brief: Brief, prompts: PromptSet, machine: Machine | None = None
+) -> tuple[str, str]:
+    """The system and the user prompt of a role's first question in a run; see `chat_prompt`."""
+    asked = role()
+    return asked.prompt(asked.sample(brief, machine or _small_machine(brief)), prompts)
 
 
 def _small_machine(brief: Brief) -> Machine:
@@ -198,7 +217,7 @@ async def ask(
     passed to `context.on_attempt` before the next one starts. The label names the question within
     the run; attempts are labelled `<label>/attempt-<i>`.
     """
-    system, user = context.prompts.render(role.name, role.variables(given))
+    system, user = role.prompt(given, context.prompts)
     conversation = [
         Message(role="system", text=system),
         Message(role="user", text=user, images=role.images(given)),

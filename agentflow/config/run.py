@@ -92,7 +92,7 @@ class DesignConfig(BaseModel, frozen=True, extra="forbid"):
     engine: str = Field("auto", description="physics engine; auto is the first that is installed")
     seed: int = Field(0, ge=-(2**63), lt=2**63, description="random seed")
     model: ModelConfig = ModelConfig()
-    prompts: str = Field("default", description="prompt set")
+    prompts: str = Field("default", description="prompt set, or a folder of prompts: ./mine")
     rationale_from: str | None = Field(
         None,
         description="run whose designers' rationales to follow; read once, then stored in settings",

@@ -6,6 +6,8 @@ from types import ModuleType
 
 from agentflow.registry import Registry, package_with
 
+DEFAULT = "default"
+"""Name of the set that has templates for every role of ours."""
 ABOUT = "set.yaml"
 """Settings of a set: description (`about`), the set that provides missing templates (`base`), and
 the token limit for system and user prompt together (`fits`)."""

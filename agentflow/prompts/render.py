@@ -5,15 +5,19 @@ from __future__ import annotations
 import hashlib
 import traceback
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from copy import copy
 from functools import cache, cached_property
 from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jinja2
 import yaml
+from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from agentflow.errors import PromptError, UnknownNameError
-from agentflow.prompts.registry import ABOUT, PROMPT_SETS
+from agentflow.prompts.folder import PromptFolder, is_folder, read_folder
+from agentflow.prompts.registry import ABOUT, DEFAULT, PROMPT_SETS
 from agentflow.prompts.text import CL100K, as_json, clip, guard, oneline, quote, token_estimate
 
 if TYPE_CHECKING:  # Python 3.14 has it in importlib.resources.abc only, 3.10 here only
@@ -59,24 +63,36 @@ class PromptSet:
     are and never rendered again; a missing variable is an error.
     """
 
-    def __init__(self, name: str = "default") -> None:
+    def __init__(self, name: str = DEFAULT, folder: PromptFolder | None = None) -> None:
         """Open a set.
+
+        Args:
+            name: Its name, or the path of a folder, which has a slash in it.
+            folder: What a run has recorded of the folder, in place of what is there now.
 
         Raises:
             UnknownNameError: No set has this name.
-            ConfigError: The set is from another distribution and cannot be loaded.
+            ConfigError: The set is from another distribution, or a folder, and cannot be read.
         """
-        self.name, folder = name, resources.files(PROMPT_SETS[name])
-        about = yaml.safe_load(folder.joinpath(ABOUT).read_text("utf-8"))
+        self.name = name
+        self.folder = read_folder(name) if folder is None and is_folder(name) else folder
+        """What the folder holds; None for a set with a name."""
+        if self.folder is None:
+            package = resources.files(PROMPT_SETS[name])
+            about = yaml.safe_load(package.joinpath(ABOUT).read_text("utf-8"))
+            own = dict(_walk(package, ""))
+        else:
+            about, own = self.folder.model_dump(), self.folder.files
         self.about: str = about["about"]
         """Description of the set in one sentence."""
-        self.files = dict(_walk(folder, ""))
+        base = about.get("base")
+        self.files: dict[str, str] = {**PromptSet(base).files, **own} if base else own
         """Path of each template -> its text."""
-        if base := about.get("base"):
-            self.files = {**PromptSet(base).files, **self.files}
         self.fits: int | None = about.get("fits")
         """Token limit that prompts are shortened to where possible; None for no limit."""
-        self._environment = _environment(self.files)
+        self._environment = _environment(self.files, trusted=self.folder is None)
+        self._completed: dict[str, PromptSet] = {}
+        """By role, with its own templates."""
 
     @cached_property
     def digest(self) -> str:
@@ -103,6 +119,18 @@ class PromptSet:
         """Names of the roles that the set has prompts for."""
         folders = {path.partition("/")[0] for path in self.files}
         return tuple(sorted(folder for folder in folders if not folder.startswith("_")))
+
+    def completed(self, role: str, templates: Path | None) -> PromptSet:
+        """The set with a role's own templates, from a folder, where it lacks the role's."""
+        if templates is None:
+            return self
+        if role not in self._completed:
+            own = {f"{role}/{file.name}": file for file in templates.glob("*.j2")}
+            lacking = {path: own[path].read_text("utf-8") for path in own.keys() - self.files}
+            self._completed[role] = found = copy(self)
+            found.files = {**self.files, **lacking}
+            found._environment = _environment(found.files, trusted=self.folder is None)
+        return self._completed[role]
 
     def render(self, role: str, variables: Mapping[str, object]) -> tuple[str, str]:
         """Render the system and the user prompt of a role, or of a question in `_questions/`.
@@ -167,6 +195,14 @@ def _insert(prompt: str, section: str) -> str:
     return f"{before}\n{section}{heading}{after}" if heading else f"{prompt}\n{section}"
 
 
+def open_set(name: str, folder: PromptFolder | None = None) -> PromptSet:
+    """`PromptSet`, whose templates are compiled once if it has a name."""
+    return PromptSet(name, folder) if folder or is_folder(name) else _named_set(name)
+
+
+_named_set = cache(PromptSet)
+
+
 def _home() -> Traversable:
     return resources.files("agentflow.prompts")
 
@@ -180,8 +216,10 @@ def _walk(folder: Traversable, prefix: str) -> Iterator[tuple[str, str]]:
             yield f"{prefix}{item.name}", item.read_text("utf-8")
 
 
-def _environment(files: Mapping[str, str]) -> jinja2.Environment:
-    environment = jinja2.Environment(
+def _environment(files: Mapping[str, str], *, trusted: bool) -> jinja2.Environment:
+    """Templates of a received folder can read what they are given, and call nothing else."""
+    kind = jinja2.Environment if trusted else ImmutableSandboxedEnvironment
+    environment = kind(
         loader=jinja2.FunctionLoader(
             lambda path: (files[path], path, None) if path in files else None
         ),

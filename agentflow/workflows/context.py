@@ -301,7 +301,7 @@ class WorkflowContext:
     def prompts_of(self, role: Role[In, Out], given: In) -> tuple[str, str]:
         """The system and the user prompt of a role."""
         prompts = self._contexts(role.model_role or role.name).prompts
-        return prompts.render(role.name, role.variables(given))
+        return role.prompt(given, prompts)
 
     def begin_stage(self, name: StageName) -> None:
         """Open a stage; a second call, for another trajectory, does nothing."""

@@ -81,6 +81,7 @@ HOMES = ("agents/", "prompts/")
 """Parts that roles consist of."""
 EXCEPTIONS = {
     "api.py": "a default that users read in the signature",
+    "app/sweeps/unread.py": "settings, one of which is named as the role that it switches off",
     "cli/commands/design.py": "a default that users read in the help",
     "cli/commands/prompts.py": "a default that users read in the help",
     "integrations/verifiers/tasks.py": "an option of that library",

@@ -42,7 +42,9 @@ def test_every_key_of_a_result_is_listed() -> None:
     assert first_cells("result.json") | {"reason"} == set(RunResult.model_fields)
 
 
-@pytest.mark.parametrize(("file", "younger"), [("run.yaml", {"plugins"}), ("calls.jsonl", set())])
+@pytest.mark.parametrize(
+    ("file", "younger"), [("run.yaml", {"plugins", "prompt_folder"}), ("calls.jsonl", set())]
+)
 def test_every_key_is_listed(file: str, younger: set[str]) -> None:
     assert first_cells(file) == keys(file) | younger
 

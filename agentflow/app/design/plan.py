@@ -14,6 +14,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from agentflow.agents.base import first_prompt
 from agentflow.agents.designer import Designer
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.conditions import (
@@ -39,7 +40,14 @@ from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.validity import check
 from agentflow.models.choices import choose_models
 from agentflow.models.local.folder import read_folder
-from agentflow.prompts.render import CONTROLS, ELSEWHERE, LATER_FUNCTIONS, PromptSet
+from agentflow.prompts.folder import PromptFolder, read_record
+from agentflow.prompts.render import (
+    CONTROLS,
+    ELSEWHERE,
+    LATER_FUNCTIONS,
+    PromptSet,
+    open_set,
+)
 from agentflow.runs.events import StageBeginEvent, read_typed_events
 from agentflow.runs.locations import STAGES
 from agentflow.search.elites.archive import require_pyribs
@@ -53,6 +61,8 @@ from agentflow.workflows.workflow import Workflow
 
 AUTHOR = "author"
 """Key of run.yaml: who designed and cannot be asked again."""
+_PROMPTS = "prompt_folder"
+"""Key of run.yaml: what the folder of prompts held."""
 
 
 @dataclass(frozen=True)
@@ -80,12 +90,18 @@ class RunPlan:
         return found.verified if found else None
 
     @classmethod
-    def of(cls, config: DesignConfig, level: Level | None = None) -> RunPlan:
+    def of(
+        cls,
+        config: DesignConfig,
+        level: Level | None = None,
+        prompts: PromptFolder | None = None,
+    ) -> RunPlan:
         """Look up task, knobs, workflow, prompt set and engine.
 
         Args:
             config: The configuration.
             level: Its level, as recorded in a run; by default that of the current name or file.
+            prompts: Its folder of prompts, as recorded in a run; by default as it is now.
 
         Raises:
             UnknownNameError: One of them does not exist.
@@ -105,7 +121,8 @@ class RunPlan:
         check_fit(config.workflow, task.brief)
         _check_start(config.settings, task.brief)
         config = config.model_copy(update={"engine": engine.name})
-        return cls(config, task, PromptSet(config.prompts), str(engine.identity), level)
+        found = open_set(config.prompts, prompts)
+        return cls(config, task, found, str(engine.identity), level)
 
     @classmethod
     def of_run(cls, path: Path, document: Mapping[str, Any], engine: str | None = None) -> RunPlan:
@@ -122,15 +139,21 @@ class RunPlan:
         if engine is None:
             engine = require_engine_of_run(path, document)
         config = build_config(document.get("config")).model_copy(update={"engine": engine})
-        return cls.of(config, level_of_run(path, document))
+        record, source = document.get(_PROMPTS), f"{_PROMPTS} in {path / 'run.yaml'}"
+        prompts = None if record is None else read_record(record, source)
+        return cls.of(config, level_of_run(path, document), prompts)
 
     def require_workflow(self) -> None:
         """Raise ConfigError unless the workflow can begin here.
 
-        It may need a program, pyribs, or roles that a model in a folder cannot play.
+        It may need a program, pyribs, or roles that a model in a folder cannot play. Each role
+        renders a prompt, so that a template which is missing or wrong costs no call.
         """
         workflow, settings = WORKFLOWS[self.config.workflow], self.config.settings
         workflow.require(settings)
+        for role in workflow.calls_on(settings, self.task.brief):
+            with ROLES.blaming(role):
+                first_prompt(ROLES[role], self.task.brief, self.prompts)
         if workflow.adapt(settings).search.strategy == MAP_ELITES:
             require_pyribs()
         others = [role for role in self._roles_of_designing_model() if role != Designer.name]
@@ -225,6 +248,7 @@ class RunPlan:
             "python": platform.python_version(),
             "platform": platform.platform(),
             "level": self.level.record,
+            **({_PROMPTS: self.prompts.folder.model_dump()} if self.prompts.folder else {}),
             "config": config_json(self.config),
         }
 
