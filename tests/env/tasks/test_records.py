@@ -35,7 +35,7 @@ HOW = (
     "reference ",
     "hill climbing from ",
     "by hand",
-    "strong language model (recorded)",
+    "strong language model",
     "procedur",
 )
 RECORDS = read_records()
