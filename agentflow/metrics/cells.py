@@ -8,14 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
+from pathlib import Path
 from typing import Literal
 
+from agentflow.errors import RunError
+from agentflow.machine import Machine, library, read_machine
 from agentflow.metrics import search
 from agentflow.metrics.intervals import Interval, Rate
 from agentflow.metrics.scores import Scores, mean_known
 from agentflow.metrics.tables import Value
 from agentflow.registry import Registry, instance_of
 from agentflow.runs.events import CandidateEvent, ExpandEvent
+from agentflow.runs.reading import read_machine_text
 from agentflow.runs.record import RunRecord
 
 
@@ -29,6 +33,9 @@ class RunNumbers:
     full: float | None = None
     """Score that a share of 1 stands for: the greatest possible one, or the verified score of the
     task's record; None if it has neither."""
+
+    path: Path | None = None
+    """The run directory; None for a record alone."""
 
     @property
     def share(self) -> float | None:
@@ -52,6 +59,22 @@ class Cell:
     def candidates(self) -> list[CandidateEvent]:
         """The stage's candidates of all runs."""
         return [item for run in self.runs for item in run.record.of_stage(self.stage)]
+
+    @property
+    def machines(self) -> list[Machine]:
+        """The machines of the stage's valid candidates, in their order; those of a record alone
+        are left out.
+
+        Raises:
+            RunError: A machine of a run cannot be read.
+        """
+        return [
+            _load_machine(run.path, item.machine)
+            for run in self.runs
+            if run.path is not None
+            for item in run.record.of_stage(self.stage)
+            if item.valid and item.machine is not None
+        ]
 
     @property
     def expansions(self) -> list[list[ExpandEvent]]:
@@ -81,6 +104,14 @@ class Metric:
     """Whether to show it as a percentage."""
     digits: int = 2
     """Decimals of its floats."""
+
+
+def _load_machine(run: Path, digest: str) -> Machine:
+    """A machine that a run has stored."""
+    machine = read_machine(read_machine_text(run, digest), library()).machine
+    if machine is None or machine.digest != digest:
+        raise RunError(f"machines/{digest}.json of {run} is damaged: restore it")
+    return machine
 
 
 def _first_attempts(

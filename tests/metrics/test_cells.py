@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from itertools import chain
+from pathlib import Path
 
 import pytest
 
-from agentflow.errors import UnknownNameError
+from agentflow.errors import RunError, UnknownNameError
 from agentflow.metrics.cells import METRICS, Cell, RunNumbers, check_metrics, curve
 from agentflow.metrics.intervals import Rate
 from agentflow.metrics.scores import mean_known
-from agentflow.runs.events import RunEvent
+from agentflow.runs.events import RunEvent, read_typed_events
 from agentflow.runs.record import RunRecord
 from tests.metrics.events import candidate, evaluation, expansion, node
 
@@ -97,6 +98,20 @@ def test_the_curve_over_expansions() -> None:
     means = [mean_known(chain.from_iterable(curve(runs, count))) for count in (0, 1, 2, 3)]
     assert means == [2.5, 3.0, 3.5, None]
     assert curve([], 0) == []
+
+
+def test_a_metric_gets_the_machines_of_recorded_runs() -> None:
+    recorded = Path(__file__).parents[2] / "runs" / "recorded-throwing"
+    record = RunRecord.of(read_typed_events(recorded))
+    run = RunNumbers(record, 4, path=recorded)
+    for stage in ("initial", "env_feedback"):
+        found = Cell((run, RunNumbers(record, 4)), stage).machines
+        assert [machine.digest for machine in found] == [
+            item.machine for item in record.of_stage(stage) if item.valid
+        ]
+        assert found
+    with pytest.raises(RunError, match="it has no readable machines/"):
+        _ = Cell((RunNumbers(record, 4, path=recorded.parent),), "initial").machines
 
 
 def test_unknown_metrics_are_refused() -> None:

@@ -126,7 +126,7 @@ def finished_run(planned: SweepRun, path: Path) -> FinishedRun:
     full = _full_score(config.task, json.dumps(config.knobs, sort_keys=True))
     found = read_result(path)
     engine = found.engine or read_document(path).get("engine", "not recorded")
-    return FinishedRun(planned, path, found, engine, RunNumbers(record, width, full))
+    return FinishedRun(planned, path, found, engine, RunNumbers(record, width, full, path))
 
 
 def require_same_engine(path: Path, runs: Iterable[FinishedRun]) -> None:
