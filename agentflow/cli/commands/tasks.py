@@ -1,14 +1,16 @@
-"""The command that lists and draws tasks. Importing this module registers it."""
+"""Commands that list and draw tasks, and begin a part of one's own. Importing registers them."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from shlex import quote
+from typing import Annotated, Literal
 
 import typer
 
 from agentflow.cli import options
-from agentflow.cli.root import commands, print_result
+from agentflow.cli.display.text import escape_controls
+from agentflow.cli.root import commands, print_json, print_result
 from agentflow.errors import UsageError
 
 
@@ -46,6 +48,34 @@ def tasks(
         print_result(list_tasks(), as_json, show_tasks)
     else:
         print_result(task_json(name, knobs or ()), as_json, show_task)
+
+
+@commands.command(epilog="Example: agentflow new-plugin mine --kind strategy")
+def new_plugin(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="New directory; its name is that of the part.")
+    ],
+    kind: Annotated[
+        Literal["family", "strategy", "role", "metric", "prompts"],
+        typer.Option(help="What to begin; a family is one of tasks, a role comes in a workflow."),
+    ],
+    as_json: options.Json = False,
+) -> None:
+    """Write a package with a part of one's own, ready to install, and its test."""
+    from agentflow.app.plugins.scaffold import new_plugin as write
+
+    made = write(folder, kind)
+    if as_json:
+        print_json({"path": str(made.path), "files": list(made.files), "use": made.use})
+        return
+    where = quote(str(made.path))
+    for line in (
+        *(f"{made.path / name}" for name in made.files),
+        f"install it: pip install --no-deps --editable {where}",
+        f"test it: pytest {where}",
+        f"use it: {made.use}",
+    ):
+        print(escape_controls(line))
 
 
 def _draw(

@@ -1,0 +1,1 @@
+"""New packages with a part of one's own."""
