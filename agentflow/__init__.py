@@ -7,6 +7,7 @@ first use.
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -133,3 +134,7 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+if "IPython" in sys.modules:  # a notebook: tell it how to show machines, rollouts, runs ...
+    import_module("agentflow.notebook.display.formatters").install()

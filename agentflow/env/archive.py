@@ -120,7 +120,7 @@ def read_npz(file: BinaryIO) -> Rollout:
 
 def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
     for field in fields(Rollout):
-        optional = "trace", "scene", "engine", "marginal"  # old files lack the last two
+        optional = "trace", "scene", "machine", "engine", "marginal"  # old files lack the last two
         if field.name not in (*result, *optional):
             raise KeyError(field.name)
     trace = None

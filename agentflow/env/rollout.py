@@ -18,6 +18,7 @@ from agentflow.env.measurements import Measured
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.problems import Problem
+from agentflow.machine.tree import Machine
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -151,7 +152,7 @@ class Feedback:
     """The same content as JSON data."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Rollout:
     """The result of simulating one machine in one task.
 
@@ -189,6 +190,13 @@ class Rollout:
     """Scene of the trace; not saved in files."""
     engine: str | None = None
     """Name and library version of the physics engine; None if nothing was simulated."""
+    machine: Machine | None = field(default=None, compare=False)
+    """What was simulated, where Python programs ask for it; not saved in files."""
+
+    def __repr__(self) -> str:
+        seconds = "" if self.sim_seconds is None else f", {self.sim_seconds:g} s"
+        broken = f", {len(self.broken)} broken" if self.broken else ""
+        return f"<Rollout {self.status}, score {self.score}{seconds}{broken}>"
 
 
 def invalid_rollout(problems: Sequence[Problem], engine: str | None = None) -> Rollout:

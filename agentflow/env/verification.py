@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import statistics
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ SAME_PLACE = 1e-6
 """Greatest distance of places that differ by rounding errors alone, m; chosen."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Verification:
     """The simulations of one machine under every variation that can change what it does.
 
@@ -38,8 +38,14 @@ class Verification:
     `score`, `low` and `high` are then None.
     """
 
-    rollouts: Mapping[str, Rollout] = field(repr=False)
+    rollouts: Mapping[str, Rollout]
     """By name of the variation, the default conditions first."""
+
+    def __repr__(self) -> str:
+        if self.score is None:
+            return f"<Verification incomplete, {len(self.rollouts)} simulations>"
+        spread = f"{self.score:.4g}, {self.low:.4g} to {self.high:.4g}"
+        return f"<Verification {spread}; {self.holding}>"
 
     @classmethod
     def invalid(cls, problems: Sequence[Problem]) -> Verification:

@@ -65,6 +65,12 @@ class Brief:
     as its scene says the same."""
 
     @property
+    def wording(self) -> str:
+        """All fields but those that came later, in words; digests in recorded runs are made of
+        it, so it stays as it is."""
+        return repr(self).replace(repr(self.given), self.given.wording)
+
+    @property
     def demands(self) -> tuple[object, ...]:
         """What decides whether a machine is valid for the task."""
         return self.blocks, self.required, self.limits, self.given

@@ -119,7 +119,13 @@ class Machine:
         return self.steps[block_id]
 
     def __repr__(self) -> str:
-        """Without controls as before machines had them: digests of briefs are made of it."""
+        controls = f", {len(self.controls)} controls" if self.controls else ""
+        return f"<Machine {self.digest}: {len(self)} blocks{controls}>"
+
+    @property
+    def wording(self) -> str:
+        """All steps and controls in words; digests of briefs are made of it, so it stays as it
+        is."""
         controls = f", controls={self.controls!r}" if self.controls else ""
         return f"Machine(steps={self.steps!r}{controls})"
 

@@ -39,7 +39,7 @@ class ValidMachine(Machine):
         return self._demands == brief.demands
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
     """The validity of one machine."""
 
@@ -65,6 +65,12 @@ class Report:
     file-valid."""
     notes: tuple[str, ...] = ()
     """Harmless irregularities that the reader tolerated."""
+
+    def __repr__(self) -> str:
+        many = "problem" if len(self.problems) == 1 else "problems"
+        how = "valid" if self.task_valid else f"{len(self.problems)} {many}"
+        first = f": {self.problems[0].message}" if self.problems else ""
+        return f"<Report {how}{first}>"
 
     @property
     def lasting_problems(self) -> tuple[Problem, ...]:

@@ -193,7 +193,7 @@ class RunPlan:
                     *([LATER_FUNCTIONS] if LATER.intersection(self.task.brief.blocks) else []),
                 )
             ),
-            "demands": hashlib.sha256(repr(self.task.brief).encode()).hexdigest()[:16],
+            "demands": hashlib.sha256(self.task.brief.wording.encode()).hexdigest()[:16],
             **physics_conditions(self.task.engine),
             "engine": self.engine,
             PLUGINS: plugins_of(self.config, self.level.file.family),

@@ -96,19 +96,26 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
         workers: Worker processes for simulation.
         say: Receives progress.
     """
-    story, data = run_data(path)
     require_writable(out)
+    write_page(out, *asyncio.run(run_page(path, films=films, workers=workers, say=say)))
+    return out
+
+
+async def run_page(
+    path: Path, *, films: int, workers: int, say: Progress
+) -> tuple[str, dict[str, Any]]:
+    """The title and the data of the page of a run; arguments as for `report`."""
+    story, data = run_data(path)
     shapes = Shapes()
     chosen = _machines_to_report(path, story, films)
-    machines = asyncio.run(film_machines(chosen, shapes, workers, say))
+    machines = await film_machines(chosen, shapes, workers, say)
     classes = story.classes({digest: item["mechanism"] for digest, item in machines.items()})
     data |= {
         "machines": machines,
         "classes": [item | {"picture": thumbnail(chosen[item["machine"]])} for item in classes],
         **shapes.data,
     }
-    write_page(out, f"{data['run']['task']} · agentflow", data)
-    return out
+    return f"{data['run']['task']} · agentflow", data
 
 
 def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:

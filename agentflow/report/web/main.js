@@ -1,6 +1,7 @@
 // Entry point: reads the page's data and builds the matching page.
 
 import "./player.css";
+import { cellPage } from "./cell.js";
 import { comparePage } from "./compare.js";
 import { galleryPage } from "./gallery.js";
 import { robustnessPage } from "./robustness.js";
@@ -8,7 +9,7 @@ import { runPage } from "./run.js";
 import { sweepPage } from "./sweep.js";
 import { trainingPage } from "./training.js";
 
-const PAGES = { run: runPage, sweep: sweepPage, gallery: galleryPage, compare: comparePage, robustness: robustnessPage, training: trainingPage };
+const PAGES = { cell: cellPage, run: runPage, sweep: sweepPage, gallery: galleryPage, compare: comparePage, robustness: robustnessPage, training: trainingPage };
 const data = JSON.parse(document.getElementById("data").textContent);
 
 document.body.append(...PAGES[data.kind](data));

@@ -1,0 +1,1 @@
+"""How notebooks show things: HTML, pictures and progress; nothing else needs IPython."""
