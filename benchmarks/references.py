@@ -4,10 +4,13 @@
                                     [--aim term] [--out machine.json] [--picture]
     python benchmarks/references.py --update [family ...]
     python benchmarks/references.py --table [family ...]
+    python benchmarks/references.py --check [family ...]
 
 The first form searches by random legal edits and writes the best machine found; `--aim` names the
 score term that breaks ties. `--update` simulates the listed machines and writes their scores into
-the files; `--table` prints the score of each reference on every level of its family.
+the files; `--table` prints the score of each reference on every level of its family. `--check`
+prints what is not as it should be, of all of which the tests try a part: a score without power, and
+what cheats earn on each of their levels.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ from random import Random
 
 from climbing import Found, climb
 from PIL import Image
-from shelf import DIGITS, Shelf, families, here, load, load_file, read, write
+from shelf import DIGITS, IDLE, Shelf, families, here, load, load_file, read, write
 
 from agentflow.env.drawing.stills import render_png
 from agentflow.env.simulation.simulate import simulate
@@ -46,12 +49,15 @@ def main() -> None:
     parser.add_argument("--picture", action="store_true")
     parser.add_argument("--update", action="store_true")
     parser.add_argument("--table", action="store_true")
+    parser.add_argument("--check", action="store_true")
     options = parser.parse_args()
     for family in options.families or families():
         if options.update:
             update(read(family))
         if options.table:
             table(read(family))
+        if options.check:
+            check(read(family))
     if options.task:
         search(options)
 
@@ -116,6 +122,19 @@ def table(shelf: Shelf) -> None:
     for name in dict.fromkeys(item.machine for item in shelf.references):
         scores = [score_of(load(name), level) for level in levels]
         print(f"{name:36s}" + "".join(f"{score:12.2f}" for score in scores))
+
+
+def check(shelf: Shelf) -> None:
+    """Print the references that earn something without power, and the cheats that earn too much."""
+    for item in shelf.references:
+        score = score_of(load(item.machine), item.level, power=False)
+        if not score <= IDLE * get_level(item.level).file.good:
+            print(f"{item.machine} at {item.level}: {score:g} without power")
+    for cheat in shelf.cheats:
+        for level in cheat.levels:
+            score = score_of(load(cheat.machine), level)
+            if not score <= cheat.most:
+                print(f"{cheat.machine} at {level}: {score:g}, not at most {cheat.most:g}")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,8 @@ from agentflow.machine.tree import Machine
 FOLDER = Path(__file__).parent.parent / "tests" / "machines"
 DIGITS = 6
 """Decimals of the scores in the files."""
+IDLE = 0.02
+"""Share of the good score that contacts may move with power off."""
 HEAD = """\
 # References: machine and picture are files in this folder; score was computed by
 # `benchmarks/references.py --update` on this platform; how: by hand or by search;

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from statistics import median
 
 import pytest
 
@@ -13,24 +12,19 @@ from agentflow.config.run import build_config
 from agentflow.env.simulation.simulate import simulate
 from agentflow.machine import read_machine
 
-SEEDS = range(2)
-LEAST_MEDIAN = {"throwing": 5.0, "movement": 30.0}
-"""Metres."""
+SMALL = {"trajectories": 2, "search": {"rounds": 1, "width": 2}}
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1200)
-@pytest.mark.parametrize("name", sorted(LEAST_MEDIAN))
-def test_search_improves_on_the_first_designs(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "seed", "least"), [("throwing", 0, 5.0), ("movement", 1, 30.0)])
+def test_search_improves_on_the_first_designs(
+    name: str, seed: int, least: float, tmp_path: Path
+) -> None:
+    """`benchmarks/baseline.py` does so in whole runs, for every family."""
     task = find_task(name)
-    scores, improved = [], 0
-    for seed in SEEDS:
-        result = design(build_config({"task": name, "seed": seed}), tmp_path)
-        initial = next(stage for stage in result.stages if stage.name == "initial")
-        scores.append(result.score)
-        improved += result.score > (initial.max or 0.0)
-        machine = read_machine(result.machine, task.brief.blocks).machine
-        assert machine is not None
-        assert simulate(machine, task, power=False).score == pytest.approx(0.0, abs=0.01)
-    assert median(scores) >= LEAST_MEDIAN[name], scores
-    assert improved >= 2, scores
+    result = design(build_config({"task": name, "seed": seed, "settings": SMALL}), tmp_path)
+    initial = next(stage for stage in result.stages if stage.name == "initial")
+    assert result.score > max(initial.max or 0.0, least)
+    machine = read_machine(result.machine, task.brief.blocks).machine
+    assert machine is not None
+    assert simulate(machine, task, power=False).score == pytest.approx(0.0, abs=0.01)

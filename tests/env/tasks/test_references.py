@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -12,8 +11,9 @@ from PIL import Image
 
 from agentflow.env import tasks
 from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.records import read_records
 from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, task_names
-from benchmarks.shelf import DIGITS, FOLDER, Reference, families, here, load, read
+from benchmarks.shelf import DIGITS, FOLDER, IDLE, Reference, families, here, load, read
 from tests.loops import for_each
 
 LEVELS = Path(tasks.__file__).parent / "levels"
@@ -22,13 +22,18 @@ SHARE = 1 / 3
 """Share of the good score that a reference machine reaches."""
 ELSEWHERE = 0.05
 """How far a score may be off on another platform."""
-IDLE = 0.02
-"""Share of the good score that contacts move with power off."""
 PICTURE = 25_000
 """Bytes."""
 
 
-@cache
+RECORDS = {
+    (get_task(record.task).name, record.machine.digest): record.score
+    for record in read_records().values()
+    if not record.knobs
+}
+"""Scores of the best known machine of each level, which test_records.py simulates."""
+
+
 def score(item: Reference, power: bool) -> float:
     result = simulate(load(item.machine), get_task(item.level), power=power)
     assert result.status == "ok", result.problems
@@ -36,12 +41,21 @@ def score(item: Reference, power: bool) -> float:
     return round(result.score, DIGITS)
 
 
+def recorded(item: Reference) -> float | None:
+    return RECORDS.get((item.level, load(item.machine).digest))
+
+
 def name(case: tuple[str, Reference]) -> str:
     return case[1].machine
 
 
+@for_each(item for _, item in ALL)
+def test_a_reference_that_is_a_record_has_its_score(item: Reference) -> None:
+    assert recorded(item) in (None, pytest.approx(item.score, abs=10.0**-DIGITS))
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ALL, ids=name)
+@pytest.mark.parametrize("case", [case for case in ALL if recorded(case[1]) is None], ids=name)
 def test_every_reference_keeps_its_score(case: tuple[str, Reference]) -> None:
     where, item = case
     found = score(item, True)
@@ -51,8 +65,17 @@ def test_every_reference_keeps_its_score(case: tuple[str, Reference]) -> None:
         assert found == pytest.approx(item.score, rel=ELSEWHERE)
 
 
+def spread() -> list[tuple[str, Reference]]:
+    """One of each family, each at another of the five levels.
+
+    `benchmarks/references.py --check` tries all of them.
+    """
+    shelves = [[case for case in ALL if get_task(case[1].level).family == f] for f in families()]
+    return [cases[number % len(cases)] for number, cases in enumerate(shelves)]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ALL, ids=name)
+@pytest.mark.parametrize("case", spread(), ids=name)
 def test_no_reference_earns_anything_without_power(case: tuple[str, Reference]) -> None:
     _, item = case
     assert score(item, False) <= IDLE * get_level(item.level).file.good
