@@ -48,12 +48,12 @@ def test_a_tiny_model_learns_from_scratch_and_designs(tmp_path: Path) -> None:
     card = read_json(made / "set" / "card.json")
     assert card["answers"] > 100
     assert 20 < sum(card["pairs"].values()) < card["answers"] + card["variants"]
-    lines = (made / "sft-1" / "curves.jsonl").read_text().splitlines()
+    lines = (made / "sft-0" / "curves.jsonl").read_text().splitlines()
     losses = [row["loss"] for row in map(json.loads, lines) if "loss" in row]
     assert losses[-1] < losses[0]
     assert read_json(made / "sft-0" / "result.json")["label"] == LABEL
     for kind in KINDS:
-        assert read_json(made / f"{kind}-1" / "result.json")["steps"] == 2
+        assert read_json(made / f"{kind}-0" / "result.json")["steps"] == 2
         measured = read_json(made / f"{kind}-0.evaluation" / "evaluation.json")
         assert measured["label"] == f"{LABEL}, GRPO ({kind})"
         assert measured["results"]["throwing"]["replies"] == 8
@@ -61,10 +61,9 @@ def test_a_tiny_model_learns_from_scratch_and_designs(tmp_path: Path) -> None:
     page = (made / "learning.md").read_text(encoding="utf-8")
     assert f"{card['pairs']['train']} pairs to train" in page
     assert f"| throwing | pass1 | {LABEL}, GRPO (pass1) |" in page
-    assert "pass1: 2 evaluations, pooled." in page
     stages = {path.stem for path in made.glob("*.seconds")}
     assert {f"| {stage} |" in page for stage in stages} == {True}
-    assert len(stages) == 2 + 2 * 2 * (1 + len(KINDS))
+    assert len(stages) == 2 + 2 * (1 + len(KINDS))
     pictures = re.findall(r"!\[[^]]+\]\(([^)]+)\)", page)
     assert "pictures/valid.svg" in pictures
     assert {(made / picture).is_file() for picture in pictures} == {True}

@@ -208,7 +208,7 @@ def test_an_interrupted_training_goes_on_with_the_same_curve(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("trigger", ["training.json", "curves.jsonl", "checkpoint-8/optimizer.pt"])
+@pytest.mark.parametrize("trigger", ["curves.jsonl", "checkpoint-8/optimizer.pt"])
 def test_a_killed_training_goes_on_with_the_same_curve(
     trigger: str, data: Path, trained: Path, tmp_path: Path
 ) -> None:
