@@ -10,7 +10,7 @@ from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
 
-SLOWEST = 20
+SLOWEST = 50
 
 
 def seconds(report: Path) -> Counter[str]:

@@ -22,7 +22,7 @@ from docs.make.pages import DOCS
 from docs.make.site import build
 from docs.make.stage import Nav, navigation, stage
 from tests.llm.foreign import foreign_python
-from tests.report.browser import chromium, complaints
+from tests.report.browser import chromium, complaints, on_phone
 
 LEVELS = ("gearing", "throwing/3")
 LOADED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "video": "src"}
@@ -202,12 +202,12 @@ def test_a_picture_of_the_gallery_opens_its_machine(site: Path, browser: webdriv
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
-def test_it_is_light_or_dark_and_fits_a_phone(site: Path, tmp_path: Path, dark: bool) -> None:
-    with chromium(tmp_path, dark=dark) as driver:
-        phone = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
-        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", phone)
+def test_it_is_light_or_dark_and_fits_a_phone(
+    site: Path, browser: webdriver.Chrome, dark: bool
+) -> None:
+    with on_phone(browser, 390, 844, dark=dark):
         for name in ("index", "reference/configuration", "gallery/index"):
-            driver.get((site / f"{name}.html").as_uri())
-            assert driver.execute_script("return document.documentElement.scrollWidth") == 390
-            scheme = driver.execute_script("return document.body.dataset.mdColorScheme")
+            browser.get((site / f"{name}.html").as_uri())
+            assert browser.execute_script("return document.documentElement.scrollWidth") == 390
+            scheme = browser.execute_script("return document.body.dataset.mdColorScheme")
             assert scheme == ("slate" if dark else "default")

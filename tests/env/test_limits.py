@@ -104,8 +104,8 @@ def agreements(engine: Engine, spec: EngineSpec, count: int) -> list[bool]:
 
 
 @pytest.mark.slow
-def test_check_and_engine_agree_on_a_few(engine: Engine, engine_spec: EngineSpec) -> None:
-    found = agreements(engine, engine_spec, 12)
+def test_check_and_engine_agree(engine: Engine, engine_spec: EngineSpec) -> None:
+    found = agreements(engine, engine_spec, 40)
     assert engine_spec.most_parts is None or {*found} == {True, False}
 
 
@@ -122,11 +122,6 @@ def test_a_moving_joint_that_closes_a_loop_counts_as_a_part(
         problems = check(machine, limits=Limits((999.0, 999.0, 999.0), parts=most)).problems
         assert [problem.code for problem in problems] == ["too_many_parts"] * (count == most)
         assert is_held(engine, machine) == (count < most)
-
-
-@pytest.mark.slow
-def test_check_and_engine_agree_on_200(engine: Engine, engine_spec: EngineSpec) -> None:
-    agreements(engine, engine_spec, 200)
 
 
 @pytest.mark.pybullet

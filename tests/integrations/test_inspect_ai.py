@@ -26,19 +26,23 @@ CALLS = [["check", {"machine": CAR}], ["submit", {"machine": NAME}]]
 """Tool calls that submit the car."""
 READ = """
 import json, sys
+from pathlib import Path
 from inspect_ai.log import read_eval_log
-log = read_eval_log(sys.argv[1])
-samples = [
-    {"id": s.id, "target": s.target, "error": s.error, "run": s.metadata.get("run")}
-    | {"messages": [message.text for message in s.messages]}
-    | s.scores["simulation"].model_dump() for s in log.samples
-]
-scores = [s.model_dump() for s in log.results.scores]
-told = {"status": log.status, "task": log.eval.task}
-print(json.dumps(told | {"scores": scores, "samples": samples}))
+
+def read_log():
+    [path] = Path("logs").glob("*.eval")
+    log = read_eval_log(str(path))
+    samples = [
+        {"id": s.id, "target": s.target, "error": s.error, "run": s.metadata.get("run")}
+        | {"messages": [message.text for message in s.messages]}
+        | s.scores["simulation"].model_dump() for s in log.samples
+    ]
+    scores = [s.model_dump() for s in log.results.scores]
+    told = {"status": log.status, "task": log.eval.task}
+    return told | {"scores": scores, "samples": samples}
 """
+"""Reads the only log in a folder, with Inspect's own reader."""
 EVALUATE = """
-import json, sys
 from inspect_ai import eval
 from inspect_ai.model import ModelOutput, ModelUsage, get_model
 
@@ -65,15 +69,8 @@ model = get_model("mockllm/model", custom_outputs=answer)
 options = {"display": "none", "log_dir": "logs", "limit": task_args.pop("limit", None)}
 options["message_limit"] = task_args.pop("message_limit", None)
 eval(sys.argv[1], model=model, task_args={"engine": "mujoco", **task_args}, **options)
-print(json.dumps(offered))
+print(json.dumps([read_log(), offered]))
 """
-
-
-def read_log(folder: Path) -> dict[str, Any]:
-    """The only log in a folder, as Inspect's own reader reads it."""
-    [path] = (folder / "logs").glob("*.eval")
-    log: dict[str, Any] = json.loads(run_foreign(INSPECT, folder, "-c", READ, path))
-    return log
 
 
 def evaluate(
@@ -85,9 +82,9 @@ def evaluate(
         The log, and the tools that the model was offered last.
     """
     with_plugins = {"PYTHONPATH": str(PLUGINS)}
-    arguments = ("-c", EVALUATE, task, json.dumps(replies), json.dumps(task_args))
-    printed = run_foreign(INSPECT, folder, *arguments, variables=with_plugins)
-    return read_log(folder), json.loads(printed)
+    arguments = ("-c", READ + EVALUATE, task, json.dumps(replies), json.dumps(task_args))
+    log, offered = json.loads(run_foreign(INSPECT, folder, *arguments, variables=with_plugins))
+    return log, offered
 
 
 @pytest.fixture
@@ -110,7 +107,7 @@ def test_the_command_evaluates_a_family(tmp_path: Path, encodings: dict[str, str
         INSPECT, tmp_path, command, "eval", "agentflow/throwing", *options, variables=encodings
     )
     assert "throwing (2 samples): mockllm/model" in printed
-    log = read_log(tmp_path)
+    log = json.loads(run_foreign(INSPECT, tmp_path, "-c", f"{READ}\nprint(json.dumps(read_log()))"))
     assert (log["status"], log["task"]) == ("success", "agentflow/throwing")
     assert [sample["id"] for sample in log["samples"]] == ["throwing", "throwing/2"]
     for sample in log["samples"]:

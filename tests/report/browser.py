@@ -54,6 +54,22 @@ def chromium(
         driver.quit()
 
 
+@contextmanager
+def on_phone(
+    driver: webdriver.Chrome, width: int, height: int, *, dark: bool, scale: int = 1
+) -> Iterator[None]:
+    """Have pages shown as on a phone, light or dark, while the context is open."""
+    screen = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": True}
+    scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
+    try:
+        yield
+    finally:
+        driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
 def complaints(driver: webdriver.Chrome) -> list[str]:
     """Errors and warnings of the page's console; the software renderer's on its speed left out."""
     entries: list[dict[str, Any]] = driver.get_log("browser")  # type: ignore[no-untyped-call]

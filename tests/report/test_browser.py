@@ -32,7 +32,7 @@ from agentflow.runs import read_result
 from agentflow.training.record import About, TrainingRun
 from tests.app.pages.test_robustness import FOUND
 from tests.machine.builders import CAR
-from tests.report.browser import chromium, complaints
+from tests.report.browser import chromium, complaints, on_phone
 from tests.report.hostile import LONG, NASTY, hostile_run
 from tests.training.folders import throws, write_training
 
@@ -253,16 +253,14 @@ def test_the_policy_forbids_what_the_page_does_not_need(opened: webdriver.Chrome
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_nothing_is_wider_than_a_phone(page: Path, tmp_path: Path, dark: bool) -> None:
-    with chromium(tmp_path / "profile", (500, 844), dark=dark) as driver:
-        metrics = {"width": 360, "height": 760, "deviceScaleFactor": 2, "mobile": True}
-        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        driver.get(page.as_uri())
-        until(driver, lambda: find(driver, "body").get_attribute("data-ready") == "run")
-        driver.execute_script(
+def test_nothing_is_wider_than_a_phone(browser: webdriver.Chrome, page: Path, dark: bool) -> None:
+    with on_phone(browser, 360, 760, dark=dark, scale=2):
+        browser.get(page.as_uri())
+        until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "run")
+        browser.execute_script(
             "document.querySelectorAll('details').forEach((e) => (e.open = true))"
         )
-        widths = driver.execute_script(
+        widths = browser.execute_script(
             "return [document.documentElement.scrollWidth, getComputedStyle(document.body)"
             ".backgroundColor]"
         )
@@ -395,22 +393,22 @@ class Hostile(BaseModel):
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_a_training_page_fits_a_phone(tmp_path: Path, dark: bool) -> None:
+def test_a_training_page_fits_a_phone(
+    browser: webdriver.Chrome, tmp_path: Path, dark: bool
+) -> None:
     path = write_training(tmp_path / "run", label="m")
     out = training_report(path, tmp_path / "r.html", films=0, workers=1, say=quiet)
-    with chromium(tmp_path / "profile", (500, 844), dark=dark) as driver:
-        metrics = {"width": 360, "height": 760, "deviceScaleFactor": 2, "mobile": True}
-        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        driver.get(out.as_uri())
-        until(driver, lambda: find(driver, "body").get_attribute("data-ready") == "training")
-        driver.execute_script(
+    with on_phone(browser, 360, 760, dark=dark, scale=2):
+        browser.get(out.as_uri())
+        until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "training")
+        browser.execute_script(
             "document.querySelectorAll('details').forEach((e) => (e.open = true))"
         )
-        until(driver, lambda: driver.find_elements(By.CSS_SELECTOR, ".chart .line"))
-        width = driver.execute_script("return document.documentElement.scrollWidth")
+        until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".chart .line"))
+        width = browser.execute_script("return document.documentElement.scrollWidth")
         assert width == 360
-        paper = "return getComputedStyle(document.body).backgroundColor"
-        assert driver.execute_script(paper) == ("rgb(20, 24, 26)" if dark else "rgb(252, 251, 248)")
+        paper = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
+        assert paper == ("rgb(20, 24, 26)" if dark else "rgb(252, 251, 248)")
 
 
 def test_where_nothing_scored_the_axis_has_plain_numbers(

@@ -15,15 +15,15 @@ RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
 
 
 @pytest.mark.slow
-def test_a_hundred_mutated_runs(tmp_path: Path) -> None:
+def test_mutated_runs(tmp_path: Path) -> None:
     """`benchmarks/forged.py` tries two thousand."""
     (tmp_path / "source").mkdir()
     (tmp_path / "copies").mkdir()
-    counts, faults = summary(make_source(tmp_path / "source"), tmp_path / "copies", 100, seed=3)
+    counts, faults = summary(make_source(tmp_path / "source"), tmp_path / "copies", 60, seed=3)
     assert faults == []
     for reader in ("show", "failures", "report", "rescore", "replay", "resume", "table usage"):
-        assert counts[f"{reader}: ok"] > 10, reader
-        assert counts[f"{reader}: refused"] > 10, reader
+        assert counts[f"{reader}: ok"] > 6, reader
+        assert counts[f"{reader}: refused"] > 6, reader
 
 
 FORGED = {

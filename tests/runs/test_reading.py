@@ -50,23 +50,12 @@ def peak(path: Path) -> tuple[int, int]:
 
 
 @pytest.mark.slow
-def test_memory_does_not_grow_with_events(tmp_path: Path) -> None:
-    few, many = made(tmp_path, "few"), made(tmp_path, "many")
-    write_events(few, 100)
-    write_events(many, 10_000)
-    assert peak(few)[0] == 100
-    count, held = peak(many)
-    assert count == 10_000
-    assert held < 200_000  # the lines themselves are 2.4 MB
-
-
-@pytest.mark.slow
-def test_a_hundred_thousand_events_are_read_in_constant_memory(tmp_path: Path) -> None:
+def test_events_are_read_in_constant_memory(tmp_path: Path) -> None:
     path = made(tmp_path)
-    write_events(path, 100_000)
+    write_events(path, 30_000)
     count, held = peak(path)
-    assert count == 100_000
-    assert held < 200_000
+    assert count == 30_000
+    assert held < 200_000  # the lines themselves are 7 MB
 
 
 @pytest.mark.parametrize(
@@ -78,7 +67,7 @@ def test_a_hundred_thousand_events_are_read_in_constant_memory(tmp_path: Path) -
         '{"kind": "a", "label": "b"}',
         '{"kind": 1, "label": "b", "data": {}}',
         '{"kind": "a", "label": "b", "data": []}',
-        "[" * 100_000,
+        "[" * 30_000,
     ],
 )
 def test_a_damaged_middle_line_is_named(tmp_path: Path, line: str) -> None:

@@ -66,9 +66,14 @@ def written(run: RunDirectory) -> Written:
 
 
 @pytest.mark.slow
-def test_fifty_completion_orders_give_the_same_run(tmp_path: Path) -> None:
+def test_completion_orders_give_the_same_run(tmp_path: Path) -> None:
+    """`benchmarks/kills.py` tries fifty."""
+    complete_in_orders(tmp_path, 12)
+
+
+def complete_in_orders(tmp_path: Path, count: int) -> None:
     runs, results, orders = [], [], set()
-    for seed in range(50):
+    for seed in range(count):
         folder = tmp_path / str(seed)
         result, run, call_log = carry_out(folder, random.Random(seed))
         labels = [entry.request.label for entry in call_log.calls()]
@@ -81,7 +86,7 @@ def test_fifty_completion_orders_give_the_same_run(tmp_path: Path) -> None:
     for name in runs[0]:
         assert len({files.get(name) for files in runs}) == 1, name
     assert all(files.keys() == runs[0].keys() for files in runs)
-    assert len(orders) > 40, "hardly any order was another"
+    assert len(orders) > 0.8 * count, "hardly any order was another"
     assert len(runs[0]["calls.jsonl"].splitlines()) > 40
 
 
@@ -135,20 +140,23 @@ asyncio.run(main(folder))
 
 
 @pytest.mark.slow
-def test_after_thirty_kills_no_recorded_call_is_repeated_or_lost(
-    tmp_path: Path,
-) -> None:
+def test_after_kills_no_recorded_call_is_repeated_or_lost(tmp_path: Path) -> None:
+    """`benchmarks/kills.py` kills thirty times."""
+    kill_and_go_on(tmp_path, 8)
+
+
+def kill_and_go_on(tmp_path: Path, kills: int) -> None:
     rng = random.Random(5)
     path, recorded = tmp_path / "calls.jsonl", b""
     command = [sys.executable, "-c", KILLED, str(tmp_path)]
     killed_at_work = 0
-    for number in range(31):
+    for number in range(kills + 1):
         with subprocess.Popen(
             [*command, f"asked-{number}"], stdout=subprocess.PIPE, text=True
         ) as process:
             assert process.stdout is not None
-            assert "started" in process.stdout.read(100 if number == 30 else 8)
-            if number < 30:
+            assert "started" in process.stdout.read(100 if number == kills else 8)
+            if number < kills:
                 enough = len(recorded) + rng.randrange(150_000)
                 while path.stat().st_size < enough and process.poll() is None:
                     time.sleep(0.001)
@@ -163,7 +171,7 @@ def test_after_thirty_kills_no_recorded_call_is_repeated_or_lost(
         killed_at_work += recorded != whole and process.returncode == -signal.SIGKILL
         recorded = whole
     assert process.returncode == 0
-    assert killed_at_work > 10
+    assert killed_at_work > kills / 3
     with CallLog(path, pytest.fail, writable=False) as call_log:
         replies = {entry.request.label: entry.reply.text for entry in call_log.calls()}
         assert len(replies) == len(call_log)

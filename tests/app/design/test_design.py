@@ -19,7 +19,6 @@ from agentflow.app.design.config import load_config
 from agentflow.app.design.replay import replay
 from agentflow.app.design.run import RunOptions, design, resume
 from agentflow.cli import main
-from agentflow.config.run import build_config, load_document
 from agentflow.errors import RunError
 from agentflow.runs import read_events, read_result
 from agentflow.runs.reading import document_text

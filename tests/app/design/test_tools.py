@@ -47,7 +47,7 @@ def test_its_details_count_calls_of_tools_by_stage(run: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("after", [2, 6, 14])
+@pytest.mark.parametrize("after", [2, 14])
 def test_a_killed_run_with_tools_resumes_to_the_same_result(
     run: Path, tmp_path: Path, after: int
 ) -> None:

@@ -23,7 +23,7 @@ from agentflow.machine.tree import Machine
 from tests.env.conftest import MakeEngine
 
 TASK = get_task("movement", {"window": 2})
-MACHINES = 12
+MACHINES = 4
 NUDGES = (1e-12, -1e-12, 1e-10, 1e-8)
 """Relative changes of gravity. A machine whose score one of them changes by more than 1 % is
 chaotic: it amplifies rounding, or the order in which the solver treats joints, by a million times

@@ -65,44 +65,32 @@ def test_a_family_from_elsewhere_is_one_of_all_beside_a_broken_one(tmp_path: Pat
     )
 
 
-@pytest.mark.parametrize(
-    ("points", "module", "problem"),
-    [
-        pytest.param(
-            "sweeping = broom.sweeping:Sweeping",
-            "1 / 0",
-            "cannot be loaded: ZeroDivisionError",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "sweeping = broom.sweeping:Sweeping",
-            "Sweeping = 7",
-            "is not a subclass of agentflow.env.tasks.family.Family",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "sweeping = alone:Sweeping",
-            FAMILY,
-            "is a module outside any package; move it and levels/ into a package",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "mopping = broom.sweeping:Sweeping",
-            FAMILY,
-            "has family = 'sweeping'",
-            marks=pytest.mark.slow,
-        ),
-    ],
-)
+BROKEN = {
+    "dividing = broom.dividing:Sweeping": "cannot be loaded: ZeroDivisionError",
+    "counting = broom.counting:Sweeping": (
+        "is not a subclass of agentflow.env.tasks.family.Family"
+    ),
+    "sweeping = alone:Sweeping": (
+        "is a module outside any package; move it and levels/ into a package"
+    ),
+    "mopping = broom.sweeping:Sweeping": "has family = 'sweeping'",
+}
+"""Entry point -> what is wrong with it."""
+
+
 @pytest.mark.slow
-def test_a_broken_one_is_named(tmp_path: Path, points: str, module: str, problem: str) -> None:
-    folder = distribution(tmp_path, points, module)
-    shown = told(folder, "sweeping", "movement")
-    name, _, value = points.partition(" = ")
-    assert shown.returncode == 2, shown.stderr
-    start = f"agentflow: the task family {name!r} ({value}) of the distribution 'broom' {problem}"
-    assert shown.stderr.startswith(start)
-    assert "Traceback" not in shown.stderr
+def test_a_broken_one_is_named(tmp_path: Path) -> None:
+    folder = distribution(tmp_path, "\n".join(BROKEN))
+    (folder / "broom" / "dividing.py").write_text("1 / 0")
+    (folder / "broom" / "counting.py").write_text("Sweeping = 7")
+    points = [point.split(" = ") for point in BROKEN]
+    shown = told(folder, "movement", *(name for name, _ in points))
+    assert shown.returncode == 22220 % 256, shown.stderr
+    for (name, value), problem, line in zip(
+        points, BROKEN.values(), shown.stderr.splitlines(), strict=True
+    ):
+        start = f"agentflow: the task family {name!r} ({value}) of the distribution 'broom' "
+        assert line.startswith(start + problem)
 
 
 @pytest.mark.slow
