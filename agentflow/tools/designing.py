@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
@@ -180,7 +180,7 @@ def _difference(outcome: EditOutcome) -> str:
     kept = {new for new in outcome.id_map.values() if new is not None}
     added = [step for step in outcome.machine if step.id not in kept]
     gone = [str(old) for old, new in outcome.id_map.items() if new is None]
-    moved = [f"{old} is now {new}" for old, new in outcome.id_map.items() if new not in (None, old)]
+    moved = _renumbered(outcome.id_map)
     parts = [f"{len(kept)} of {len(outcome.id_map)} blocks kept"]
     if added:
         told = (f"{step.id} {names.get(step.id, library()[step.type].name)}" for step in added)
@@ -189,6 +189,23 @@ def _difference(outcome: EditOutcome) -> str:
     parts += [f"renumbered: {', '.join(moved)}"] if moved else []
     parts += outcome.changes
     return "; ".join(parts) + "."
+
+
+def _renumbered(ids: Mapping[int, int | None]) -> list[str]:
+    """Old and new ids; rows that moved alike as ranges."""
+    moved = sorted((old, new) for old, new in ids.items() if new is not None and new != old)
+    rows: list[list[tuple[int, int]]] = []
+    for old, new in moved:
+        if rows and rows[-1][-1] == (old - 1, new - 1):
+            rows[-1].append((old, new))
+        else:
+            rows.append([(old, new)])
+    return [
+        f"{first[0]}-{last[0]} are now {first[1]}-{last[1]}"
+        if first != last
+        else f"{first[0]} is now {first[1]}"
+        for first, last in ((row[0], row[-1]) for row in rows)
+    ]
 
 
 def _history_row(workspace: Workspace, known: KnownMachine) -> dict[str, object]:

@@ -224,6 +224,11 @@ class Workspace:
         simulations = self.budget.simulations
         assert simulations is not None, "only simulated machines are verified"
         cost = 0 if known.verified else self.host.count_changes(known.machine)
+        if cost > simulations.left:
+            raise RefusedCall(
+                f"verifying machine {known.name} takes {cost} simulations, and {simulations.left} "
+                "are left; `submit` it: the best machine is verified in the end"
+            )
         with simulations.using(cost):
             told = await self.host.verify(known.machine)
         if told.data["score"] is None or (cost and known.verified):

@@ -176,7 +176,7 @@ def test_what_is_on_a_replaced_block_keeps_its_place_if_it_can() -> None:
         ((1, 6), (0, 4)),
     ]
     assert told(log, "Replace 1 with 1") == [
-        "block 1 (Log) -> 1 (Wooden Block); block 2: face 6 to 4 of block 1; "
+        "block 1 (Log) -> type 1 (Wooden Block); block 2: face 6 to 4 of block 1; "
         "block 4: face 9 to 6 of block 1"
     ]
 
@@ -185,7 +185,7 @@ def test_a_block_that_nothing_drives_leaves_its_controls() -> None:
     unpowered = "Replace 4 with 40\nReplace 6 with 40"
     assert edited(DRIVEN, unpowered, DESIGNED).controls == DRIVEN.controls[:1]
     assert told(DRIVEN, unpowered)[0] == (
-        "block 4 (Powered Wheel) -> 40 (Unpowered Wheel); control 1 no longer names it"
+        "block 4 (Powered Wheel) -> type 40 (Unpowered Wheel); control 1 no longer names it"
     )
     refused = apply_script(DRIVEN, unpowered + "\nReplace 3 with 40\nReplace 5 with 40", DESIGNED)
     assert (refused.success, refused.steps[3].code) == (False, "control_group")

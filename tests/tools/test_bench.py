@@ -19,7 +19,8 @@ ENDED = str(StageEnded())
 async def test_a_whole_session() -> None:
     async with open_bench() as (bench, record):
         assert [tool.name for tool in bench.tools] == [
-            "brief", "check", "describe", "edit", "simulate", "query", "look", "history", "submit"
+            "brief", "check", "describe", "edit", "simulate", "verify", "explore_edits", "query",
+            "look", "history", "submit",
         ]  # fmt: skip
         told = await bench.call("brief", None)
         assert "### Scene" in told.text

@@ -11,6 +11,7 @@ from agentflow.report.lineage import Lineage
 from agentflow.runs import Event
 from agentflow.runs.events import typed_event
 from agentflow.tools import Bench
+from agentflow.tools.designing import _renumbered
 from tests.tools.benches import CAR, open_bench
 from tests.tools.test_repeat import repeat
 
@@ -84,3 +85,17 @@ async def test_history_and_tree_show_where_a_machine_came_from() -> None:
     async with open_bench(stage="initial", rollouts=None, looks=None) as (again, _):
         await repeat(again, events, machines)
         assert (await again.call("history", None)).text == table.text
+
+
+@pytest.mark.parametrize(
+    ("ids", "told"),
+    [
+        ({0: 0, 1: 1}, []),
+        ({0: 0, 1: None, 2: 1}, ["2 is now 1"]),
+        ({0: 0, 1: 4, 2: 1, 3: 2, 4: 3}, ["1 is now 4", "2-4 are now 1-3"]),
+    ],
+)
+def test_rows_of_renumbered_blocks_are_told_as_ranges(
+    ids: dict[int, int | None], told: list[str]
+) -> None:
+    assert _renumbered(ids) == told

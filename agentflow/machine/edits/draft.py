@@ -133,7 +133,7 @@ class Draft:
             label = block_label(block, kind)
             raise RefusedEdit("no_change", f"{label} has type {kind} already: remove the line")
         faces = self._kept_faces(old, kind)
-        said = [f"{block_label(block, old.type)} -> {library()[kind].label}"]
+        said = [f"{block_label(block, old.type)} -> type {library()[kind].label}"]
         for step in list(self.steps.values()):
             if block in step.parents:
                 a, *b = (

@@ -51,7 +51,10 @@ def test_up_for_a_second_and_at_the_end_is_a_success() -> None:
     verdict = judge((3.9, 3.0), (4.5, 3.5), (5.0, 3.0))
     assert (verdict.score, verdict.terms["success"], verdict.terms["miss"]) == (1.0, True, None)
     assert verdict.terms["held"] == pytest.approx(1.1)
-    assert verdict.terms["outcome"] == "success, highest 1.50 m at 4.50 s, ends 1.00 m up"
+    assert (
+        verdict.terms["outcome"]
+        == "success, up for 1.10 s, highest 1.50 m at 4.50 s, ends 1.00 m up"
+    )
     assert [(event.time, event.kind) for event in verdict.events] == [(3.9, "lifted")]
 
 

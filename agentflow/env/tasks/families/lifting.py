@@ -232,7 +232,8 @@ class LiftReferee:
     def _outcome(self, success: bool, carried: bool) -> str:
         best = f"highest {number(self._best)} m at {number(self._best_time)} s"
         if success:
-            return f"success, {best}, ends {number(self._rise)} m up"
+            held = f"up for {number(self._held)} s"
+            return f"success, {held}, {best}, ends {number(self._rise)} m up"
         if self._since is not None and not carried:
             away = number(self._now - self._touched)
             return f"failed, up but off the machine for the last {away} s, {best}"
