@@ -9,11 +9,11 @@ import asyncio
 import os
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, overload
 
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, Report
@@ -23,6 +23,8 @@ from agentflow.machine.formats.detect import read_for
 from agentflow.machine.tree import MachineJson
 
 if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
     from agentflow.app.design.run import RunOptions
     from agentflow.config.run import DesignConfig
     from agentflow.env.pool.base import Pool
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from agentflow.env.verification import Verification
     from agentflow.llm.function import FunctionClient, ModelFunction
     from agentflow.machine.building import MachineBuilder
+    from agentflow.notebook.sweeps import Sweep
     from agentflow.runs import Listener, Notify, RunResult
 
 MachineLike = Machine | str | list[dict[str, Any]] | dict[str, Any] | Path
@@ -66,6 +69,40 @@ class Design:
     """Everything in result.json: calls, tokens, cost, seconds, reason, ..."""
 
 
+class DesignOptions(TypedDict, total=False):
+    """The arguments of `design` besides the task and seeds; see there."""
+
+    workflow: str | None
+    model: str | None
+    base_url: str | None
+    answer: ModelFunction | None
+    config: Path | str | Mapping[str, Any] | None
+    settings: Mapping[str, object] | None
+    engine: str | None
+    seed: int | None
+    out: Path | str
+    workers: int | None
+    trust: bool
+    say: Notify | None
+    listener: Listener | None
+
+
+@overload
+def design(
+    task: str | None = None, *, seeds: None = None, **options: Unpack[DesignOptions]
+) -> Design: ...
+
+
+@overload
+def design(
+    task: str | None = None,
+    *,
+    seeds: int | Sequence[int],
+    jobs: int = 2,
+    **options: Unpack[DesignOptions],
+) -> Sweep: ...
+
+
 def design(
     task: str | None = None,
     *,
@@ -77,12 +114,14 @@ def design(
     settings: Mapping[str, object] | None = None,
     engine: str | None = None,
     seed: int | None = None,
+    seeds: int | Sequence[int] | None = None,
+    jobs: int = 2,
     out: Path | str = "runs",
     workers: int | None = None,
     trust: bool = False,
     say: Notify | None = None,
     listener: Listener | None = None,
-) -> Design:
+) -> Design | Sweep:
     """Design a machine for a task, in a new run directory.
 
     As on the command line, missing values come from `config`, then the environment
@@ -99,6 +138,9 @@ def design(
         settings: Dotted configuration keys, or knobs of the task, like `--set`.
         engine: Physics engine; "auto" is the first that is installed.
         seed: Random seed.
+        seeds: Several random seeds, or their number; the result is a `Sweep`, whose `summary` has
+            the mean score, its interval over the runs and the best one.
+        jobs: Number of concurrent runs, with several seeds.
         out: Parent folder of the run directory.
         workers: Worker processes for simulation.
         trust: Send prompts and keys where the file in `config` says, and run the program that it
@@ -116,8 +158,35 @@ def design(
     _require_no_event_loop("design")
     options = _config_keys(task, workflow, model, base_url, engine, seed, workers)
     built, client = _configure(config, settings, options, answer, trust)
+    if seeds is not None:
+        from agentflow.notebook.sweeping import design_seeds
+
+        told = say or _print_remark
+        return asyncio.run(design_seeds(built, client, seeds, seed, jobs, Path(out), told))
     run_options = run.RunOptions(say or _print_remark, listener, client)
     return _to_design(run.design(built, Path(out), run_options))
+
+
+class AsyncDesignOptions(DesignOptions, total=False):
+    """The arguments of `design_async` besides the task and seeds; see there."""
+
+    pool: Pool | None
+
+
+@overload
+async def design_async(
+    task: str | None = None, *, seeds: None = None, **options: Unpack[AsyncDesignOptions]
+) -> Design: ...
+
+
+@overload
+async def design_async(
+    task: str | None = None,
+    *,
+    seeds: int | Sequence[int],
+    jobs: int = 2,
+    **options: Unpack[AsyncDesignOptions],
+) -> Sweep: ...
 
 
 async def design_async(
@@ -131,13 +200,15 @@ async def design_async(
     settings: Mapping[str, object] | None = None,
     engine: str | None = None,
     seed: int | None = None,
+    seeds: int | Sequence[int] | None = None,
+    jobs: int = 2,
     out: Path | str = "runs",
     workers: int | None = None,
     trust: bool = False,
     say: Notify | None = None,
     listener: Listener | None = None,
     pool: Pool | None = None,
-) -> Design:
+) -> Design | Sweep:
     """Like `design`, on a running event loop, where several runs can share a `pool`.
 
     Notebooks have one: `await agentflow.design_async(...)` works in a cell, which shows progress.
@@ -147,8 +218,98 @@ async def design_async(
 
     options = _config_keys(task, workflow, model, base_url, engine, seed, workers)
     built, client = _configure(config, settings, options, answer, trust)
+    if seeds is not None:
+        from agentflow.notebook.sweeping import design_seeds
+
+        told = say or _print_remark
+        return await design_seeds(built, client, seeds, seed, jobs, Path(out), told, pool)
     run_options = run.RunOptions(say or _print_remark, run_listener(listener), client, pool)
     return _to_design(await run.design_async(built, Path(out), run_options))
+
+
+def sweep(
+    config: Path | str | Mapping[str, Any],
+    *,
+    answer: ModelFunction | None = None,
+    seeds: int | Sequence[int] | None = None,
+    model: str | None = None,
+    base_url: str | None = None,
+    settings: Mapping[str, object] | None = None,
+    engine: str | None = None,
+    workers: int | None = None,
+    jobs: int = 2,
+    out: Path | str = "sweeps",
+    name: str | None = None,
+    resume: bool = False,
+    trust: bool = False,
+    say: Notify | None = None,
+) -> Sweep:
+    """Run configurations that differ in a few settings, each with every seed.
+
+    Args:
+        config: A sweep file (those that ship have short names, such as "inspector"), or a sweep
+            directory to continue, or its content as a mapping, or a grid: keys of the configuration
+            and knobs, each with one value for all runs or with a list of values to compare, as in
+            `{"task": "throwing", "search.strategy": ["mcts", "random"]}`. The key `answer` compares
+            functions: `{"answer": [first, second]}`.
+        answer: Your own function that answers every request of every run. Requests say for which
+            run they are: `run` and `run_seed`.
+        seeds: Several random seeds, or their number, in place of the sweep's.
+        model: Name of the model at the endpoint.
+        base_url: OpenAI-compatible endpoint; the key is in OPENAI_API_KEY.
+        settings: Dotted configuration keys, or knobs, for all runs.
+        engine: Physics engine.
+        workers: Worker processes for simulation, for all runs together.
+        jobs: Number of concurrent runs.
+        out: Parent folder of the sweep directory.
+        name: Name of the sweep directory; by default the date and the name of the sweep.
+        resume: Continue the sweep that the directory holds.
+        trust: Send prompts and keys where the file in `config` says, even if neither the call nor
+            the environment names it.
+        say: Receives messages, one line each; by default they are printed to stderr, and notebooks
+            show progress.
+
+    Raises:
+        UsageError: A name or value is wrong, or the folder holds a sweep and `resume` is not set.
+        RunError: Every run has failed; the message has the first reason.
+        InterruptedRunError: Ctrl-C; the sweep can be resumed.
+    """
+    from agentflow.notebook.sweeping import carry_out_sweep, plan_sweep
+
+    _require_no_event_loop("sweep")
+    options = {"model.name": model, "model.base_url": base_url, "engine": engine}
+    given = {**(settings or {}), **options, "workers": workers}
+    planned = plan_sweep(config, answer, seeds, given, trust)
+    told = say or _print_remark
+    return asyncio.run(carry_out_sweep(*planned, jobs, Path(out), name, resume, told))
+
+
+async def sweep_async(
+    config: Path | str | Mapping[str, Any],
+    *,
+    answer: ModelFunction | None = None,
+    seeds: int | Sequence[int] | None = None,
+    model: str | None = None,
+    base_url: str | None = None,
+    settings: Mapping[str, object] | None = None,
+    engine: str | None = None,
+    workers: int | None = None,
+    jobs: int = 2,
+    out: Path | str = "sweeps",
+    name: str | None = None,
+    resume: bool = False,
+    trust: bool = False,
+    say: Notify | None = None,
+    pool: Pool | None = None,
+) -> Sweep:
+    """Like `sweep`, on a running event loop, as notebooks have one, perhaps with a `pool`."""
+    from agentflow.notebook.sweeping import carry_out_sweep, plan_sweep
+
+    options = {"model.name": model, "model.base_url": base_url, "engine": engine}
+    given = {**(settings or {}), **options, "workers": workers}
+    planned = plan_sweep(config, answer, seeds, given, trust)
+    told = say or _print_remark
+    return await carry_out_sweep(*planned, jobs, Path(out), name, resume, told, pool)
 
 
 def resume(
@@ -436,6 +597,7 @@ def _configure(
 ) -> tuple[DesignConfig, FunctionClient | None]:
     """The configuration, and the client of `answer`."""
     from agentflow.app.design.trust import require_trust
+    from agentflow.config.grid import function_name
     from agentflow.config.run import PROCEDURAL, build_config, load_document, set_key
     from agentflow.llm.function import FunctionClient
     from agentflow.models.completion import complete_config
@@ -445,7 +607,7 @@ def _configure(
     named: dict[str, Any] = {}
     name = {}
     if answer is not None:
-        name = {"model.name": getattr(answer, "__name__", type(answer).__name__)}
+        name = {"model.name": function_name(answer)}
     for key, value in {**(settings or {}), **name, **options}.items():
         document, named = set_key(document, key, value), set_key(named, key, value)
     if answer is None:

@@ -74,12 +74,13 @@ def test_defaults_match_the_command_line() -> None:
         defaults = {name: parameters[name].default for name in parameters}
         assert defaults.pop("out") == "runs"
         assert defaults.pop("trust") is False
+        assert defaults.pop("jobs") == 2
         assert set(defaults.values()) == {None}
     assert inspect.signature(agentflow.simulate).parameters["seed"].default == 0
     assert inspect.signature(agentflow.reward).parameters["seed"].default == DesignConfig().seed
 
 
-@pytest.mark.parametrize("name", ["design", "resume", "simulate", "verify", "reward"])
+@pytest.mark.parametrize("name", ["design", "resume", "sweep", "simulate", "verify", "reward"])
 def test_twins_take_the_same_arguments(name: str) -> None:
     """Of each pair, the one for event loops takes a pool as well; no type can say that."""
     twin = inspect.signature(getattr(agentflow, f"{name}_async"))

@@ -16,13 +16,23 @@ in threads, several at a time; coroutine functions run on the event loop."""
 class FunctionClient:
     """A client that calls a model function."""
 
-    def __init__(self, answer: ModelFunction, name: str) -> None:
-        """`name` is the model's name in results and in the record."""
+    def __init__(
+        self, answer: ModelFunction, name: str, run: str = "", seed: int | None = None
+    ) -> None:
+        """`name` is the model's name in results and in the record.
+
+        `run` and `seed` are those of the run, for the function.
+        """
         self._answer, self.name = answer, name
+        self._of = {"run": run, "run_seed": seed}
+
+    def of_run(self, run: str, seed: int) -> FunctionClient:
+        """The same function, which is told for which run it answers."""
+        return FunctionClient(self._answer, self.name, run, seed)
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request; exceptions of the function propagate."""
-        given = await asyncio.to_thread(self._answer, request)
+        given = await asyncio.to_thread(self._answer, request.model_copy(update=self._of))
         answer = await given if isawaitable(given) else given
         if isinstance(answer, Reply):
             return answer

@@ -153,6 +153,10 @@ class Request(_Recorded):
     tool_choice: Literal["auto", "none", "required"] | NamedTool = "auto"
     """`auto`: the reply may call tools; `none`: it must not; `required`: it must; or the
     tool to call."""
+    run: str = Field("", exclude=True)
+    """Name of the run directory, for functions in place of models; not recorded."""
+    run_seed: int | None = Field(None, exclude=True)
+    """Random seed of the run, for functions in place of models; not recorded."""
 
     @property
     def estimated_tokens(self) -> int:

@@ -20,6 +20,7 @@ from agentflow.env.pool.base import OpenPool, Simulator
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import ConfigError, EndpointError, InterruptedRunError, RunError
 from agentflow.llm.client import Client
+from agentflow.llm.function import FunctionClient
 from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
 from agentflow.models.clients import open_models
@@ -203,7 +204,7 @@ class DesignRun:
     async def _finish(self, call_log: CallLog, remarks: Remarks) -> RunResult:
         plan, directory, options = self.plan, self.directory, self.options
         models = watch_calls(
-            open_models(plan.config, call_log, remarks.tell, options.client, options.limiters),
+            open_models(plan.config, call_log, remarks.tell, self._client, options.limiters),
             directory.notify,
         )
         execution = await execute(
@@ -223,6 +224,14 @@ class DesignRun:
         )
         directory.finish(result)
         return result
+
+    @property
+    def _client(self) -> Client | None:
+        """What answers in place of the models; functions are told for which run."""
+        client = self.options.client
+        if isinstance(client, FunctionClient):
+            return client.of_run(self.directory.path.name, self.plan.config.seed)
+        return client
 
     def _worth_keeping(self, call_log: CallLog) -> bool:
         """Whether there is anything to resume: a reply, or the work of an earlier process."""

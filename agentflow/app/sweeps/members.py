@@ -22,6 +22,7 @@ from agentflow.env.pool.base import Simulator
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.pool.store import Store
 from agentflow.errors import AgentflowError, EndpointError, RunError
+from agentflow.llm.client import Client
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
 from agentflow.models.choices import choose_models
 from agentflow.runs import Event, RunResult, read_document
@@ -47,8 +48,22 @@ CarryOut = Callable[[SweepRun, Tell], Awaitable[Outcome]]
 """Carries out a run; receives what it tells."""
 
 
+ClientOf = Callable[[SweepRun], "Client | None"]
+"""What answers in a run in place of its models; None for the models."""
+
+
+def models_answer(_run: SweepRun) -> Client | None:
+    """The configured models answer in every run."""
+    return None
+
+
 async def _carry_out(
-    run: SweepRun, folder: Path, store: Store, limiters: Limiters, tell: Tell
+    run: SweepRun,
+    folder: Path,
+    store: Store,
+    limiters: Limiters,
+    client: Client | None,
+    tell: Tell,
 ) -> Outcome:
     """Carry out a run in the folder of its sweep, and link its files to those of the store.
 
@@ -57,9 +72,12 @@ async def _carry_out(
         folder: The sweep's folder.
         store: Simulates its machines.
         limiters: Shared with the other runs.
+        client: Answers in place of the models.
         tell: Receives events and remarks.
     """
-    options = RunOptions(tell, tell, pool=store, limiters=limiters, named=config_json(run.config))
+    options = RunOptions(
+        tell, tell, client, pool=store, limiters=limiters, named=config_json(run.config)
+    )
     try:
         result = await _run(run, folder / RUNS, options)
         store.share(folder / RUNS / run.name, RunPlan.of(run.config).task, run.config.seed)
@@ -112,12 +130,13 @@ async def carry_out_here(
     shared_store: str | None,
     pool: Simulator | None = None,
     limiters: Limiters | None = None,
+    client_of: ClientOf = models_answer,
 ) -> AsyncIterator[CarryOut]:
     """Carries out runs in this process, which share `workers` processes, or the given pool."""
     async with RolloutPool(workers) if pool is None else nullcontext(pool) as simulator:
         known = simulator if shared_store is None else RemoteStore(shared_store, simulator)
         store, shared = Store(folder / STORE, known), limiters or LocalLimiters()
-        yield lambda run, tell: _carry_out(run, folder, store, shared, tell)
+        yield lambda run, tell: _carry_out(run, folder, store, shared, client_of(run), tell)
 
 
 @asynccontextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -106,8 +106,35 @@ def plan_sweep(
         require_trust(path, plan.configs, {}, approve)
         return plan
     sweep = adapt(read_sweep(load_document(path), str(path)))
+    plan = plan_config(path.stem, sweep, settings, given, seeds, source=str(path))
+    require_trust(path, plan.configs, set_options({}, settings, given), approve)
+    return plan
+
+
+def plan_config(
+    name: str,
+    sweep: SweepConfig,
+    settings: Iterable[str],
+    given: Mapping[str, Any],
+    seeds: Sequence[int] | int | None,
+    *,
+    source: str,
+    answered: bool = False,
+) -> SweepPlan:
+    """Apply settings to a sweep's base, and look everything up; see `plan_sweep`.
+
+    Args:
+        name: Of the sweep.
+        sweep: As read.
+        settings: Strings `a.b=value`.
+        given: Dotted configuration keys.
+        seeds: In place of the sweep's; a number gives 0, 1, ...
+        source: File name for error messages.
+        answered: Whether functions answer in place of models.
+    """
+    settings = list(settings)
     if "seed" in sweep.base:
-        raise ConfigError(f"{path}: base.seed: list seeds under seeds, for example seeds: [0]")
+        raise ConfigError(f"{source}: base.seed: list seeds under seeds, for example seeds: [0]")
     axes = axis_of_key(sweep)
     for key in [*(setting.partition("=")[0].strip() for setting in settings), *given]:
         if key.removeprefix("settings.") in {name.removeprefix("settings.") for name in axes}:
@@ -116,14 +143,16 @@ def plan_sweep(
                 "runs; to set the seeds, use --seeds N"
             )
     base = set_options(sweep.base, settings, given)
-    changed: dict[str, Any] = {"base": fill_from_environment(base, os.environ)}
+    changed: dict[str, Any] = {
+        "base": base if answered else fill_from_environment(base, os.environ)
+    }
     if seeds is not None:
-        changed["seeds"] = tuple(range(seeds))
-    plan = SweepPlan.of(path.stem, sweep.model_copy(update=changed))
+        changed["seeds"] = tuple(range(seeds)) if isinstance(seeds, int) else tuple(seeds)
+    plan = SweepPlan.of(name, sweep.model_copy(update=changed))
     for run, first in zip(plan.firsts, plan.plans, strict=True):
-        require_model_name(run.config.model)
+        if not answered:
+            require_model_name(run.config.model)
         first.require_workflow()
-    require_trust(path, plan.configs, set_options({}, settings, given), approve)
     return plan
 
 

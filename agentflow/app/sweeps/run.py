@@ -17,9 +17,11 @@ from agentflow.app.pools import Where, connect
 from agentflow.app.sweeps.folder import LOG, RUNS, lock_folder, sweep_document
 from agentflow.app.sweeps.members import (
     CarryOut,
+    ClientOf,
     Failure,
     carry_out_here,
     carry_out_on_ray,
+    models_answer,
     require_same_plan,
 )
 from agentflow.app.sweeps.plan import SweepPlan
@@ -75,6 +77,39 @@ def run_sweep(
     pool: Simulator | None = None,
     on: Where = "local",
     shared_store: str | None = None,
+    client_of: ClientOf = models_answer,
+) -> SweepOutcome:
+    """Like `run_sweep_async`, on a new event loop.
+
+    Raises:
+        InterruptedRunError: Ctrl-C; the sweep can be resumed.
+    """
+    work = run_sweep_async(
+        plan, folder, watcher, jobs=jobs, resume=resume,
+        pool=pool, on=on, shared_store=shared_store, client_of=client_of,
+    )  # fmt: skip
+    try:
+        return asyncio.run(work)
+    except KeyboardInterrupt:
+        done = sum(_is_done(folder, run) for run in plan.runs)
+        raise InterruptedRunError(
+            f"interrupted; {done} of {len(plan.runs)} runs are done; continue "
+            f"with: agentflow {plan.sweep.command} {quote(str(folder))} --resume"
+            f"{trust_option(plan.configs)}"
+        ) from None
+
+
+async def run_sweep_async(
+    plan: SweepPlan,
+    folder: Path,
+    watcher: Watcher,
+    *,
+    jobs: int,
+    resume: bool,
+    pool: Simulator | None = None,
+    on: Where = "local",
+    shared_store: str | None = None,
+    client_of: ClientOf = models_answer,
 ) -> SweepOutcome:
     """Carry out the unfinished runs of a sweep.
 
@@ -89,10 +124,10 @@ def run_sweep(
         on: Where the runs are carried out; on a cluster, each on one node.
         shared_store: URL of a store that sweeps share; rollouts are looked up there before they are
             simulated.
+        client_of: What answers in place of the models of a run; only where `on` is "local".
 
     Raises:
         RunError: The folder cannot be used.
-        InterruptedRunError: Ctrl-C; the sweep can be resumed.
     """
     workers = build_config(plan.sweep.base).workers
     if on == "ray":
@@ -101,17 +136,10 @@ def run_sweep(
         place = (
             carry_out_on_ray(folder, workers, shared_store, jobs)
             if on == "ray"
-            else carry_out_here(folder, workers, shared_store, pool)
+            else carry_out_here(folder, workers, shared_store, pool, client_of=client_of)
         )
         work = _Work(plan, folder, watcher)
-        try:
-            asyncio.run(work.carry_out(jobs, place))
-        except KeyboardInterrupt:
-            raise InterruptedRunError(
-                f"interrupted; {len(work.done)} of {len(plan.runs)} runs are done; continue "
-                f"with: agentflow {plan.sweep.command} {quote(str(folder))} --resume"
-                f"{trust_option(plan.configs)}"
-            ) from None
+        await work.carry_out(jobs, place)
     order = [run.name for run in plan.runs]
     return SweepOutcome(
         folder,
@@ -119,6 +147,10 @@ def run_sweep(
         {name: work.failed[name] for name in order if name in work.failed},
         work.failed.keys() == work.endpoint and bool(work.endpoint),
     )
+
+
+def _is_done(folder: Path, run: SweepRun) -> bool:
+    return (folder / RUNS / run.name / "result.json").exists()
 
 
 @dataclass
@@ -147,7 +179,7 @@ class _Work:
             log.close()
 
     def _is_done(self, run: SweepRun) -> bool:
-        if (self.folder / RUNS / run.name / "result.json").exists():
+        if _is_done(self.folder, run):
             self.done.add(run.name)
         return run.name in self.done
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from agentflow.metrics.formats import counted
 from agentflow.notebook.display.formatters import in_notebook
-from agentflow.runs import Event, Listener, RunResult
+from agentflow.runs import Event, Listener, Notify, RunResult
 from agentflow.runs.events import RunEvent
 from agentflow.runs.record import RunRecord
 
@@ -59,11 +59,12 @@ class RunLine:
 
 
 class SweepLine:
-    """Shows a sweep: how many runs are done, and the best score."""
+    """Shows a sweep: how many runs are done, and the best score; outside of notebooks, remarks."""
 
-    def __init__(self, of: int, *, shown: bool) -> None:
-        """`of` is the number of runs; without `shown`, nothing is."""
-        self._line, self._of, self._done, self._shown = Line(), of, 0, shown
+    def __init__(self, of: int, say: Notify) -> None:
+        """`of` is the number of runs; `say` gets remarks and failures outside of notebooks."""
+        self._line, self._of, self._done, self._say = Line(), of, 0, say
+        self._shown = in_notebook()
         self._best: float | None = None
 
     def run_started(self, run: str) -> None:
@@ -75,7 +76,7 @@ class SweepLine:
 
     def remark(self, run: str, line: str) -> None:
         """A line of text from a run for the user."""
-        self._tell(f"{run}: {line}")
+        self._remark(f"{run}: {line}")
 
     def run_finished(self, run: str, result: RunResult) -> None:
         """A run is finished."""
@@ -85,7 +86,13 @@ class SweepLine:
 
     def run_failed(self, run: str, reason: str) -> None:
         """A run has failed."""
-        self._tell(f"{run} has failed: {reason}", at_once=True)
+        self._remark(f"{run} has failed: {reason}")
+
+    def _remark(self, text: str) -> None:
+        if self._shown:
+            self._tell(text, at_once=True)
+        else:
+            self._say(text)
 
     def _tell(self, what: str, *, at_once: bool = False) -> None:
         if self._shown:
