@@ -108,7 +108,7 @@ class Prompt(ABC, Generic[In, Out]):
             PromptError: Neither the set nor the role has templates, or a variable is missing.
         """
         found = prompts.completed(self.name, self.templates)
-        if self.name not in found.roles:
+        if f"{self.name}/user.j2" not in found.files:
             raise PromptError(
                 f"the prompt set {prompts.name!r} has no templates for the role {self.name!r}: add "
                 f"{self.name}/system.j2 and {self.name}/user.j2 to it, or let `templates` of the "

@@ -112,23 +112,72 @@ class DesignConfig(BaseModel, frozen=True, extra="forbid"):
     )
 
 
-def load_document(path: Path) -> dict[str, Any]:
-    """Read a configuration file, or the configuration in a run.yaml, without validating it.
+def load_mapping(path: Path) -> dict[str, Any]:
+    """Read a YAML file of keys, or the configuration in a run.yaml, as it is written.
 
     Those that ship with the package are found from any folder; see `find_config`.
 
     Raises:
         ConfigError: The file cannot be read or is not a YAML mapping.
     """
+    return _read_mapping(path)[0]
+
+
+def load_document(path: Path) -> dict[str, Any]:
+    """`load_mapping` of a configuration or a sweep, with its keys as `spell_out` writes them."""
+    document, by_a_program = _read_mapping(path)
+    if by_a_program:
+        return document
+    if isinstance(base := document.get("base"), dict):  # of a sweep
+        document = {**document, "base": spell_out(base)}
+        warn_of_names(document["base"])
+    document = spell_out(document)
+    warn_of_names(document)
+    return document
+
+
+def _read_mapping(path: Path) -> tuple[dict[str, Any], bool]:
+    """The keys in a file, and whether it is a run.yaml, which no person wrote."""
     document = read_yaml_file(find_config(path))
     if not isinstance(document, dict):
         raise ConfigError(f"{path} must hold a mapping of configuration keys")
     config = document.get("config")
-    if "schema" in document and isinstance(config, dict):
-        return config
-    for written in (document, document.get("base")):  # that of a run, or of a sweep
-        warn_of_names(written if isinstance(written, dict) else {})
-    return document
+    recorded = "schema" in document and isinstance(config, dict)
+    return (config if recorded else document), recorded
+
+
+def spell_out(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The document with short and dotted keys in their groups, as `--set` takes them.
+
+    `trajectories` is `settings.trajectories`. Keys that belong nowhere stay as they are.
+
+    Raises:
+        ConfigError: A key is given twice, short and in full.
+    """
+    result: dict[str, Any] = {}
+    for key, value in document.items():
+        keys = _keys_of(str(key)) if key not in DesignConfig.model_fields else (key,)
+        _put(result, (key,) if keys[0] == "knobs" and key != "knobs" else keys, value)
+    return result
+
+
+def _put(group: dict[str, Any], keys: Sequence[str], value: Any, above: str = "") -> None:
+    """Set a value in nested groups, which are made or added to; nothing is replaced."""
+    first, *rest = keys
+    path = f"{above}{first}"
+    if rest:
+        inner = group.setdefault(first, {})
+        if not isinstance(inner, dict):
+            raise ConfigError(f"{path} is a single value, not a group of keys")
+        _put(inner, rest, value, f"{path}.")
+    elif isinstance(value, Mapping) and isinstance(group.get(first, {}), dict):
+        inner = group.setdefault(first, {})
+        for key, part in value.items():
+            _put(inner, (key,), part, f"{path}.")
+    elif first in group:
+        raise ConfigError(f"{path} is given twice: remove one of them")
+    else:
+        group[first] = value
 
 
 def apply_settings(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
@@ -265,9 +314,7 @@ def build_config(document: object) -> DesignConfig:
     """
     if not isinstance(document, Mapping):
         raise ConfigError("the configuration must be a mapping of keys")
-    for key in document:
-        if key in WorkflowSettings.model_fields and key not in DesignConfig.model_fields:
-            raise ConfigError(f"{key} is a setting of the workflow: write it as settings.{key}")
+    document = spell_out(document)
     try:
         found = DesignConfig.model_validate(update_names(document))
     except ValidationError as error:

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from agentflow.config.run import load_document, split_setting
+from agentflow.config.run import load_mapping, split_setting
 from agentflow.errors import ConfigError
 from agentflow.files.faults import explain, find_bool_as_number
 from agentflow.files.yaml import deep_merge, nest_keys
@@ -176,7 +176,7 @@ def read_config(
     """
     given = [split_setting(setting) for setting in settings]
     given += [(key, value) for key, value in options.items() if value is not None]
-    document = load_document(path)
+    document = load_mapping(path)
     for key, value in given:
         document = deep_merge(document, nest_keys({key: value}))
     try:

@@ -25,9 +25,10 @@ from docs.make.markdown import anchor, blocks, code, generated, sentence, table
 
 ABOUT = (
     "A configuration is a YAML file. Groups are nested keys; this page writes them with dots, as "
-    "`--set` takes them: `--set model.sampling.temperature=0.2`. `--set` accepts keys of "
-    "`settings` without that prefix: `--set search.rounds=2`. Quote values with brackets: "
-    "`--set 'blocks.without=[9]'`. An unknown key or a value out of range is an error."
+    "`--set` takes them: `--set model.sampling.temperature=0.2`. Files take "
+    "dotted keys too, and both take keys of `settings` without that prefix: `search.rounds`. Quote "
+    "values with brackets: `--set 'blocks.without=[9]'`. An unknown key or a value out of range is "
+    "an error."
 )
 REGISTERED: Mapping[str, tuple[str, ...]] = {
     "workflow": WORKFLOWS.ours,

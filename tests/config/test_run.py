@@ -141,3 +141,32 @@ def test_defaults_are_the_published_ones() -> None:
         8,
     )
     assert (config.model.sampling.temperature, config.model.sampling.top_p) == (0.7, 0.95)
+
+
+def test_keys_are_short_and_dotted_in_files_as_on_the_command_line(tmp_path: Path) -> None:
+    file = tmp_path / "short.yaml"
+    file.write_text(
+        "trajectories: 2\nsearch: {rounds: 1}\nsearch.width: 3\nmodel.name: x\n"
+        "settings: {history: false, search: {strategy: random}}\n"
+    )
+    assert load_document(file) == {
+        "settings": {
+            "trajectories": 2,
+            "search": {"rounds": 1, "width": 3, "strategy": "random"},
+            "history": False,
+        },
+        "model": {"name": "x"},
+    }
+    file.write_text("title: A sweep\nbase: {trajectories: 2}\naxes: {}\n")
+    assert load_document(file)["base"] == {"settings": {"trajectories": 2}}
+    assert build_config({"trajectories": 2}).settings.trajectories == 2
+    for twice in (
+        {"trajectories": 2, "settings": {"trajectories": 3}},
+        {"settings": {"search": {"rounds": 2}}, "search.rounds": 1},
+    ):
+        with pytest.raises(ConfigError, match=r"^settings\.\S+ is given twice: remove one of "):
+            build_config(twice)
+    with pytest.raises(ConfigError, match=r"^unknown configuration key 'trajectory'"):
+        build_config({"trajectory": 2})
+    with pytest.raises(ConfigError, match=r"^settings is a single value, not a group of keys$"):
+        build_config({"settings": 3, "trajectories": 2})

@@ -100,7 +100,7 @@ def new_plugin(path: Path, kind: Kind) -> NewPlugin:
         "class_name": class_name,
         "kind": about.registry.kind,
         "entries": entries,
-        "designer": PromptSet().files["designer/system.j2"].rstrip("\n"),
+        "usual": PromptSet().files["designer/system.j2"].rstrip("\n"),
     }
     files = dict(_render(kind, package, variables))
     with os_errors(f"cannot write to {path}"):
