@@ -26,6 +26,7 @@ from alike import (
 )
 from exact import determinism, memory, soundness, splits, stacks
 from figures import Figure, Options
+from floor import floor
 from rates import speed
 
 from agentflow.env.constants import constants
@@ -33,6 +34,7 @@ from agentflow.env.physics.engines import installed_engines
 
 PARTS: dict[str, Callable[[Options], Iterator[Figure]]] = {
     "speed": speed,
+    "floor": floor,
     "splits": splits,
     "stacks": stacks,
     "agreement": agreement,

@@ -16,7 +16,7 @@ from agentflow.env.rotations import cross, matrices, turn
 POSITION, ROTATION = slice(0, 3), slice(3, 7)
 VELOCITY, SPIN = slice(7, 10), slice(10, 13)
 WIDTH = 13
-Row = tuple[float, ...]
+Row = Sequence[float]
 """One such row as plain numbers."""
 
 

@@ -222,14 +222,14 @@ def _order(body: Body) -> tuple[bool, int, str]:
     return (False, body, "") if isinstance(body, int) else (True, 0, body)
 
 
-def sum_touches(points: Iterable[tuple[Pair | None, float, Vec3]]) -> list[Touch]:
+def sum_touches(points: Iterable[tuple[Pair | None, float, Sequence[float]]]) -> list[Touch]:
     """Every pair of bodies that touch, once.
 
     Args:
         points: Of each point of contact, the bodies (None counts for nothing), the normal force
             (N), and the place in the engine's frame, m.
     """
-    found: dict[Pair, tuple[float, float, Vec3]] = {}
+    found: dict[Pair, tuple[float, float, Sequence[float]]] = {}
     for pair, force, point in points:
         if pair is None:
             continue

@@ -87,7 +87,13 @@ class Monitor:
         self._steps += 1
         self._spare += SHARE
         self._glances += SHARE
-        if self._notice_jump(speeds):
+        (linear, angular), self._speeds = self._speeds, speeds
+        peak, self._peak = self._peak, self._loads.peak
+        if (
+            abs(speeds[0] - linear) > self._jolt
+            or abs(speeds[1] - angular) > self._twist
+            or self._peak - peak > SHOCK
+        ):
             self.look_closely()
         if self._pressing and self._glances >= 1.0:
             self._pressing -= 1
@@ -102,15 +108,6 @@ class Monitor:
                 self.recorder.sample(time, regular=False)
         elif self._steps % (2 * self._seldom) == 0:
             self._work.add(time)
-
-    def _notice_jump(self, speeds: tuple[float, float]) -> bool:
-        (linear, angular), peak = self._speeds, self._peak
-        self._speeds, self._peak = speeds, self._loads.peak
-        return (
-            abs(speeds[0] - linear) > self._jolt
-            or abs(speeds[1] - angular) > self._twist
-            or self._peak - peak > SHOCK
-        )
 
     def _read(self, time: float) -> None:
         if self._contacts.add(time, self._world.contacts()):

@@ -70,7 +70,8 @@ class Trial:
         self._sample_every = max(1.0, interval * rate)
         self._constants = physics
         self._fastest = physics["speed_limit"]
-        self._still = physics["rest_speed"], physics["rest_spin"]
+        self._still, self._calm = physics["rest_speed"], physics["rest_spin"]
+        """Greatest linear and angular speed of what rests, m/s and rad/s."""
         self._check_every = max(1, round(physics["rest_interval"] * rate))
         """Steps between checks of the speed of every part."""
         self._assembly = assemble(machine, place(machine), self._constants)
@@ -255,10 +256,11 @@ class Trial:
 
     def _resting(self) -> bool:
         """Whether everything is slow; most of the time a check of few parts rules that out."""
-        return self._slow(self._speeds) and self._slow(self._world.speeds())
-
-    def _slow(self, speeds: tuple[float, float]) -> bool:
-        return speeds[0] < self._still[0] and speeds[1] < self._still[1]
+        linear, angular = self._speeds
+        if not (linear < self._still and angular < self._calm):
+            return False
+        linear, angular = self._world.speeds()
+        return linear < self._still and angular < self._calm
 
     def _result(self, status: Status) -> Rollout:
         broken = tuple(

@@ -51,10 +51,15 @@ class AppliedForces(Forces):
         for row, local, force, torque in self._drag(rows):
             moment = torque or _STILL
             if local:
-                _, _, _, x, y, z, w, *_ = rows[row]
+                _, _, _, x, y, z, w, _, _, _, _, _, _ = rows[row]
                 turn = x, y, z, w
                 force, moment = rotate_vector(turn, force), rotate_vector(turn, moment)
-            total[self._leading[row]] = [*force, *moment]
+            if self._laws:
+                total[self._leading[row]] = [*force, *moment]
+            else:  # nothing else acts on it
+                _PACK(self._target, self._leading[row] * _SIZE, *force, *moment)
+        if not self._laws:
+            return
         for forces in self._of_laws(rows):
             for part, force, place in forces:
                 if place is None:

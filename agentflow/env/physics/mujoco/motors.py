@@ -54,41 +54,47 @@ class Motors:
             if drive.turns:
                 self._joints.append((rows[address.velocity], address, drive))
         self._row = _indices([row for row, _, _ in self._joints])
-        self._position = _indices([address.position for _, address, _ in self._joints])
         self._velocity = _indices([address.velocity for _, address, _ in self._joints])
+        count = len(self._joints)
+        first = int(self._row[0]) if count else 0
+        self._together = self._row.tolist() == [*range(first, first + count)]
+        """Whether their rows follow one another, so that a slice of all rows is theirs."""
         self._mixed = [i for i, (_, _, drive) in enumerate(self._joints) if drive.mixed]
-        self._aims: Array = np.zeros(len(self._joints))
+        self._aims = [0.0] * count
         """Speed that each motor aims at, rad/s."""
-        self._changes: Array = np.zeros(len(self._joints))
+        self._changes: Array = np.zeros(count)
         """What is added to the wanted acceleration of each motor's row, rad/s2."""
         self._equalities, self._rows = 0, self._row
         """Rows of equalities in the last step, and each motor's among all, which follow them."""
-        self._held = _indices([])
-        """Motors that hold an angle."""
-        self._yields = np.ones(0, dtype=bool)
-        """Whether each of these takes a new angle once it is overcome. Before any device is on, it
-        comes back however far it is turned, as by the jerk when a boulder falls in."""
-        self._angles: Array = np.zeros(len(self._joints))
+        self._held: list[tuple[int, int, int, bool]] = []
+        """Motors that hold an angle: which, where MuJoCo stores position and velocity, and whether
+        each takes a new angle once it is overcome. Before any device is on, it comes back however
+        far it is turned, as by the jerk when a boulder falls in."""
+        self._angles = [0.0] * count
         """The angle that each motor holds, rad."""
-        self._before = self._torques = np.zeros(len(self._joints))
-        """Speeds before the last step, and torques in it."""
+        self._before = self._qvel.copy()
+        """Speeds of all joints before the last step."""
+        self._efforts: Array = np.zeros(len(rubbing))
+        """What each constraint exerted in the last step."""
 
     def set(self) -> None:
         """Aim at the speeds that the levels give, and hold the angle where that is 0."""
         for i, (_, _, drive) in enumerate(self._joints):
             self._aims[i] = drive.command(self._levels).target
-        held = [
-            i
-            for i, (_, _, drive) in enumerate(self._joints)
-            if not drive.mixed and not self._aims[i]
-        ]
-        new = _indices(sorted(set(held).difference(self._held.tolist())))
-        self._angles[new] = self._qpos[self._position[new]]
-        self._held = _indices(held)
-        still = np.abs(self._qvel[self._velocity[self._held]]) <= STILL
-        self._yields = ~still if idle(self._levels) else np.ones(len(held), dtype=bool)
+        before = {i for i, *_ in self._held}
+        off = idle(self._levels)
+        self._held = []
+        for i, (_, address, drive) in enumerate(self._joints):
+            if drive.mixed or self._aims[i]:
+                continue
+            if i not in before:
+                self._angles[i] = float(self._qpos[address.position])
+            still = abs(float(self._qvel[address.velocity])) <= STILL
+            yields = not (off and still)
+            self._held.append((i, address.position, address.velocity, yields))
         self.mix()
-        self._aim()
+        for i, aim in enumerate(self._aims):
+            self._aim(i, aim)
 
     def mix(self) -> None:
         """Set joints whose motors aim at different speeds; before the first half of a step."""
@@ -96,6 +102,7 @@ class Motors:
             _, address, drive = self._joints[i]
             command = drive.command(self._levels, float(self._qvel[address.velocity]))
             self._aims[i] = command.target
+            self._aim(i, command.target)
             self._model.dof_frictionloss[address.velocity] = command.limit
             self._data.qfrc_applied[address.velocity] = command.push
 
@@ -103,33 +110,36 @@ class Motors:
         """Drive the joints for one step, between the two halves of it."""
         if not self._joints:
             return
-        data = self._data
-        if len(self._held):
-            held = self._held
-            angle, speed = self._qpos[self._position[held]], self._qvel[self._velocity[held]]
-            slips = self._yields & (np.abs(speed) > STILL)
-            self._angles[held] = np.where(slips, angle, self._angles[held])
-            self._aims[held] = HOLD * (self._angles[held] - angle)
-        if len(self._held) or self._mixed:
-            self._aim()
+        data, angles = self._data, self._angles
+        if self._held:  # on plain floats: machines have few motors
+            position, velocity = self._qpos.tolist(), self._qvel.tolist()
+            for i, at, speed, yields in self._held:
+                angle = position[at]
+                if yields and abs(velocity[speed]) > STILL:
+                    angles[i] = angle
+                self._aim(i, HOLD * (angles[i] - angle))
         if data.ne != self._equalities:
             self._equalities = data.ne
             self._rows = self._row + self._equalities
-        data.efc_aref[self._rows] += self._changes
-        self._before = self._qvel.take(self._velocity)
+        if self._together:
+            first = self._rows.item(0)
+            own = data.efc_aref[first : first + len(self._joints)]
+            np.add(own, self._changes, own)
+        else:
+            data.efc_aref[self._rows] += self._changes
+        self._before = self._qvel.copy()
 
-    def read(self) -> None:
-        """Read the torques of the step, after its second half."""
-        if self._joints:
-            self._torques = self._data.efc_force.take(self._rows)
+    def read(self, efforts: Array) -> None:
+        """Note what all constraints exerted in the step, after its second half."""
+        self._efforts = efforts
 
     def power(self) -> float:
         """Mean power of the motors in the last step, W."""
-        speeds = (self._before + self._qvel[self._velocity]) / 2
-        return float((self._torques * speeds).sum())
+        speeds = (self._before[self._velocity] + self._qvel[self._velocity]) / 2
+        return float((self._efforts[self._rows] * speeds).sum())
 
-    def _aim(self) -> None:
-        self._changes = self._aims / (self.step * TIGHT)
+    def _aim(self, motor: int, speed: float) -> None:
+        self._changes[motor] = speed / (self.step * TIGHT)
 
 
 def _indices(numbers: Sequence[int]) -> Indices:

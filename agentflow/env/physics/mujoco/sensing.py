@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from agentflow.env.physics.engine import Touch
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
 from agentflow.env.physics.model import Joint
 from agentflow.env.physics.mujoco.bodies import CompiledModel
-from agentflow.env.physics.rows import WIDTH, Row
+from agentflow.env.physics.rows import WIDTH, Row, top_speeds
 from agentflow.env.physics.structure.drives import joint_motions
 from agentflow.env.physics.structure.spanning_tree import Link
 from agentflow.env.physics.world import Pair, pair_up, sum_touches
@@ -28,6 +26,7 @@ class Rows:
         numbers = 6 * len(built.links)
         self._source = built.data.sensordata[numbers:].reshape(-1, WIDTH)
         self._list: list[Row] = []
+        self._speeds: tuple[float, float] | None = None
         self.table: Array = self._source.take(ROW_ORDER, axis=1)
         """(C, 13) every row; a new array after each step."""
 
@@ -35,6 +34,7 @@ class Rows:
         """Read the rows after a step."""
         self.table = self._source.take(ROW_ORDER, axis=1)
         self._list = []
+        self._speeds = None
 
     def __getitem__(self, row: int) -> Row:
         """One row."""
@@ -44,8 +44,16 @@ class Rows:
     def all(self) -> list[Row]:
         """Every row as numbers."""
         if not self._list:
-            self._list = list(map(tuple, self.table.tolist()))
+            self._list = self.table.tolist()
         return self._list
+
+
+    @property
+    def top_speeds(self) -> tuple[float, float]:
+        """Greatest linear and angular speed, m/s and rad/s."""
+        if self._speeds is None:
+            self._speeds = top_speeds(self.all)
+        return self._speeds
 
 
 class Reactions:
@@ -108,39 +116,45 @@ class Contacts:
     """What touched what in the last step; nothing before the first."""
 
     def __init__(self, built: CompiledModel) -> None:
-        self._data, self._owners = built.data, built.owners
+        self._contact, self._owners = built.data.contact, built.owners
         self._geoms = np.zeros((0, 2), dtype=np.intp)
         self._places: Array = np.zeros((0, 3))
         self._rows = np.zeros(0, dtype=np.intp)
-        self._forces: Array = np.zeros(0)
+        self._efforts: Array = np.zeros(0)
         self._known: dict[tuple[int, int], Pair | None] = {}
         """Owners of two shapes: sorting them takes longer."""
+        self._shapes: dict[Body, set[int]] = {}
+        """Of each body that was asked about."""
 
-    def read(self) -> None:
-        """Read the contacts of a step, before the second half of it replaces them."""
-        data = self._data
-        contact = data.contact
+    def read(self, efforts: Array) -> None:
+        """Read the contacts of a step, before the first half of the next one replaces them.
+
+        Args:
+            efforts: What each constraint exerted in the step.
+        """
+        contact = self._contact
         self._geoms, self._places = contact.geom.copy(), contact.pos.copy()
-        self._rows = contact.efc_address.copy()
-        self._forces = data.efc_force.copy()
+        self._rows, self._efforts = contact.efc_address.copy(), efforts
 
     def touching(self, body: Body) -> frozenset[Body]:
         """What a block or object was in contact with."""
-        found = set()
-        for one, other in self._pairs():
-            if one == body:
-                found.add(other)
-            elif other == body:
-                found.add(one)
+        owners = self._owners
+        if body not in self._shapes:
+            self._shapes[body] = {i for i, owner in enumerate(owners) if owner == body}
+        mine, found = self._shapes[body], set()
+        for one, other in self._geoms.tolist():
+            if one in mine:
+                found.add(owners[other])
+            elif other in mine:
+                found.add(owners[one])
         return frozenset(found - {body})
 
     def all(self) -> list[Touch]:
         """Everything that was in contact."""
-        forces = [*self._forces.tolist(), 0.0]  # contacts without force: row -1
+        forces = [*self._efforts.tolist(), 0.0]  # contacts without force: row -1
         points = zip(self._geoms.tolist(), self._rows.tolist(), self._places.tolist(), strict=True)
         return sum_touches(
-            (self._pair(one, other), forces[row], (x, y, z))
-            for (one, other), row, (x, y, z) in points
+            (self._pair(one, other), forces[row], place) for (one, other), row, place in points
         )
 
     def _pair(self, one: int, other: int) -> Pair | None:
@@ -148,7 +162,3 @@ class Contacts:
         if (one, other) not in self._known:
             self._known[one, other] = pair_up(self._owners[one], self._owners[other])
         return self._known[one, other]
-
-    def _pairs(self) -> Iterator[tuple[Body, Body]]:
-        owners = self._owners
-        return ((owners[one], owners[other]) for one, other in self._geoms.tolist())

@@ -28,7 +28,7 @@ from agentflow.env.physics.mujoco.sensing import Contacts, Reactions, Rows, moti
 from agentflow.env.physics.mujoco.shapes import wxyz
 from agentflow.env.physics.mujoco.surfaces import Calming, Yielding
 from agentflow.env.physics.readings import Readings, joint_motion, relative_motion
-from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, top_speeds
+from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY
 from agentflow.env.physics.structure.layout import lay_out
 from agentflow.env.physics.world import BaseWorld, UnsplitMachine
 from agentflow.env.rollout import Array
@@ -81,9 +81,10 @@ class MuJoCoWorld(BaseWorld[Model]):
         if now.yielding and data.ncon:
             now.yielding()
         mujoco.mj_step2(model, data)
-        now.motors.read()
+        efforts = data.efc_force.copy()
+        now.motors.read(efforts)
         now.motors.mix()
-        now.contacts.read()
+        now.contacts.read(efforts)
         self._grips.watch()
         mujoco.mj_step1(model, data)
         now.rows.read()
@@ -104,7 +105,7 @@ class MuJoCoWorld(BaseWorld[Model]):
         self._refresh()
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:  # noqa: ARG002
-        return top_speeds(self.now.rows.all)
+        return self.now.rows.top_speeds
 
     # --- internals --------------------------------------------------------------------------
 
