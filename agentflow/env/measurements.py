@@ -63,6 +63,7 @@ class Energy:
 
     time: float
     springs: float
+    """Work of springs and suspensions."""
     motors: float
     """Work of motors of joints, winches and thrusters."""
     gravity: float
@@ -70,11 +71,15 @@ class Energy:
     """Kinetic energy of what is thrown, carried or pushed."""
     machine: float
     """Kinetic energy of all other blocks."""
+    air: float = 0.0
+    """Work of the air on the blocks: drag takes, wind and propeller blades can give. 0 in records
+    from before it was measured, whose `lost` includes it."""
 
     @property
     def lost(self) -> float:
-        """What friction, air, dampers and impacts took."""
-        return self.springs + self.motors + self.gravity - self.thrown - self.machine
+        """What friction, dampers, impacts and breakages took."""
+        given = self.springs + self.motors + self.gravity + self.air
+        return given - self.thrown - self.machine
 
 
 @dataclass(frozen=True)

@@ -96,6 +96,23 @@ def test_a_motor_that_turns_with_its_carrier_stalls() -> None:
     }
 
 
+def test_a_motor_that_has_swung_its_load_does_not_stall() -> None:
+    """Block 2 carries block 3; a wheel without load that drove somewhere is still blocked there."""
+    spin = np.zeros((26, 4, 3))
+    spin[:6, 1:3] = (0.0, 0.0, 1.0)
+    rotation = np.zeros((26, 4, 4))
+    angle = np.minimum(np.arange(26) * 0.2, 1.0)
+    rotation[..., 3] = 1.0
+    for block in (1, 2, 3):
+        rotation[:, block, 2], rotation[:, block, 3] = np.sin(angle / 2), np.cos(angle / 2)
+    swung = make_trace(4, rotation=rotation, angular_velocity=spin)
+    events = stalled_motors(WHEELED, swung, Schedule().switches())
+    assert [event.blocks for event in events] == [(1,)]
+    shaken = make_trace(4, angular_velocity=spin)
+    events = stalled_motors(WHEELED, shaken, Schedule().switches())
+    assert [event.blocks for event in events] == [(1,), (2,)]
+
+
 def test_a_motor_that_is_switched_off_does_not_stall() -> None:
     schedule = Schedule(more=((1.0, "motors", 0.0), (3.0, "motors", -1.0)))
     events = stalled_motors(WHEELED, make_trace(4), schedule.switches())

@@ -25,7 +25,7 @@ from agentflow.env.physics.model import Assembly, Devices, Drive, Joint, Part
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Moment, Rollout, Trace
 from agentflow.env.scene import Scene
-from agentflow.env.simulation.logs import WorkLog
+from agentflow.env.simulation.logs import energy_until
 from agentflow.env.simulation.recorder import MOST_FINE
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
@@ -202,12 +202,12 @@ def balanced(assembly: Assembly, switch: str, gravity: float, time: float) -> En
     """The energy after a time in a world without friction and air."""
     engine = default_engine().start(constants().changed({"gravity": gravity}))
     world = engine.build(assembly, Scene(), RATE)
-    work, start = WorkLog(world, 1 / RATE), world.snapshot()
+    start = world.energies(world.snapshot())
     world.switch(switch, 1.0)
-    for step in range(1, round(time * RATE) + 1):
+    for _ in range(round(time * RATE)):
         world.step()
-        work.add(step / RATE)
-    energy = work.energy(time, start, world.snapshot(), 1, ())
+    energies = start, world.energies(world.snapshot())
+    energy = energy_until(time, world.works()[-1], energies, 1, ())
     engine.close()
     return energy
 

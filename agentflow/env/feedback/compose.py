@@ -107,6 +107,7 @@ def _energy_lines(machine: Machine, energy: Energy | None, moment: Moment | None
     if energy is None:
         return []
     works = {"springs": energy.springs, "motors": energy.motors, "gravity": energy.gravity}
+    works["air"] = energy.air
     told = [f"{name} {rounded(work)}" for name, work in works.items() if abs(work) >= LEAST_WORK]
     if not told:
         return []
@@ -114,11 +115,10 @@ def _energy_lines(machine: Machine, energy: Energy | None, moment: Moment | None
     moving = f"machine {rounded(energy.machine)}"
     if moment is not None and moment.body is not None:
         moving = f"{body_name(machine, moment.body)} {rounded(energy.thrown)}, rest of the {moving}"
-    gone = (
-        f"lost {rounded(energy.lost)}" if energy.lost > 0 else f"air gave {rounded(-energy.lost)}"
-    )
+    lost = rounded(max(energy.lost, 0.0))
     return [
-        f"Energy until {when} (J): work of {', '.join(told)}; kinetic energy of {moving}; {gone}"
+        f"Energy until {when} (J): work of {', '.join(told)}; "
+        f"kinetic energy of {moving}; lost {lost}"
     ]
 
 

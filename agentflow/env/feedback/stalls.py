@@ -10,6 +10,7 @@ import numpy as np
 from agentflow.env.feedback.orientation import find_runs
 from agentflow.env.feedback.text import block_name
 from agentflow.env.rollout import Flags, RolloutEvent, Trace
+from agentflow.env.rotations import compose, conjugate
 from agentflow.env.tasks.base import Switch
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
@@ -21,6 +22,8 @@ STALL_SPEED = 0.5
 wheel's speed, above the jitter of a loaded joint."""
 STALL_TIME = 1.0
 """Shortest stall to report, s."""
+SWUNG = 0.25
+"""Angle through which a motor has swung what is attached to it, rad: about 15 degrees."""
 EPSILON = 1e-9
 """Tolerance when comparing sample times, s."""
 
@@ -31,7 +34,9 @@ def stalled_motors(
     """Find motors that stall for a second or more while they are switched on.
 
     A motor is stalled in a sample if its angular velocity differs from its parent's by less than
-    0.5 rad/s. One that is switched off, or that stands at the stop of its joint, is not.
+    0.5 rad/s. One that is switched off, or that stands at the stop of its joint, is not; nor is one
+    that has swung what is attached to it since it was last switched, such as a boom that has
+    arrived where it rests.
 
     Args:
         machine: The simulated machine.
@@ -48,8 +53,11 @@ def stalled_motors(
         relative = trace.angular_velocity[:, step.id] - trace.angular_velocity[:, step.parent]
         still = np.linalg.norm(relative, axis=1) < STALL_SPEED
         still &= trace.alive[:, step.id] & _powered(trace, step.id, switches)
+        carries = any(step.id in other.parents for other in machine)
         for stalled, begin, end in find_runs(still.tolist(), trace.times):
-            if stalled and end - begin >= STALL_TIME:
+            if not stalled or end - begin < STALL_TIME:
+                continue
+            if not (carries and _swung(trace, step.id, step.parent, switches, begin) > SWUNG):
                 text = f"{block_name(machine, step.id)} from {begin:.1f} to {end:.1f} s"
                 events.append(RolloutEvent(begin, "motor_stalled", (step.id,), text))
     return tuple(events)
@@ -62,6 +70,17 @@ def _powered(trace: Trace, block: int, switches: Sequence[Switch]) -> Flags:
         if entry in ("motors", block):
             powered[trace.times > time + EPSILON] = level != 0.0
     return powered
+
+
+def _swung(
+    trace: Trace, block: int, parent: int, switches: Sequence[Switch], begin: float
+) -> float:
+    """The greatest angle through which a motor turned from its last switch until a time, rad."""
+    times = [time for time, entry, _ in switches if entry in ("motors", block) and time <= begin]
+    since = (trace.times >= max(times) - EPSILON) & (trace.times <= begin + EPSILON)
+    turned = compose(conjugate(trace.rotation[since, parent]), trace.rotation[since, block])
+    cosine = np.abs((turned * turned[:1]).sum(axis=1)).min()
+    return float(2.0 * np.arccos(min(cosine, 1.0)))
 
 
 def stall_lines(events: Sequence[RolloutEvent]) -> list[str]:

@@ -58,14 +58,6 @@ class Touch(NamedTuple):
     """Sum of the normal forces in the last step, N."""
 
 
-class Power(NamedTuple):
-    """Rate at which devices did work on the bodies in the last step, W."""
-
-    springs: float = 0.0
-    motors: float = 0.0
-    """Motors of joints, winches and thrusters. The air drives blades, so their work is left out."""
-
-
 class World(Protocol):
     """A running simulation of one machine in one scene. Equal calls give bitwise equal results.
 
@@ -132,8 +124,13 @@ class World(Protocol):
     def contacts(self) -> list[Touch]:
         """Every pair of blocks or objects that touched in the last step, once."""
 
-    def power(self) -> Power:
-        """Power of the devices in the last step."""
+    def works(self) -> Array:
+        """(S + 1, 3) work done from when the world was built until the end of each step, J.
+
+        The columns are the work of springs and suspensions; of motors, winches and thrusters; and
+        of the air on the blocks, which propeller blades turn to good use. Row 0 is before the
+        first step.
+        """
 
     def centre(self, body: Body) -> Vec3:
         """Centre of a block or an object."""

@@ -120,8 +120,11 @@ class Readings:
 
     def centre(self, row: Row, block: int) -> Vec3:
         """Centre of a block, from the row of its cluster."""
-        x, y, z, a, b, c, w, _, _, _, _, _, _ = row
-        return swap(add((x, y, z), rotate_vector((a, b, c, w), self._centre_at[block])))
+        px, py, pz, x, y, z, w, _, _, _, _, _, _ = row
+        a, b, c = self._centre_at[block]
+        u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+        a, b, c = a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u
+        return px + a, pz + c, py + b  # `rotate_vector` and `swap`, written out for referees
 
     def origin(self, row: Row, block: int) -> Vec3:
         """Building point of a block, from the row of its cluster."""

@@ -11,13 +11,14 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Power, Touch
+from agentflow.env.physics.engine import Touch
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.grips import Grips
 from agentflow.env.physics.laws.air import GustClock
 from agentflow.env.physics.laws.forces import Entry
+from agentflow.env.physics.laws.ledger import Ledger
 from agentflow.env.physics.laws.select import Forces, Law, device_laws, wind_laws
-from agentflow.env.physics.laws.tension import WinchForce
+from agentflow.env.physics.laws.tension import SpringForce, WinchForce
 from agentflow.env.physics.model import Assembly, State
 from agentflow.env.physics.readings import Readings, states_of
 from agentflow.env.physics.rows import ROTATION, Row, Rows
@@ -69,7 +70,7 @@ Own = TypeVar("Own", bound=UnsplitMachine)
 
 
 class BaseWorld(ABC, Generic[Own]):
-    """An `engine.World`, see there for its members; a subclass adds `split` and `speeds`.
+    """An `engine.World`, see there for its members; a subclass adds `speeds`.
 
     It sets `now` as it is made, and at each split.
     """
@@ -89,14 +90,22 @@ class BaseWorld(ABC, Generic[Own]):
         self._levels: dict[Entry, float] = {"wind": 1.0}
         """Of entries that were switched; the others are at 0, and only the wind is on at first."""
         self.reactions = np.zeros((len(assembly.joints), 6))
+        self._springs = SpringForce(assembly.devices.springs, self._levels, self._interval)
         self._winches = WinchForce(assembly.devices.winches, self._levels, self._interval)
         self._wind = GustClock(scene, self._levels, self._interval)
+        self._ledger = Ledger()
+        self._works_of_joints: list[Array] = []
+        """Results of `_take_works` at earlier splits."""
 
     # --- what the engine does ---------------------------------------------------------------
 
     @abstractmethod
     def _advance(self) -> None:
         """Take a step of the current length."""
+
+    @abstractmethod
+    def _split(self, broken: Sequence[int]) -> None:
+        """As `engine.World.split`."""
 
     @abstractmethod
     def _weigh_objects(self) -> None:
@@ -111,12 +120,14 @@ class BaseWorld(ABC, Generic[Own]):
         """Take steps of the new `_interval` from now on."""
 
     @abstractmethod
-    def _motor_power(self) -> float:
-        """Mean power of the motors of joints in the last step, W."""
+    def _take_works(self) -> Array:
+        """(S, 2) work of suspensions and of the motors of joints in each step since the last call
+        or split, J."""
 
     # --- what all do alike ------------------------------------------------------------------
 
     def switch(self, entry: Entry, level: float) -> None:
+        self._ledger.interrupt(self.now.forces)
         self._levels[entry] = float(level)
         if entry in self._grips.entries:
             self._grips.switch(entry, level > 0)
@@ -129,9 +140,16 @@ class BaseWorld(ABC, Generic[Own]):
     def step(self, divisions: int = 1) -> None:
         if divisions != self._divisions:
             self._divisions = divisions
-            self._winches.step = self._wind.step = self.now.motors.step = self._interval
+            for timed in (self._springs, self._winches, self._wind, self.now.motors):
+                timed.step = self._interval
             self._change_interval()
         self._advance()
+        self._ledger.add(self.now.forces, self._interval)
+
+    def split(self, broken: Sequence[int]) -> None:
+        self._ledger.interrupt(self.now.forces)
+        self._works_of_joints.append(self._take_works())
+        self._split(broken)
 
     @property
     def _interval(self) -> float:
@@ -146,7 +164,7 @@ class BaseWorld(ABC, Generic[Own]):
     def _laws(self, layout: RowLayout) -> list[Law]:
         """Laws of the devices and of the wind."""
         assembly, drag = self._assembly, self._physics["wind_drag"]
-        laws = device_laws(assembly, layout.locations, self._levels, self._winches)
+        laws = device_laws(assembly, layout.locations, self._levels, self._springs, self._winches)
         return laws + wind_laws(assembly, layout, self._scene, drag, self._wind)
 
     # --- observation ------------------------------------------------------------------------
@@ -165,7 +183,8 @@ class BaseWorld(ABC, Generic[Own]):
 
     def centre(self, body: Body) -> Vec3:
         if isinstance(body, int):
-            return self.now.readings.centre(self._row(body), body)
+            now = self.now
+            return now.readings.centre(now.rows[now.readings.row_of[body]], body)
         item = self._objects[body]
         if not item.mass:
             return item.position
@@ -194,9 +213,16 @@ class BaseWorld(ABC, Generic[Own]):
     def contacts(self) -> list[Touch]:
         return self.now.contacts.all()
 
-    def power(self) -> Power:
-        devices = self.now.forces.power()
-        return devices._replace(motors=devices.motors + self._motor_power())
+    def works(self) -> Array:
+        self._works_of_joints = [np.concatenate([*self._works_of_joints, self._take_works()])]
+        steps = self._works_of_joints[0]
+        works = np.zeros((len(steps) + 1, 3))
+        works[1:, :2] = steps.cumsum(axis=0)
+        rows = self.now.rows.all
+        works[:, 0] += self._springs.works(rows)
+        works[:, 1] += self._winches.works(rows)
+        works[:, 1:] += self._ledger.works(self.now.forces).T
+        return works
 
     def energies(self, snapshot: Any) -> Array:
         readings, rows = snapshot

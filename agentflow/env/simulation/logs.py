@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from agentflow.env.measurements import Contact, Energy, Hit, Peak
-from agentflow.env.physics.engine import Power, Touch, World
+from agentflow.env.physics.engine import Touch
 from agentflow.env.physics.frames import WRENCH_ORDER
 from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Joint
@@ -44,6 +44,10 @@ class LoadHistory:
             self._blocks.append(self._block)
         self._block[at] = self._loads.level
         self._times.append(time)
+
+    def steps_until(self, time: float) -> int:
+        """Steps from the first one that was kept, which is t = 0, to a time, s."""
+        return int(np.searchsorted(np.array(self._times), time + 1e-9, side="right")) - 1
 
     @cached_property
     def shares(self) -> Array:
@@ -173,65 +177,37 @@ class ContactLog:
         return tuple(sorted(found, key=lambda contact: contact.first.time))
 
 
-class WorkLog:
-    """Adds up the work of the devices of a world from readings of their power.
+def energy_until(
+    time: float,
+    works: Array,
+    energies: tuple[Array, Array],
+    thrown: Body | None,
+    objects: tuple[str, ...],
+) -> Energy:
+    """Work from t = 0 until a time, and kinetic energy then.
 
-    The power in a step is that of the forces that act in it, which are constant, so that the work
-    is what the bodies gain. `step` is the length of an undivided step, s.
+    Args:
+        time: s.
+        works: (3,) work until then, as the columns of `World.works`.
+        energies: `World.energies` at t = 0 and at that time.
+        thrown: What counts as thrown; None for nothing.
+        objects: Names of the moving objects; only one that is thrown counts.
     """
-
-    def __init__(self, world: World, step: float) -> None:
-        self._world, self._step = world, step
-        self._times, self._work = [0.0], [Power()]
-        self._last = Power()
-
-    def add(self, time: float) -> None:
-        """Read the mean power of the last step; over skipped steps it changed evenly."""
-        power, before, work = self._world.power(), self._last, self._work[-1]
-        gap = time - self._times[-1]
-        if gap < 1.5 * self._step:
-            before = power
-        self._work.append(
-            Power(
-                work.springs + gap * (power.springs + before.springs) / 2,
-                work.motors + gap * (power.motors + before.motors) / 2,
-            )
-        )
-        self._times.append(time)
-        self._last = power
-
-    def energy(
-        self,
-        time: float,
-        start: object,
-        then: object,
-        thrown: Body | None,
-        objects: tuple[str, ...],
-    ) -> Energy:
-        """Work until a time (s), and kinetic energy then.
-
-        Args:
-            time: Of the second snapshot.
-            start: Snapshot of t = 0.
-            then: Snapshot of that time.
-            thrown: What counts as thrown; None for nothing.
-            objects: Names of the moving objects; only one that is thrown counts.
-        """
-        work = np.array(self._work)
-        springs, motors = (np.interp(time, self._times, column) for column in work.T)
-        before, after = self._world.energies(start), self._world.energies(then)
-        blocks = len(after) - len(objects)
-        counted = np.arange(len(after)) < blocks
-        index = blocks + objects.index(thrown) if isinstance(thrown, str) else thrown
-        if index is not None:
-            counted[index] = True
-        kinetic = after[:, 0] - before[:, 0]
-        own = 0.0 if index is None else float(kinetic[index])
-        return Energy(
-            time=time,
-            springs=float(springs),
-            motors=float(motors),
-            gravity=float((before[:, 1] - after[:, 1])[counted].sum()),
-            thrown=own,
-            machine=float(kinetic[counted].sum()) - own,
-        )
+    before, after = energies
+    blocks = len(after) - len(objects)
+    counted = np.arange(len(after)) < blocks
+    index = blocks + objects.index(thrown) if isinstance(thrown, str) else thrown
+    if index is not None:
+        counted[index] = True
+    kinetic = after[:, 0] - before[:, 0]
+    own = 0.0 if index is None else float(kinetic[index])
+    springs, motors, air = works.tolist()
+    return Energy(
+        time=time,
+        springs=springs,
+        motors=motors,
+        gravity=float((before[:, 1] - after[:, 1])[counted].sum()),
+        thrown=own,
+        machine=float(kinetic[counted].sum()) - own,
+        air=air,
+    )

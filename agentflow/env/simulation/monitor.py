@@ -1,4 +1,4 @@
-"""Watches a rollout: loads in every step, contacts and work now and then, all closely at events.
+"""Watches a rollout: loads in every step, contacts now and then, and closely at events.
 
 Reading contacts in every step would make rollouts of small machines a tenth slower. So most steps
 are skipped until speeds or loads jump, something breaks, touches or is switched.
@@ -13,13 +13,13 @@ from agentflow.env.physics.engine import World
 from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
 from agentflow.env.rollout import Broken, Moment, Trace
-from agentflow.env.simulation.logs import ContactLog, LoadHistory, WorkLog
+from agentflow.env.simulation.logs import ContactLog, LoadHistory, energy_until
 from agentflow.env.simulation.recorder import FineInterval, Recorder, thin_out
 
 FINE = 0.02
 """Least time between fine samples, s."""
 SELDOM = 0.1
-"""Time between readings of contacts while nothing happens, s; work is read half as often."""
+"""Time between readings of contacts while nothing happens, s."""
 ALERT = 0.1
 """How long to look closely after something happened, s."""
 JOLT, TWIST = 60.0, 120.0
@@ -45,7 +45,7 @@ class Monitor:
         self._world, self._loads, self._rate = world, loads, rate
         self.recorder = Recorder(world, assembly, loads.connections, objects)
         self._history = LoadHistory(loads, assembly.joints)
-        self._contacts, self._work = ContactLog(1.0 / rate), WorkLog(world, 1.0 / rate)
+        self._contacts = ContactLog(1.0 / rate)
         self._fine = max(1, round(FINE * rate - 0.5))
         self._seldom = max(1, round(SELDOM * rate))
         self._jolt, self._twist = JOLT / rate, TWIST / rate
@@ -74,8 +74,6 @@ class Monitor:
     def add_part(self, time: float) -> None:
         """Look at a step or a part of one."""
         self._history.add(time)
-        if self._alert and self._spare >= 1.0:
-            self._work.add(time)
 
     def add_step(self, time: float, speeds: tuple[float, float]) -> None:
         """Look at a whole step.
@@ -106,8 +104,6 @@ class Monitor:
             self._spare -= 1.0
             if self._steps % self._fine == 0:
                 self.recorder.sample(time, regular=False)
-        elif self._steps % (2 * self._seldom) == 0:
-            self._work.add(time)
 
     def _read(self, time: float) -> None:
         if self._contacts.add(time, self._world.contacts()):
@@ -142,4 +138,8 @@ class Monitor:
         _, start = self.recorder.snapshot_near(0.0)
         time, then = self.recorder.snapshot_near(inf if moment is None else moment.time)
         thrown = None if moment is None else moment.body
-        return self._work.energy(time, start, then, thrown, self.recorder.objects)
+        works, history = self._world.works(), self._history
+        first = len(works) - 1 - history.steps_until(inf)
+        done = works[first + history.steps_until(time)] - works[first]
+        energies = self._world.energies(start), self._world.energies(then)
+        return energy_until(time, done, energies, thrown, self.recorder.objects)

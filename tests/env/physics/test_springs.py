@@ -27,7 +27,8 @@ def test_a_spring_pulls_beyond_its_natural_length_only() -> None:
     locations = PartLocations(np.array([0, 1]), np.zeros((2, 3)))
     levels = {"springs": 1.0}
     spring = Spring(0, 1, natural=0.5, ramp=0.5, force=600.0, damping=10.0)
-    springs = SpringForce([spring], locations, levels)
+    springs = SpringForce([spring], levels, 1.0 / RATE)
+    springs.locate_parts(locations)
     still = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def pull(distance: float, rate: float = 0.0) -> list[tuple[int, Vec3, Vec3 | None]]:

@@ -11,11 +11,11 @@ import numpy as np
 
 from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, Wrench
 from agentflow.env.physics.model import Part
-from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, Row
+from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, Row, Rows
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import cross, matrices, turn, turn_back
 from agentflow.env.scene import Scene
-from agentflow.machine.geometry.vectors import Vec3
+from agentflow.machine.geometry.vectors import Vec3, dot, rotate_vector
 
 
 class DragForce:
@@ -60,7 +60,19 @@ class DragForce:
         self.rows = [row for row, _, _ in self._isotropic] + [row for row, _ in self._general]
         """Rows of the clusters that it acts on."""
 
-    def __call__(self, rows: Sequence[Row]) -> list[Wrench]:
+    def power(self, rows: Sequence[Row] | Rows) -> float:
+        """Rate at which it does work on the clusters, W; not above 0."""
+        found = 0.0
+        for row, local, force, torque in self(rows):
+            _, _, _, x, y, z, w, *motion = rows[row]
+            velocity, spin = (motion[0], motion[1], motion[2]), (motion[3], motion[4], motion[5])
+            if local:
+                force = rotate_vector((x, y, z, w), force)
+                torque = torque and rotate_vector((x, y, z, w), torque)
+            found += dot(force, velocity) + (dot(torque, spin) if torque else 0.0)
+        return found
+
+    def __call__(self, rows: Sequence[Row] | Rows) -> list[Wrench]:
         """Force and torque on each cluster that has drag."""
         wrenches: list[Wrench] = []
         for row, loss, spin in self._isotropic:

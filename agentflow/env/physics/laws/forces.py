@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.physics.rows import Row
+from agentflow.env.physics.rows import Row, Rows
 from agentflow.env.rollout import Array
 from agentflow.machine.geometry.vectors import Vec3, dot, rotate_vector
 
@@ -65,12 +65,16 @@ def part_motion(row: Row, offset: Vec3) -> tuple[Vec3, Vec3]:
         offset: From the centre of the cluster's leading part to this part's, at rest.
     """
     px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = row
-    a, b, c = rotate_vector((x, y, z, w), offset)
+    a, b, c = offset
+    u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)  # as `rotate_vector`
+    a, b, c = a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u
     velocity = (vx + (wy * c - wz * b), vy + (wz * a - wx * c), vz + (wx * b - wy * a))
     return (px + a, py + b, pz + c), velocity
 
 
-def power_of(forces: Sequence[PartForce], rows: Sequence[Row], locations: PartLocations) -> float:
+def power_of(
+    forces: Sequence[PartForce], rows: Sequence[Row] | Rows, locations: PartLocations
+) -> float:
     """Rate at which forces on parts do work, W."""
     found = 0.0
     for part, force, at in forces:

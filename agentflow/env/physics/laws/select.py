@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from agentflow.env.physics.engine import Power
 from agentflow.env.physics.frames import swap, swap_all
 from agentflow.env.physics.laws.air import DragForce, WindForce
 from agentflow.env.physics.laws.flight import ThrustForce
@@ -28,13 +28,15 @@ def device_laws(
     assembly: Assembly,
     locations: PartLocations,
     levels: Mapping[Entry, float],
+    springs: SpringForce,
     winches: WinchForce,
 ) -> list[Law]:
     """Springs, thrusters, devices that motion makes push, and winches, where there are any."""
     devices = assembly.devices
     laws: list[Law] = []
-    if devices.springs:
-        laws.append(SpringForce(devices.springs, locations, levels))
+    if springs:
+        springs.locate_parts(locations)
+        laws.append(springs)
     if devices.thrusters:
         laws.append(ThrustForce(devices.thrusters, levels, devices.flames, locations))
     if devices.moved:
@@ -78,6 +80,14 @@ def wind_laws(
     return [lambda rows: wind(np.array(rows), share) if (share := strength()) else []]
 
 
+class Power(NamedTuple):
+    """Rate at which forces other than those of springs and winches did work in the last step, W."""
+
+    thrust: float
+    air: float
+    """On the blocks: drag, wind, and what pushes blades."""
+
+
 class Forces(ABC):
     """All forces on the bodies of one skeleton; engines apply them in every step."""
 
@@ -104,15 +114,16 @@ class Forces(ABC):
         return self._exerted
 
     def power(self) -> Power:
-        """Mean power of springs, and of thrusters and winches, in the last step."""
-        springs = motors = 0.0
-        rows = self._rows.all
+        """Mean power of thrusters and of the air in the last step."""
+        rows, blocks = self._rows, len(self._locations.row)
+        thrust, air = 0.0, self._drag.power(rows)
         for law, forces in zip(self._laws, self._exerted, strict=False):
-            if isinstance(law, SpringForce | ThrustForce | WinchForce) and forces:
-                begin = power_of(forces, self._before, self._locations)
-                end = power_of(forces, rows, self._locations)
-                if isinstance(law, SpringForce):
-                    springs += (begin + end) / 2
+            if forces and not isinstance(law, SpringForce | WinchForce):
+                own = [force for force in forces if force[0] < blocks]
+                begin = power_of(own, self._before, self._locations)
+                mean = (begin + power_of(own, rows, self._locations)) / 2
+                if isinstance(law, ThrustForce):
+                    thrust += mean
                 else:
-                    motors += (begin + end) / 2
-        return Power(springs, motors)
+                    air += mean
+        return Power(thrust, air)

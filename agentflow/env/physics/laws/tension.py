@@ -6,13 +6,17 @@ take longer than what they compute.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
+import numpy as np
+
 from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, part_motion
 from agentflow.env.physics.rows import Row
-from agentflow.machine.geometry.vectors import Vec3, scale
+from agentflow.env.rollout import Array
+from agentflow.machine.geometry.vectors import Vec3, dot, scale
 
 RowPoint = tuple[int, Vec3]
 """Row of a cluster and offset from its leading part's centre, as `PartLocations.locate` gives."""
@@ -63,85 +67,136 @@ class Winch:
     """The entry whose level it follows."""
 
 
-class SpringForce:
+Pull = tuple[float, Vec3, float]
+"""Pull times the length of a step, N s, and the direction and rate at which its line grew as the
+step began, m/s."""
+
+
+class PullForce(ABC):
+    """Pulls along lines between parts, and the work that they do.
+
+    It outlives splits of the machine: set up once per world, then call `locate_parts`.
+    """
+
+    def __init__(
+        self, ends: Sequence[tuple[int, int]], levels: Mapping[Entry, float], step: float
+    ) -> None:
+        """Start with no pull; `ends` are the parts of each line, `levels` are read in every
+        step."""
+        self._parts, self._levels = ends, levels
+        self.step = step
+        """Time between calls, s."""
+        self._ends: list[tuple[RowPoint, RowPoint]] = []
+        self._pulled: list[Pull] = [(0.0, (0.0, 0.0, 0.0), 0.0)] * len(ends)
+        """Of each line in the last step."""
+        self._works: list[float] = []
+        """Work in each step but the last, after a 0, J."""
+
+    def __bool__(self) -> bool:
+        return bool(self._parts)
+
+    def locate_parts(self, locations: PartLocations) -> None:
+        """Locate the ends of the lines, after each split of the machine."""
+        self._ends = [(locations.locate(a), locations.locate(b)) for a, b in self._parts]
+
+    def works(self, rows: Sequence[Row]) -> Array | float:
+        """(S + 1,) work until the end of each step, J, or 0 without lines; `rows` are those after
+        the last step."""
+        if not self._parts:
+            return 0.0
+        last = 0.0
+        for pull, ends in zip(self._pulled, self._ends, strict=True):
+            last += _work(pull, _line(rows, *ends)[4]) if pull[0] else 0.0
+        return np.cumsum([*self._works, last] if self._works else [0.0])
+
+    @abstractmethod
+    def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
+        """Forces in this step."""
+
+
+class SpringForce(PullForce):
     """Pull of all springs of a machine."""
 
     def __init__(
-        self, springs: Sequence[Spring], locations: PartLocations, levels: Mapping[Entry, float]
+        self, springs: Sequence[Spring], levels: Mapping[Entry, float], step: float
     ) -> None:
-        """Locate the ends; `levels` of entries are read in every step."""
-        self._levels = levels
-        self._springs = [(s, locations.locate(s.a), locations.locate(s.b)) for s in springs]
+        super().__init__([(each.a, each.b) for each in springs], levels, step)
+        self._springs = springs
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Forces in this step."""
-        pulls = []
-        for spring, one, other in self._springs:
+        pulls, work = [], 0.0
+        for i, spring in enumerate(self._springs):
             level = max(self._levels.get(spring.starts, 0.0), 0.0)  # springs cannot push
-            if not level:
+            last = self._pulled[i]
+            if not (level or last[0]):
                 continue
-            at_a, at_b, along, distance, rate = _line(rows, one, other)
+            at_a, at_b, along, distance, velocity = _line(rows, *self._ends[i])
+            work += _work(last, velocity)
+            rate, pull = dot(velocity, along), 0.0
             stretch = min((distance - spring.natural) / spring.ramp, 1.0)
-            if stretch > 0.0:
-                strength = max(spring.force * stretch + spring.damping * rate, 0.0)
-                force = scale(along, level * strength)
-                pulls += opposite_forces(spring.a, at_a, spring.b, at_b, force)
+            if level and stretch > 0.0:
+                pull = level * max(spring.force * stretch + spring.damping * rate, 0.0)
+                pulls += opposite_forces(spring.a, at_a, spring.b, at_b, scale(along, pull))
+            self._pulled[i] = pull * self.step, along, rate
+        self._works.append(work)
         return pulls
 
 
-class WinchForce:
-    """Pull of all winches of a machine, and the length of each rope.
-
-    Ropes outlive splits of the machine: set up once per world, then call `locate_parts`.
-    """
+class WinchForce(PullForce):
+    """Pull of all winches of a machine, and the length of each rope."""
 
     def __init__(
         self, winches: Sequence[Winch], levels: Mapping[Entry, float], step: float
     ) -> None:
-        """Start with no rope strung; `levels` are read in every step, and -1 lets rope out."""
-        self._winches, self._levels = winches, levels
-        self.step = step
-        """Time between calls, s."""
+        """Start with no rope strung; a level of -1 lets rope out."""
+        super().__init__([(each.a, each.b) for each in winches], levels, step)
+        self._winches = winches
         self._left: list[float | None] = [None] * len(winches)
         """Length of each rope, m; None until it is strung."""
-        self._ends: list[tuple[RowPoint, RowPoint]] = []
-
-    def __bool__(self) -> bool:
-        return bool(self._winches)
-
-    def locate_parts(self, locations: PartLocations) -> None:
-        """Locate the ends of the ropes, after each split of the machine."""
-        self._ends = [(locations.locate(w.a), locations.locate(w.b)) for w in self._winches]
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Reel in or out, then the forces in this step."""
-        pulls = []
+        pulls, work = [], 0.0
         for i, (winch, ends) in enumerate(zip(self._winches, self._ends, strict=True)):
             level, left = self._levels.get(winch.starts, 0.0), self._left[i]
             if left is None and not level:
                 continue
-            at_a, at_b, along, distance, rate = _line(rows, *ends)
+            at_a, at_b, along, distance, velocity = _line(rows, *ends)
+            work += _work(self._pulled[i], velocity)
+            rate = dot(velocity, along)
             left = distance if left is None else left
             left = max(left - level * winch.speed * self.step, min(left, winch.shortest))
             left = self._left[i] = max(left, distance - winch.force / winch.stiffness)
+            pull = 0.0
             if distance > left:
                 pull = winch.stiffness * (distance - left) + winch.damping * rate
-                force = scale(along, min(max(pull, 0.0), winch.force))
-                pulls += opposite_forces(winch.a, at_a, winch.b, at_b, force)
+                pull = min(max(pull, 0.0), winch.force)
+                pulls += opposite_forces(winch.a, at_a, winch.b, at_b, scale(along, pull))
+            self._pulled[i] = pull * self.step, along, rate
+        self._works.append(work)
         return pulls
+
+
+def _work(pull: Pull, velocity: Vec3) -> float:
+    """Work of a pull in a step after which its ends move apart with this velocity, J: the force is
+    the same throughout a step."""
+    impulse, along, rate = pull
+    return -impulse * (rate + dot(velocity, along)) / 2
 
 
 def _line(
     rows: Sequence[Row], one: RowPoint, other: RowPoint
-) -> tuple[Vec3, Vec3, Vec3, float, float]:
-    """Two points, the unit vector from one to the other, their distance and its rate of change."""
+) -> tuple[Vec3, Vec3, Vec3, float, Vec3]:
+    """Two points, the unit vector from one to the other, their distance, and the velocity of the
+    other against the one."""
     at_a, (ux, uy, uz) = part_motion(rows[one[0]], one[1])
     at_b, (vx, vy, vz) = part_motion(rows[other[0]], other[1])
     x, y, z = at_b[0] - at_a[0], at_b[1] - at_a[1], at_b[2] - at_a[2]
     distance = max(sqrt(x * x + y * y + z * z), 1e-9)
     per = 1.0 / distance
     x, y, z = x * per, y * per, z * per
-    return at_a, at_b, (x, y, z), distance, (vx - ux) * x + (vy - uy) * y + (vz - uz) * z
+    return at_a, at_b, (x, y, z), distance, (vx - ux, vy - uy, vz - uz)
 
 
 def opposite_forces(a: int, at_a: Vec3, b: int, at_b: Vec3, force: Vec3) -> list[PartForce]:

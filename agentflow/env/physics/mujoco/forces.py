@@ -46,7 +46,7 @@ class AppliedForces(Forces):
         """Bodies on which forces acted in the last step."""
 
     def __call__(self) -> None:
-        rows = self._rows.all
+        rows, leading, alone = self._rows.all, self._leading, not self._laws
         total: dict[int, list[float]] = {}
         for row, local, force, torque in self._drag(rows):
             moment = torque or _STILL
@@ -54,11 +54,11 @@ class AppliedForces(Forces):
                 _, _, _, x, y, z, w, _, _, _, _, _, _ = rows[row]
                 turn = x, y, z, w
                 force, moment = rotate_vector(turn, force), rotate_vector(turn, moment)
-            if self._laws:
-                total[self._leading[row]] = [*force, *moment]
-            else:  # nothing else acts on it
-                _PACK(self._target, self._leading[row] * _SIZE, *force, *moment)
-        if not self._laws:
+            if alone:  # nothing else acts on it
+                _PACK(self._target, leading[row] * _SIZE, *force, *moment)
+            else:
+                total[leading[row]] = [*force, *moment]
+        if alone:
             return
         for forces in self._of_laws(rows):
             for part, force, place in forces:

@@ -19,6 +19,9 @@ from agentflow.env.physics.mujoco.couplings import TIGHT
 from agentflow.env.physics.structure.drives import HOLD, STILL, JointDrive, idle, merge_drives
 from agentflow.env.rollout import Array
 
+TOGETHER = 256
+"""Steps whose work is computed at once."""
+
 
 class Motors:
     """The drives of all joints that turn about or slide along one axis."""
@@ -72,10 +75,22 @@ class Motors:
         far it is turned, as by the jerk when a boulder falls in."""
         self._angles = [0.0] * count
         """The angle that each motor holds, rad."""
-        self._before = self._qvel.copy()
-        """Speeds of all joints before the last step."""
-        self._efforts: Array = np.zeros(len(rubbing))
-        """What each constraint exerted in the last step."""
+        sliding = [
+            (built.joints[link.joint], merge_drives(joints, link).stiffness)
+            for link in built.links
+            if link.joint in built.joints and joints[link.joint].kind == "prismatic"
+        ]
+        self._sliding = _indices([address.position for address, _ in sliding])
+        self._stiffness = np.array([stiffness for _, stiffness in sliding])
+        """Of each suspension, N/m."""
+        self._before: tuple[Array, ...] = ()
+        """Speeds of all joints before the last step, with those that differ or slide also what is
+        exerted besides and the positions."""
+        self._noted: list[tuple[float, int, Array, tuple[Array, ...]]] = []
+        """Of each step, its length, the number of rows of equalities, what each constraint exerted,
+        and the motion before it."""
+        self._works: list[Array] = []
+        """Results for earlier steps."""
 
     def set(self) -> None:
         """Aim at the speeds that the levels give, and hold the angle where that is 0."""
@@ -108,6 +123,7 @@ class Motors:
 
     def drive(self) -> None:
         """Drive the joints for one step, between the two halves of it."""
+        self._before = self._motion()
         if not self._joints:
             return
         data, angles = self._data, self._angles
@@ -127,16 +143,46 @@ class Motors:
             np.add(own, self._changes, own)
         else:
             data.efc_aref[self._rows] += self._changes
-        self._before = self._qvel.copy()
 
-    def read(self, efforts: Array) -> None:
+    def _motion(self) -> tuple[Array, ...]:
+        """What work is computed from: speeds; forces besides, and positions."""
+        if not (self._mixed or len(self._sliding)):
+            return (self._qvel.copy(),)
+        return self._qvel.copy(), self._data.qfrc_applied.copy(), self._qpos.copy()
+
+    def note(self, efforts: Array) -> None:
         """Note what all constraints exerted in the step, after its second half."""
-        self._efforts = efforts
+        self._noted.append((self.step, self._equalities, efforts, self._before))
+        if len(self._noted) == TOGETHER:
+            self._add_works()
 
-    def power(self) -> float:
-        """Mean power of the motors in the last step, W."""
-        speeds = (self._before[self._velocity] + self._qvel[self._velocity]) / 2
-        return float((self._efforts[self._rows] * speeds).sum())
+    def take_works(self) -> Array:
+        """(S, 2) work of suspensions and of motors in each step since the last call, J."""
+        self._add_works()
+        works, self._works = self._works, []
+        return np.concatenate([np.zeros((0, 2)), *works])
+
+    def _add_works(self) -> None:
+        """Compute the work in all steps that were noted, at once."""
+        noted, self._noted = self._noted, []
+        if not noted:
+            return
+        works = np.zeros((len(noted), 2))
+        lengths, equalities, efforts, before = zip(*noted, strict=True)
+        after = self._motion()
+        if self._joints:
+            speeds = np.array([*(each[0] for each in before), after[0]])[:, self._velocity]
+            ends = np.cumsum([len(each) for each in efforts])
+            starts = np.concatenate([[0], ends[:-1]]) + equalities
+            torques = np.concatenate(efforts)[starts[:, None] + self._row]
+            if self._mixed:
+                torques += np.array([each[1] for each in before])[:, self._velocity]
+            powers = (torques * (speeds[:-1] + speeds[1:])).sum(axis=1) / 2
+            works[:, 1] = powers * lengths
+        if len(self._sliding):
+            places = np.array([*(each[2] for each in before), after[2]])[:, self._sliding]
+            works[:, 0] = -np.diff((self._stiffness * places**2).sum(axis=1)) / 2
+        self._works.append(works)
 
     def _aim(self, motor: int, speed: float) -> None:
         self._changes[motor] = speed / (self.step * TIGHT)

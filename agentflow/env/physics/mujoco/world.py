@@ -82,7 +82,7 @@ class MuJoCoWorld(BaseWorld[Model]):
             now.yielding()
         mujoco.mj_step2(model, data)
         efforts = data.efc_force.copy()
-        now.motors.read(efforts)
+        now.motors.note(efforts)
         now.motors.mix()
         now.contacts.read(efforts)
         self._grips.watch()
@@ -90,8 +90,8 @@ class MuJoCoWorld(BaseWorld[Model]):
         now.rows.read()
         now.reactions.read(self.reactions)
 
-    def split(self, broken: Sequence[int]) -> None:
-        """Remove joints and build the model again."""
+    def _split(self, broken: Sequence[int]) -> None:
+        """Build the model again."""
         old = self.now
         rows = old.rows.table
         parts, known = old.readings.parts(rows), motions(old.built)
@@ -151,8 +151,8 @@ class MuJoCoWorld(BaseWorld[Model]):
         set_step_length(self.now.built.model, self._interval)
         self._refresh()
 
-    def _motor_power(self) -> float:
-        return self.now.motors.power()
+    def _take_works(self) -> Array:
+        return self.now.motors.take_works()
 
 
 def _place_at_start(built: CompiledModel, assembly: Assembly, start: Start) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Assembly, Joint
-from agentflow.env.physics.pybullet.bodies import PieceBody
+from agentflow.env.physics.pybullet.bodies import Handle, PieceBody
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.structure.drives import (
     HOLD,
@@ -73,6 +73,8 @@ class Motors:
         self._single = [*found["revolute"], *self._sliding]
         self._mixed = [handled for handled in self._single if handled[2].mixed]
         self._balls = found["spherical"]
+        self.pushes: dict[Handle, float] = {}
+        """Torque besides the motor's in the last step, of joints whose motors differ, N m."""
         self.set()
 
     def set(self) -> None:
@@ -141,7 +143,8 @@ class Motors:
         client = self._client
         for uid, index, drive in self._mixed:
             speed = pybullet.getJointState(uid, index, client)[1]
-            self._push(uid, index, self._turn(uid, index, drive, speed))
+            self.pushes[uid, index] = push = self._turn(uid, index, drive, speed)
+            self._push(uid, index, push)
         for uid, index, drive in self._sliding:
             position, velocity = pybullet.getJointState(uid, index, client)[:2]
             pybullet.setJointMotorControl2(

@@ -10,10 +10,10 @@ import numpy as np
 
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.pybullet.bodies import PieceBody
+from agentflow.env.physics.pybullet.bodies import Handle, PieceBody
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.rows import WIDTH, Row, top_speeds
-from agentflow.env.physics.structure.drives import has_motor, joint_motions
+from agentflow.env.physics.structure.drives import has_motor, joint_motions, merge_drives
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Link
 from agentflow.env.rollout import Array
@@ -97,11 +97,13 @@ class Sensors:
         self._client = client
         self._bodies: list[tuple[int, list[int]]] = []
         links: list[Link] = []
+        handles: list[Handle] = []
         for body in built:
             if body.joints:
                 own = sorted(body.joints, key=lambda each: each[0].joint)
                 self._bodies.append((body.uid, [index for _, index in own]))
                 links += [link for link, _ in own]
+                handles += [(body.uid, index) for _, index in own]
         self._links = links
         self._turning = [
             row
@@ -118,7 +120,16 @@ class Sensors:
         ]
         """Row, joint and wrench (6,) per unit of its motor of each joint that others are parallel
         to. PyBullet's sensors leave out what motors exert."""
-        self._driven = [row for row in self._turning if has_motor(joints, links[row])]
+        self._driven = [
+            (row, handles[row]) for row in self._turning if has_motor(joints, links[row])
+        ]
+        self._sliding = [
+            (row, merge_drives(joints, link).stiffness)
+            for row, link in enumerate(links)
+            if joints[link.joint].kind == "prismatic" and not link.rigid
+        ]
+        self._works: list[tuple[float, float]] = []
+        """Work of suspensions and of motors in each step, J."""
         self._read = np.zeros(6 * len(links) + 1)
         """Force and torque of each joint from PyBullet, then a 0 for joints that are in no tree."""
         self._pack = Struct(f"{6 * len(links)}d").pack_into
@@ -152,10 +163,26 @@ class Sensors:
         states = self._states
         return max([abs(states[row][1]) for row in self._turning], default=0.0)
 
-    def power(self) -> float:
-        """Mean power of the motors in the last step, W."""
-        now, before = self._states, self._before or self._states
-        return float(sum((before[i][1] + now[i][1]) / 2 * now[i][3] for i in self._driven))
+    def add_work(self, step: float, pushes: Mapping[Handle, float]) -> None:
+        """Add up the work in a step.
+
+        Args:
+            step: Its length, s.
+            pushes: Torque besides that of the motor of some joints (`Motors.pushes`), N m.
+        """
+        now, before = self._states, self._before
+        springs = motors = 0.0
+        for i, handle in self._driven:
+            torque = now[i][3] + pushes[handle] if handle in pushes else now[i][3]
+            motors += (before[i][1] + now[i][1]) * torque
+        for i, stiffness in self._sliding:
+            springs += stiffness * (before[i][0] ** 2 - now[i][0] ** 2)
+        self._works.append((springs / 2, motors * step / 2))
+
+    def take_works(self) -> Array:
+        """(S, 2) work of suspensions and of motors in each step since the last call, J."""
+        works, self._works = self._works, []
+        return np.array(works).reshape(-1, 2)
 
     def motions(self) -> dict[int, tuple[float, float]]:
         """Position and velocity of every joint in the trees that has one degree of freedom, and of

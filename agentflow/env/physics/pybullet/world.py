@@ -78,10 +78,11 @@ class PyBulletWorld(BaseWorld[Bodies]):
         now.motors.set_for_step()
         pybullet.stepSimulation(self.client)
         self._read()
+        now.sensors.add_work(self._interval, now.motors.pushes)
         self._grips.watch()
 
-    def split(self, broken: Sequence[int]) -> None:
-        """Remove joints and rebuild the bodies that they were part of."""
+    def _split(self, broken: Sequence[int]) -> None:
+        """Rebuild the bodies that the joints were part of."""
         plan = self._plan(broken)
         old, lasting = self.now, set(plan.pieces)
         motions, parts = old.sensors.motions(), old.readings.parts(old.rows.table)
@@ -165,8 +166,8 @@ class PyBulletWorld(BaseWorld[Bodies]):
         self.now.motors.set()
         self._grips.tighten()
 
-    def _motor_power(self) -> float:
-        return self.now.sensors.power()
+    def _take_works(self) -> Array:
+        return self.now.sensors.take_works()
 
 
 def _place_at_start(client: int, built: Sequence[PieceBody], start: Start) -> None:

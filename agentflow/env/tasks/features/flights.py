@@ -86,6 +86,11 @@ class Flight:
         self._clean = False
         """Whether the boulder has touched neither ground nor wall since then."""
         self._rolled = False
+        self._touching: frozenset[Body] = frozenset()
+        self._blocks: list[int] = []
+        self._scene: list[str] = []
+        """What the boulder touched last, and the blocks and objects among it: in most steps it
+        touches the same again."""
         self.landing: Landing | None = None
         self.progress = RingProgress(rings)
         """Rings passed since the boulder last touched anything."""
@@ -124,17 +129,19 @@ class Flight:
             self.height, self.height_time = y, world.time
         touching = world.touching(self.boulder)
         if touching:
-            self._handle_contact(world, touching)
-        if self.landing is None:
+            self._handle_contact(world, touching, z)
+        if self._rings and self.landing is None:
             self.progress = RingProgress(self._rings) if touching else self.progress
             self.progress.move_to(position)
 
-    def _handle_contact(self, world: WorldView, touching: frozenset[Body]) -> None:
-        blocks = blocks_among(touching)
-        scene = objects_among(touching)
+    def _handle_contact(self, world: WorldView, touching: frozenset[Body], z: float) -> None:
+        if touching != self._touching:
+            self._touching = touching
+            self._blocks, self._scene = blocks_among(touching), objects_among(touching)
+        blocks, scene = self._blocks, self._scene
         if blocks:
             self._holder, self._left, self._clean = blocks[0], world.time, not scene
-            self._from = (world.centre(self.boulder)[2], world.centre(0)[2])
+            self._from = (z, world.centre(0)[2])
         elif self._flies(world):
             self._land(world, scene[0])
         else:

@@ -1,0 +1,80 @@
+"""The work that a world tells of, against that of all forces in MuJoCo's own coordinates."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import mujoco
+import pytest
+
+from agentflow.env.constants import constants
+from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.loads import Loads
+from agentflow.env.physics.mujoco import world as module
+from agentflow.env.physics.mujoco.engine import MuJoCoEngine
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine.geometry.placement import place
+from benchmarks.shelf import load
+
+RATE = constants()["step_rate"]
+
+
+@pytest.mark.parametrize(
+    ("name", "task", "breaks"),
+    [
+        ("published_throw.json", "throwing", True),
+        ("throwing/spring_arm.json", "throwing", False),
+        ("flying/copter.json", "flying", False),
+        ("lifting/strong_drawbridge.json", "lifting", False),
+        ("sprung_car.json", "movement", False),
+    ],
+)
+def test_all_work_that_is_told_adds_up(
+    monkeypatch: pytest.MonkeyPatch, name: str, task: str, breaks: bool
+) -> None:
+    """Less than 1 % of the work differs: of each source by itself where MuJoCo knows it."""
+    machine, level = load(name), get_task(task, engine="mujoco").trials(0)[0]
+    inside = outside = turnover = 0.0
+
+    def step2(model: Any, data: Any) -> None:
+        nonlocal inside, outside, turnover
+        before, step = data.qvel.copy(), model.opt.timestep
+        mujoco.mj_step2(model, data)
+        mean = (before + data.qvel) / 2
+        damping = -model.dof_damping * data.qvel
+        springs = data.qfrc_passive - data.qfrc_damper
+        own = data.qfrc_constraint + springs + damping + data.qfrc_applied
+        other = data.qfrc_smooth - data.qfrc_passive + data.qfrc_bias - data.qfrc_applied
+        inside += step * float((own * mean).sum())
+        outside += step * float((other * mean).sum())
+        turnover += step * float(abs((own * mean).sum()) + abs((other * mean).sum()))
+
+    watched = SimpleNamespace(mj_step1=mujoco.mj_step1, mj_step2=step2)
+    assembly = assemble(machine, place(machine), constants())
+    world = MuJoCoEngine().build(assembly, level.scene(machine), RATE)
+    loads = Loads(assembly.joints, constants()["load_window"], 1.0 / RATE)
+    for _ in range(60):
+        world.step()
+        loads.update(world.reactions)
+    start, first = world.energies(world.snapshot()), world.works()[-1]
+    joints = world._works_of_joints[0].sum()
+    monkeypatch.setattr(module, "mujoco", watched)
+    broken: list[int] = []
+    due = level.switches(machine)
+    for step in range(240):
+        for time, entry, on in due:
+            if round(time * RATE) == step:
+                world.switch(entry, on)
+        world.step()
+        new = list(loads.update(world.reactions))
+        if new:
+            world.split(new)
+        broken += new
+    assert broken or not breaks
+    told = (world.works()[-1] - first).sum()
+    gained = (world.energies(world.snapshot()) - start).sum()
+    own = told - (world._works_of_joints[0].sum() - joints)
+    assert turnover > 50.0
+    assert own == pytest.approx(outside, abs=0.01 * turnover)
+    assert own + inside == pytest.approx(gained, abs=0.01 * turnover)
