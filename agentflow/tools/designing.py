@@ -10,10 +10,11 @@ from pydantic import BeforeValidator, Field
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.description.geometry_info import describe as geometry_of
-from agentflow.machine.description.geometry_info import describe_text
+from agentflow.machine.description.geometry_info import describe_text, joined_lines
 from agentflow.machine.description.statics_text import statics_text
 from agentflow.machine.edits.script import EditOutcome, StepVerdict, apply_script
 from agentflow.machine.formats.detect import read_for
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import Report
@@ -140,6 +141,7 @@ def _named(
     lines = [f"Machine {known.name}: {state}, {blocks} block{'' if blocks == 1 else 's'}."]
     lines += [f"- {problem.message}" for problem in (*report.problems, *report.warnings)]
     lines += [f"- {note}" for note in report.notes[:MAX_PROBLEMS]]
+    lines += joined_lines(place(machine))
     data = {
         "machine": known.name,
         "complete": report.task_valid,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.orientation import orientation_runs
+from agentflow.env.feedback.orientation import orientation_runs, settled_lines
 from agentflow.env.feedback.stalls import stall_lines, stalled_motors
 from agentflow.env.feedback.text import MAX_SAMPLES, number, sample_indices, series
 from agentflow.env.rollout import RolloutEvent, Verdict
@@ -54,6 +54,23 @@ def test_a_tumbling_root_gets_its_commonest_orientations() -> None:
     trace = make_trace(1, 20, rotation=rotation)
     text = compose(Machine((ROOT,)), trace, (), Verdict(0.0, {}), "m", (), {}, ()).text
     assert ("Orientation of block 0: changes 19 times, facing z+ 50% of the time; x+ 50%") in text
+
+
+def test_the_angle_at_which_an_arm_has_settled_is_told() -> None:
+    arm = Machine((ROOT, Step(1, 5, 0, 0), Step(2, 63, 1, 0), Step(3, 2, 0, 2)))
+    tilt = np.radians(20.0) / 2
+    rotation = np.tile((0.0, 0.0, 0.0, 1.0), (4, 4, 1))
+    rotation[:, 1:3] = (np.sin(tilt), 0.0, 0.0, np.cos(tilt))
+    rotation[:, 3] = (0.0, -HALF, 0.0, HALF)
+    down = make_trace(4, 4, rotation=rotation)
+    assert settled_lines(arm, down) == [
+        "Joints at t = 0: block 1 (Hinge) 20 degrees from as built, "
+        "its Front 20 degrees below level"
+    ]
+    text = compose(arm, down, (), Verdict(0.0, {}), "m", (), {}, ()).text
+    assert settled_lines(arm, down)[0] in text
+    rotation[:, 1:3] = (0.0, 0.0, 0.0, 1.0)
+    assert settled_lines(arm, make_trace(4, 4, rotation=rotation)) == []
 
 
 def test_a_motor_that_stands_for_over_a_second_is_told() -> None:

@@ -99,3 +99,18 @@ def test_rows_of_renumbered_blocks_are_told_as_ranges(
     ids: dict[int, int | None], told: list[str]
 ) -> None:
     assert _renumbered(ids) == told
+
+
+async def test_faces_that_meet_unnoticed_are_told_with_their_blocks() -> None:
+    types = ((1, 0, 2), (1, 0, 3), (1, 1, 6), (1, 2, 6), (63, 3, 4))
+    steps = [{"type": 0, "id": 0, "parent": -1, "face_id": -1}]
+    steps += [
+        {"type": kind, "id": number, "parent": parent, "face_id": face}
+        for number, (kind, parent, face) in enumerate(types, start=1)
+    ]
+    async with open_bench(stage="initial", rollouts=None) as (bench, _):
+        made = await bench.call("check", {"machine": json.dumps(steps)})
+        assert "\nFaces joined by touching: 5.0 with 4.2." in made.text
+        name = made.data["machine"]
+        edited = await bench.call("edit", {"machine": name, "script": "Remove 5"})
+        assert "joined" not in edited.text

@@ -7,7 +7,12 @@ from itertools import groupby
 from typing import Any
 
 from agentflow.env.feedback.fragments import find_fragments, fragment_lines
-from agentflow.env.feedback.orientation import frame_text, orientation_runs, orientation_text
+from agentflow.env.feedback.orientation import (
+    frame_text,
+    orientation_runs,
+    orientation_text,
+    settled_lines,
+)
 from agentflow.env.feedback.stalls import stall_lines
 from agentflow.env.feedback.text import (
     Series,
@@ -82,6 +87,7 @@ def compose(
         *stall_lines(stalls),
         "Orientation of block 0: " + orientation_text(runs, spacing(even.times)),
         "Frames: " + frame_text(machine, trace),
+        *settled_lines(machine, trace),
         *(path.text for path in paths),
     ]
     # vars, as asdict would copy every number

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from itertools import groupby
-from math import acos, degrees
+from math import acos, asin, degrees
 from typing import TypeVar
 
-from agentflow.env.feedback.text import main_axis, number, point_text
+from agentflow.env.feedback.text import block_name, main_axis, number, point_text
+from agentflow.env.joints import joint_angle, turns
 from agentflow.env.rollout import Array, Trace
 from agentflow.env.rotations import rotate
+from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import rotate_vector, subtract
 from agentflow.machine.tree import Machine
@@ -18,6 +20,8 @@ from agentflow.machine.tree import Machine
 V = TypeVar("V")
 TURNED = 1.0
 """Least rotation at t = 0 that is reported, degrees."""
+SETTLED, MOST_SETTLED = 3.0, 3
+"""Least angle of a joint at t = 0 that is reported, degrees, and most joints."""
 
 
 def orientation_runs(trace: Trace) -> list[tuple[str, float, float]]:
@@ -79,3 +83,21 @@ def frame_text(machine: Machine, trace: Trace) -> str:
     about = main_axis((x, y, z) if w > 0.0 else (-x, -y, -z))
     turned = f"turned by {number(angle, 1)} degrees about {about}"
     return f"at t = 0 world = machine frame {turned} + {shift}"
+
+
+def settled_lines(machine: Machine, trace: Trace) -> list[str]:
+    """Where joints that swing, such as the hinge of an arm, came to rest before t = 0; [] if all
+    are as built. Joints about a block's Front are left out: wheels look the same at every angle."""
+    told, start = [], trace[:1]
+    for step in machine:
+        if not turns(machine, step.id) or library()[step.type].joint.axis == "Front":
+            continue
+        angle = degrees(abs(float(joint_angle(machine, start, step.id)[0])))
+        if angle >= SETTLED:
+            front = float(rotate(trace.rotation[0, step.id], (0.0, 0.0, 1.0))[1])
+            rise = degrees(asin(min(1.0, max(-1.0, front))))
+            told.append(
+                f"{block_name(machine, step.id)} {number(angle, 0)} degrees from as built, its "
+                f"Front {number(abs(rise), 0)} degrees {'above' if rise > 0.0 else 'below'} level"
+            )
+    return [f"Joints at t = 0: {'; '.join(told[:MOST_SETTLED])}"] if told else []

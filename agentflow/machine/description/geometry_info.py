@@ -211,13 +211,16 @@ def _summary_lines(geometry: Geometry, frame: GroundFrame, *, short: bool) -> li
     drives = [f"{wheel} to {to}" if to else f"{wheel} not" for wheel, to in _drives(geometry)]
     if drives:
         lines.append(f"Powered wheels on the ground drive the machine: {', '.join(drives)}.")
+    return [*lines, *joined_lines(geometry)]
+
+
+def joined_lines(geometry: Geometry) -> list[str]:
+    """The faces that are joined because they touch, in one line; [] without any."""
     loops = [
         f"{loop.block}.{loop.face_id} with {loop.partner}.{loop.partner_face}"
         for loop in geometry.auto_connections
     ]
-    if loops:
-        lines.append(f"Faces joined by touching: {', '.join(loops)}.")
-    return lines
+    return [f"Faces joined by touching: {', '.join(loops)}."] if loops else []
 
 
 def _span_line(frame: GroundFrame, blocks: Sequence[Placed], *, short: bool) -> str:
