@@ -75,7 +75,8 @@ class Node(Generic[C]):
 Expand = Callable[[Node[C], Sequence[str], Sequence[Attempt[C]]], Awaitable[Sequence[Attempt[C]]]]
 """expand(node, labels, earlier) -> one attempt per label, in label order.
 
-Runs one round of concurrent attempts. `earlier` holds the attempts of earlier rounds of this
+Runs one round of concurrent attempts. Further valid attempts may come with them, under labels of
+their own, which have cost nothing. `earlier` holds the attempts of earlier rounds of this
 expansion. Labels such as "round-2/node-3/try-5" are unique within the search. If the budget runs
 out during a round, only the completed attempts are returned, or BudgetSpentError is raised if there
 are none. Either ends the search.

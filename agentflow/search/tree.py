@@ -126,7 +126,7 @@ class SearchTree(Generic[C]):
         attempts: list[Attempt[C]] = []
         for _ in range(self._request_rounds):
             missing = width - sum(attempt.candidate is not None for attempt in attempts)
-            if not missing or self.stopped:
+            if missing <= 0 or self.stopped:
                 break
             first = len(attempts) + 1
             prefix = f"round-{round_}/node-{parent.id}"

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
-from agentflow.search.node import Evaluation
+from agentflow.search.node import Attempt, Evaluation, Node
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import SearchSettings
 from agentflow.search.strategies import deals_budget
-from agentflow.search.tree import is_better
+from agentflow.search.tree import SearchTree, is_better
 from tests.search.domain import ONE_KIND, Words
 
 FROM_ONE = [name for name in STRATEGIES if not deals_budget(name)]
@@ -52,3 +54,23 @@ async def test_no_expansion_is_counted_when_the_budget_is_already_spent(
     assert len(words.requests) == 1
     assert (len(found.nodes), found.result, found.stopped) == (1, 0, True)
     assert (found.cost.expansions, found.cost.attempts) == (0, 0)
+
+
+async def test_an_attempt_that_nobody_was_asked_for_is_a_child_as_well() -> None:
+    """It counts towards the width, so that nobody is asked again in its place."""
+    asked: list[Sequence[str]] = []
+
+    async def expand(
+        _node: Node[str], labels: Sequence[str], _earlier: Sequence[Attempt[str]]
+    ) -> list[Attempt[str]]:
+        asked.append(labels)
+        return [Attempt("besides", "x", ""), *(Attempt(label, None, "no") for label in labels)]
+
+    async def evaluate(candidate: str, _label: str) -> Evaluation:
+        return Evaluation(valid=True, score=float(len(candidate)))
+
+    tree = SearchTree("r", Evaluation(valid=True, score=0.0), expand, evaluate, 3, lambda _: None)
+    children = await tree.grow(tree.nodes[0], 1, width=1)
+    assert [(child.label, child.candidate) for child in children] == [("besides", "x")]
+    assert [len(labels) for labels in asked] == [1]
+    assert not tree.stopped

@@ -60,8 +60,8 @@ def propose_change(prompt: PromptContent, rng: random.Random, failed: Set[str]) 
     """One or two changes that fit the symptoms; `failed` are scripts not to try again."""
     geometry, goal = place(prompt.machine), purpose(prompt.brief)
     feedback, _, trials = prompt.sections["Simulation feedback"].partition(TRIALS)
-    if (learned := _adopt_gains(prompt, trials, rng, failed)) is not None:
-        return learned
+    script = _adopted_gains(prompt, trials, rng, failed)
+    names = ["what trials showed"] * bool(script)
     symptoms = feedback + prompt.sections["Critique"]
     every = load_data("refining.yaml")
     rules = [rule for rule in every if goal in rule["for"]] or every
@@ -72,10 +72,10 @@ def propose_change(prompt: PromptContent, rng: random.Random, failed: Set[str]) 
     window = prompt.brief.limits.controls
     tried = "only its controls may change" in prompt.sections["Controls"]
     if window is not None and (tried or rng.random() < REVISED):
-        script = change_program(prompt.machine, window, rng)
-        if script and _is_usable(prompt, script, failed):
-            return Change(script, ["other controls"], [])
-    script, names, wanted = list[str](), list[str](), rng.choice((1, 1, 2))
+        program = change_program(prompt.machine, window, rng)
+        if program and _is_usable(prompt, [*script, *program], failed):
+            return Change([*script, *program], [*names, "other controls"], [])
+    wanted = rng.choice((1, 1, 2)) + bool(script)
     for rule in rng.choices(rules, weights, k=ATTEMPTS):
         change = _propose(rule, prompt, geometry, rng) if len(names) < wanted else []
         if change and _is_usable(prompt, [*script, *change], failed):
@@ -83,20 +83,20 @@ def propose_change(prompt: PromptContent, rng: random.Random, failed: Set[str]) 
     return Change(script, names, sorted({words for seen in matches for words in seen}))
 
 
-def _adopt_gains(
+def _adopted_gains(
     prompt: PromptContent, trials: str, rng: random.Random, failed: Set[str]
-) -> Change | None:
-    """The best edit of the local trials, mostly with others that raised the score as well; None
-    if there is none, or something else should be tried."""
+) -> list[str]:
+    """The edits of local trials that raised the score, the best and some others, as far as they go
+    together; none in some of the replies. Another change is added to them."""
     gains = [gain.split("; ") for gain in _GAIN.findall(trials)]
-    if not gains or rng.random() >= ADOPTED:
-        return None
     script = list[str]()
+    if not gains or rng.random() >= ADOPTED:
+        return script
     for gain in gains:
         wanted = not script or rng.random() < COMBINED
         if wanted and _is_usable(prompt, [*script, *gain], failed):
             script = [*script, *gain]
-    return Change(script, ["what trials showed"], ["gains in trials"]) if script else None
+    return script
 
 
 def _propose(rule: Any, prompt: PromptContent, geometry: Geometry, rng: random.Random) -> list[str]:

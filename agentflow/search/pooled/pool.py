@@ -18,6 +18,8 @@ from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Attempt, C, Node
 from agentflow.search.tree import Growth, SearchTree
 
+BESIDES = "besides"
+"""Who made a child that nobody was asked for."""
 PATIENCE = 10
 """Rounds in a row that evaluate nothing new, after which a search ends."""
 
@@ -181,9 +183,8 @@ async def _grow(
     for (branch, tree, parent, _), asker, attempts in zip(grown, askers, requested, strict=True):
         growth = tree.number(parent, round_, attempts, fallback=False)
         growths.append(growth)
-        branch.arms |= {
-            id_: asker.arms[label] for id_, (_, label) in zip(growth.ids, growth.new, strict=True)
-        }
+        for id_, (_, label) in zip(growth.ids, growth.new, strict=True):
+            branch.arms[id_] = asker.arms.get(label, BESIDES)
     trees = [tree for _, tree, _, _ in grown]
     evaluated = await run_concurrently(
         run_concurrently(tree.evaluations(growth))

@@ -15,6 +15,7 @@ from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.errors import BudgetSpentError
 from agentflow.machine.edits.local import local_edits
+from agentflow.machine.edits.renumbering import matching_ids, renumbering
 from agentflow.machine.tree import Machine
 from agentflow.machine.twins import tree_key
 from agentflow.runs.events import FirstAttempt
@@ -23,7 +24,6 @@ from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Attempt, Evaluation, Node, SearchResult
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.strategies import extras
-from agentflow.search.tree import is_better
 from agentflow.workflows.base import Candidate, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.designs import (
@@ -32,7 +32,7 @@ from agentflow.workflows.stages.designs import (
     first_attempt_of,
     with_result,
 )
-from agentflow.workflows.stages.local_trials import LocalTrials
+from agentflow.workflows.stages.local_trials import Explored, Tried, explore
 from agentflow.workflows.stages.search_record import SearchRecorder
 
 TWIN = (
@@ -131,26 +131,22 @@ class Trajectory:
         self.granted: dict[int, int] | None = None
         """Id of a node -> local trials of its machine, where a search deals them; None: as many as
         the settings say."""
-        self.trials = LocalTrials(run, number)
-        self._explored: dict[int, str] = {}
+        self._explored: dict[int, Explored] = {}
         """Id of a node -> what the local trials of its machine showed."""
         self._forms: dict[str, Machine] = {}
         """Key of a construction tree, whatever its ids -> the first machine that has it."""
 
     def finish(self, found: SearchResult[Revision], first: FirstAttempt) -> Candidate:
-        """The best machine of its search, or of its local trials if one of them is better."""
-        node, tried = found.nodes[found.best], self.trials.best
-        best = Candidate(
+        """The best machine of its search."""
+        best = found.nodes[found.best]
+        return Candidate(
             self._number,
-            node.candidate.machine,
-            node.evaluation,
+            best.candidate.machine,
+            best.evaluation,
             first=first,
-            edit=node.candidate.edit,
+            edit=best.candidate.edit,
             search_cost=found.cost,
         )
-        if tried is None or not is_better(tried.evaluation, node.evaluation):
-            return best
-        return replace(best, machine=tried.machine, evaluation=tried.evaluation, edit=None)
 
     async def evaluate(self, revision: Revision, label: str) -> Evaluation:
         """Simulate a revision."""
@@ -161,7 +157,10 @@ class Trajectory:
     async def expand(
         self, node: Node[Revision], labels: Sequence[str], earlier: Sequence[Attempt[Revision]]
     ) -> list[Attempt[Revision]]:
-        """Ask refiners once about a node; they see the results of earlier requests."""
+        """Ask refiners once about a node; they see the results of earlier requests.
+
+        The best local trial comes with their attempts, if it is better than the node.
+        """
         self._evaluations[node.candidate.machine] = node.evaluation
         made = {attempt.candidate.machine for attempt in earlier if attempt.candidate}
         waiting = sum(not self._run.has_tried(self._number, machine) for machine in made)
@@ -169,19 +168,21 @@ class Trajectory:
         if not labels:
             raise BudgetSpentError("the simulations of this trajectory are used up")
         self._first_label = self._first_label or labels[0]
+        gained: list[Attempt[Revision]] = []
         if not earlier:
             await self._run.memory.step(self._number)
-            await self._prepare(node, self._run.left_in(self._number) - waiting - len(labels))
-        best = self.trials.best
-        if best is not None and best.evaluation.perfect:
-            revision = Revision(best.machine, label=labels[0])
-            return [Attempt(label, revision, f"local trial: {best.edit}") for label in labels]
+            left = self._run.left_in(self._number) - waiting - len(labels)
+            gain = await self._prepare(node, left)
+            if gain is not None:
+                gained = [Attempt(gain.label, self._adopted(node, gain), gain.edit)]
+            if gain is not None and gain.evaluation.perfect:
+                return [replace(gained[0], label=label) for label in labels]
         given = self._given(node, earlier)
         answers = await run_concurrently(self._refine(node, given, label) for label in labels)
         attempts = [answer for answer in answers if answer is not None]
-        if not attempts:
+        if not attempts and not gained:
             raise self._run.spent or BudgetSpentError("the budget has run out")
-        attempts = self._without_twins(node, earlier, attempts)
+        attempts = gained + self._without_twins(node, earlier, attempts)
         self._tried.setdefault(node.candidate.label, []).extend(attempts)
         return attempts
 
@@ -193,8 +194,21 @@ class Trajectory:
         most = self.granted[node] = min(self._run.settings.local_trials, left)
         return most
 
-    async def _prepare(self, node: Node[Revision], left: int) -> None:
-        """What refiners see of a node; the querier is asked while local trials run.
+    def _adopted(self, node: Node[Revision], gain: Tried) -> Revision:
+        """The machine of a local trial as a child of what was edited."""
+        before = node.candidate.machine
+        edit = EditRecord(
+            gain.edit.replace("; ", "\n"),
+            "Success",
+            before=node.evaluation.score,
+            facts=(node.evaluation.details.facts, {}),
+            ids=renumbering(before, matching_ids(before, gain.machine), {}),
+        )
+        return Revision(gain.machine, edit, self._shown[node.id].history, gain.label)
+
+    async def _prepare(self, node: Node[Revision], left: int) -> Tried | None:
+        """What refiners see of a node; the querier is asked while local trials run. Returns the
+        best of these, if it is better than the node.
 
         Args:
             node: What is about to be refined.
@@ -204,17 +218,23 @@ class Trajectory:
         self._forms.setdefault(tree_key(machine), machine)
         edited = self._draw_edits(node, left)
         shown = self._shown[node.id] = _Shown(self._history_of(node), dict(self._forms))
-        explored = self.trials.carry_out(machine, node.evaluation, node.id, edited)
-        queried, told = await run_concurrently((self._query(node), explored))
-        self._queried[node.id] = queried
-        self._explored[node.id] = told or self._explored.get(node.id, "")
+        await run_concurrently((self._query(node), self._explore(node, edited)))
         shown.views = await run.views(machine)
+        return self._explored[node.id].gain if edited else None
 
-    async def _query(self, node: Node[Revision]) -> str:
-        """Answers to a querier's queries on a node, which is asked once."""
-        if not self._run.settings.asks_querier or node.id in self._queried:
-            return self._queried.get(node.id, "")
-        return await self._inquire(node)
+    async def _query(self, node: Node[Revision]) -> None:
+        """Ask the querier about a node, once."""
+        if self._run.settings.asks_querier and node.id not in self._queried:
+            self._queried[node.id] = await self._inquire(node)
+
+    async def _explore(self, node: Node[Revision], edited: list[Machine]) -> None:
+        """Simulate the machines of the local trials of a node."""
+        if edited:
+            where = Location(FEEDBACK, trajectory=self._number, node=node.id)
+            machine = node.candidate.machine
+            self._explored[node.id] = await explore(
+                self._run, where, machine, node.evaluation, edited
+            )
 
     def _draw_edits(self, node: Node[Revision], left: int) -> list[Machine]:
         """The machines of the local trials of a node; none if it had some.
@@ -290,7 +310,7 @@ class Trajectory:
             history=shown.history if settings.history else History(),
             score=node.evaluation.score,
             feedback=told,
-            trials=self._explored.get(node.id, ""),
+            trials=self._explored.get(node.id, Explored()).text,
             queried=self._queried.get(node.id, ""),
             earlier=tuple(_verdict(attempt) for attempt in earlier),
             format=settings.refinement,

@@ -131,8 +131,8 @@ class PooledSearch:
             before = [attempt for attempt in earlier if attempt.label in tried]
             tried.update(refined)
             attempts += await self._trajectories[branch.number].expand(node, refined, before)
-        order = [label for label, _ in asked]
-        return sorted(attempts, key=lambda attempt: order.index(attempt.label))
+        order = {label: number for number, (label, _) in enumerate(asked)}
+        return sorted(attempts, key=lambda attempt: order.get(attempt.label, -1))
 
     def _draw(
         self, branch: Branch[Revision], node: Node[Revision], label: str, arm: str
