@@ -178,3 +178,5 @@ class WorkflowResult:
     front: tuple[tuple[Machine, Evaluation], ...] = ()
     """The Pareto front of all simulated machines, the highest robust score first; empty unless the
     objective is `pareto`."""
+    lessons: tuple[str, ...] = ()
+    """What the search found out, one sentence each, for other runs at the task."""

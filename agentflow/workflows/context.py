@@ -348,6 +348,7 @@ class WorkflowContext:
             stopped="budget" if self.spent else GREATEST if self.reached_greatest else None,
             reason=reason,
             front=pareto_front(self._simulate.finished),
+            lessons=self.memory.findings,
         )
         found = _fields(best) if best else {"reason": reason}
         location, stopped = Location(self._workflow), result.stopped

@@ -157,6 +157,8 @@ def _check(sweep: SweepConfig, source: Path) -> None:
     for name, changes in sweep.axes[ITEM].items():
         if "task" not in changes:
             raise ConfigError(f"{source}: axes.{ITEM}.{name}: name the level with task")
+    if any(config.settings.known_lessons for config in item_configs(sweep).values()):
+        raise ConfigError(f"{source}: known_lessons: a benchmark shows no lessons of other runs")
     read_items(sweep)
     settings = benchmark_of(sweep)
     if unknown := [name for name in settings.lowest if name not in sweep.axes[ITEM]]:

@@ -9,12 +9,13 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from agentflow.app.design.execution import execute
+from agentflow.app.design.execution import Execution, execute
 from agentflow.app.design.notices import REMARK, Remarks, watch_calls
 from agentflow.app.design.plan import AUTHOR, RunPlan, level_note, repetition
 from agentflow.app.design.rationales import with_rationales
 from agentflow.app.design.results import finding_of, save_rollouts
 from agentflow.app.design.trust import Approve, refuse, require_trusted_run, trust_option
+from agentflow.app.lessons import extend_book, with_lessons
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.base import OpenPool, Simulator
 from agentflow.env.pool.pool import RolloutPool
@@ -31,6 +32,8 @@ from agentflow.workflows.workflow import Workflow
 
 ANSWER = "answer"
 """Key of run.yaml: the name of the Python function that answers instead of a model."""
+LESSONS = "lessons"
+"""Key of run.yaml: the book of lessons; what the run has read of it is in the configuration."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,8 @@ class RunOptions:
     """Runs in place of the configured one of the same name, such as with another worker."""
     open_pool: OpenPool = RolloutPool
     """Opens a new pool of simulating processes."""
+    lessons: Path | None = None
+    """A book of lessons, which a new run reads as it begins and extends as it ends."""
 
 
 def design(
@@ -125,10 +130,13 @@ class DesignRun:
     @classmethod
     def create(cls, config: DesignConfig, out: Path, options: RunOptions, name: str) -> DesignRun:
         """Start a new run; see `design_async`."""
-        plan = RunPlan.of(with_rationales(config))
+        plan, book = RunPlan.of(with_rationales(config)), options.lessons
+        if book is not None:
+            plan = replace(plan, config=with_lessons(plan.config, book, plan.task.name))
         plan.require_workflow()
         client = options.client
         document = plan.run_document | ({} if client is None else {ANSWER: client.name})
+        document |= {} if book is None else {LESSONS: str(book)}
         workflow = options.workflow or WORKFLOWS[config.workflow]
         if not workflow.repeatable:
             document[AUTHOR] = workflow.author(config.settings)
@@ -211,6 +219,7 @@ class DesignRun:
             plan, models, directory, options.pool, options.workflow, options.open_pool
         )
         remarks.tell_differences()
+        self._extend_lessons(execution)
         save_rollouts(directory.path, plan.config, execution)
         result = RunResult(
             **finding_of(plan, execution).to_json(),
@@ -232,6 +241,12 @@ class DesignRun:
         if isinstance(client, FunctionClient):
             return client.of_run(self.directory.path.name, self.plan.config.seed)
         return client
+
+    def _extend_lessons(self, execution: Execution) -> None:
+        book = self.options.lessons
+        if book is not None:
+            added = extend_book(book, self.plan.task.name, execution.result.lessons)
+            self.options.notify(f"{book}: {added} lesson{'s' * (added != 1)} added")
 
     def _worth_keeping(self, call_log: CallLog) -> bool:
         """Whether there is anything to resume: a reply, or the work of an earlier process."""

@@ -61,6 +61,13 @@ def design(
     rationale_from: Annotated[
         str | None, typer.Option(help="Reuse the designers' rationales from this run directory.")
     ] = None,
+    lessons: Annotated[
+        Path | None,
+        typer.Option(
+            help="Show designers and refiners what earlier runs at the task have written in this "
+            "file (JSON lines), and add what this run finds out."
+        ),
+    ] = None,
     rollouts: Annotated[
         int | None,
         typer.Option(
@@ -125,7 +132,7 @@ def design(
         )
     if name is not None and (seeds is not None or Path(name).name != name or name.startswith(".")):
         raise UsageError("--name takes the name of one directory, without slashes, for one run")
-    others = {**keys, "seeds": seeds, "name": name}
+    others = {**keys, "seeds": seeds, "name": name, "lessons": lessons}
     given = [option for option, value in others.items() if value is not None]
     given += ["--config"] * bool(config) + ["--set"] * bool(settings)
     if resume is not None and given:
@@ -151,7 +158,8 @@ def design(
         if seeds is not None:
             carry_out = partial(design_seeds, built, out, seeds, minutes)
     with watch(quiet, calls) as (listener, notify):
-        found = carry_out(run.RunOptions(notify, listener, approve=allow, open_pool=open_pool))
+        ways = run.RunOptions(notify, listener, approve=allow, open_pool=open_pool, lessons=lessons)
+        found = carry_out(ways)
         best, rows = (found.best, found.rows) if isinstance(found, SeedsResult) else (found, ())
         drawn = best.valid and not finished
         if drawn and listener is not None:

@@ -24,6 +24,8 @@ from agentflow.workflows.base import SimulationSummary
 from agentflow.workflows.settings import WorkflowSettings
 
 T = TypeVar("T")
+MOST_FOUND = 6
+"""Most edits that a run tells other runs about."""
 MOST_LESSONS = 40
 """Most lessons; prompts have room for fewer."""
 UNKNOWN = "unknown"
@@ -121,6 +123,20 @@ class Memory:
         if shown != self.shown:
             self.shown = shown
             self._on_reveal(shown)
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What other runs at the task should know: the best machine, and the most telling edits."""
+        best: Known | None = None
+        for _, known in sorted(self._best.items()):
+            if best is None or is_better(known.evaluation, best.evaluation):
+                best = known
+        if best is None or best.evaluation.score is None:
+            return ()
+        counts = Counter(library()[step.type].name for step in best.machine.steps[1:])
+        blocks = ", ".join(f"{count} {name}" for name, count in counts.most_common())
+        told = f"A machine scored {best.evaluation.score:.2f}: {best.mechanism}; {blocks}"
+        return (told, *lessons_of(self.edits)[:MOST_FOUND])
 
     def avoid(self, trajectory: int) -> tuple[str, ...]:
         """Ask the first design of a trajectory for another mechanism than those shown now."""

@@ -53,6 +53,10 @@ def test_without_a_model_the_plan_is_the_same(tmp_path: Path) -> None:
             "'Small' is not a benchmark but an ordinary sweep; run it with",
         ),
         ({"benchmark": {}}, "benchmark.version is missing"),
+        (
+            {"base": {"settings": {"known_lessons": ["+1 Log: +2.00"]}}},
+            "known_lessons: a benchmark shows no lessons of other runs",
+        ),
         ({"benchmark": {"version": 1, "lowest": ["x"]}}, "lowest: there is no item x"),
         ({"axes": {"task": SMALL["axes"]["task"]}}, "a benchmark has the axis part, with first an"),
         ({"seeds": [0, 1]}, "seeds: a benchmark has one seed, for example seeds: [0]"),
