@@ -142,8 +142,9 @@ def _read_mapping(path: Path) -> tuple[dict[str, Any], bool]:
     if not isinstance(document, dict):
         raise ConfigError(f"{path} must hold a mapping of configuration keys")
     config = document.get("config")
-    recorded = "schema" in document and isinstance(config, dict)
-    return (config if recorded else document), recorded
+    if "schema" in document and isinstance(config, dict):
+        return config, True
+    return document, False
 
 
 def spell_out(document: Mapping[str, Any]) -> dict[str, Any]:

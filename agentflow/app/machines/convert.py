@@ -25,11 +25,12 @@ def convert(
     Args:
         source: File, run directory (its best machine), or `-` for standard input.
         out: File to write; its suffix is one of `formats.FORMATS`.
-        task: The task whose scene is written as well, for the formats that hold one.
+        task: The task whose scene is written as well; formats that hold none ignore it.
         strict: Refuse machines with skipped blocks or ambiguous parents, and invalid machines.
     """
     form = format_of(out)
-    _require_task(form, task, out)
+    ignored = _unused_task(form, task, out)
+    task = None if ignored else task
     reading = read_source(source, tuple(library()))
     found = (*reading.problems, *reading.loose)
     problems = tuple(sorted(found, key=lambda problem: problem.blocks))
@@ -56,19 +57,19 @@ def convert(
         "out": str(out),
         "blocks": len(machine),
         "left_out": [problem.to_json() for problem in problems],
-        "notes": [*reading.notes, *losses],
+        "notes": [*reading.notes, *ignored, *losses],
         "warnings": [f"the machine is not valid: {_summarize(invalid)}"] if invalid else [],
     }
 
 
-def _require_task(form: Format, task: Task | None, out: Path) -> None:
-    """Refuse a file that needs a task without one, and a task that the file does not hold."""
-    if (form.needs == "task") == (task is not None):
-        return
-    if task is None:
+def _unused_task(form: Format, task: Task | None, out: Path) -> list[str]:
+    """A note on a task that the file does not hold; raises UsageError if it needs one."""
+    if form.needs == "task" and task is None:
         raise UsageError(f"{out} holds the scene of a task: name the task with --task")
+    if form.needs == "task" or task is None:
+        return []
     holding = [suffix for suffix, other in FORMATS.items() if other.needs == "task"]
-    raise UsageError(f"{out} holds no task: remove --task, or write {' or '.join(holding)}")
+    return [f"--task has no effect: only {' and '.join(holding)} files hold a task"]
 
 
 def _problems(machine: Machine, task: Task | None) -> tuple[Problem, ...]:

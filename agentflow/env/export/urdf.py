@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 from agentflow.env.constants import constants
 from agentflow.env.export.losses import name_blocks, urdf_losses
+from agentflow.env.export.names import joint_name, link_names
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Assembly, Drive, Part, Shape
@@ -21,7 +22,6 @@ from agentflow.env.physics.solids import joint_axis
 from agentflow.env.physics.structure.drives import merge_drives, meshing_cogs
 from agentflow.env.physics.structure.spanning_tree import Link, Piece, Skeleton, skeleton
 from agentflow.errors import UsageError
-from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3, add, subtract
 from agentflow.machine.tree import Machine
@@ -61,10 +61,7 @@ class _Robot:
 
     def __init__(self, xml: Element, machine: Machine, assembly: Assembly, plan: Skeleton) -> None:
         self._xml, self._parts, self._joints = xml, assembly.parts, assembly.joints
-        self._names: dict[int, str] = {}
-        for step, parts in zip(machine, assembly.blocks, strict=True):
-            name = f"block {step.id} {library()[step.type].name}".lower().replace(" ", "_")
-            self._names |= {part: f"{name}_{n}" if n else name for n, part in enumerate(parts)}
+        self._names = link_names(machine, assembly)
         self._leaders = train_leaders(assembly, plan)
         self._child = {link.joint: self._names[link.part] for link in plan.links}
 
@@ -136,13 +133,13 @@ class _Robot:
                 element.append(Comment(f" {text} "))
         leader, ratio = self._leaders.get(link.joint, (link.joint, 1.0))
         if leader != link.joint:
-            name = f"{self._child[leader]}_joint"
+            name = joint_name(self._child[leader])
             SubElement(element, "mimic", joint=name, multiplier=_number(ratio), offset="0")
 
     def _connect(
         self, kind: str, parent: str, child: str, at: Vec3, axis: Vec3 | None = None
     ) -> Element:
-        joint = SubElement(self._xml, "joint", name=f"{child}_joint", type=kind)
+        joint = SubElement(self._xml, "joint", name=joint_name(child), type=kind)
         SubElement(joint, "parent", link=parent)
         SubElement(joint, "child", link=child)
         _add_origin(joint, swap(at))

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import fromstring
 
 import mujoco
 import numpy as np
@@ -14,6 +15,8 @@ import pytest
 from agentflow.app.machines.files import read_one
 from agentflow.cli import main
 from agentflow.env.constants import constants
+from agentflow.env.export.names import link_names
+from agentflow.env.export.urdf import machine_urdf
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap_all
 from agentflow.env.physics.mujoco.engine import MuJoCoEngine
@@ -55,9 +58,10 @@ def centres(data: Any, tree: Machine) -> Array:
     """(N, 3) block centres, game frame; those of two-ended blocks are nan."""
     assembly = assemble(tree, place(tree), constants())
     found = np.full((len(tree), 3), np.nan)
+    names = link_names(tree, assembly)
     for step, parts in zip(tree, assembly.blocks, strict=True):
         if not step.two_ended:
-            body = data.body(f"part {parts[0]}")
+            body = data.body(names[parts[0]])
             arm = np.array(assembly.centres[step.id]) - assembly.parts[parts[0]].centre
             found[step.id] = swap_all(body.xipos + body.xmat.reshape(3, 3) @ swap_all(arm))
     return found
@@ -182,7 +186,7 @@ def test_what_the_file_cannot_hold_is_said_in_it() -> None:
     )
     text = data.decode()
     assert all(f"* {note}\n" in text for note in notes)
-    assert "\nBlock of each part, from part 0 on: 0 1 2 " in text
+    assert "\nBodies and joints are named after their blocks, as in a .urdf file.\n" in text
     assert "A machine and the scene of the task jumping, as the physics engine mujoco " in text
     windy = get_task("movement/4", {"wind.speed": 5})
     assert "MJCF does not hold the wind of the task" in machine_mjcf(CAR, windy)[1]
@@ -221,3 +225,20 @@ main(["convert", {str(FOLDER / "plain_car.json")!r}, "car.xml", "--task", "movem
     needs = "agentflow: the physics engine 'mujoco' needs mujoco-core or mujoco; install it"
     assert done.stderr.startswith(needs)
     assert not (tmp_path / "car.xml").exists()
+
+
+@pytest.mark.parametrize("name", ["plain_car", "sprung_car"])
+def test_bodies_and_joints_have_the_names_of_links_and_joints_in_urdf(
+    name: str, tmp_path: Path
+) -> None:
+    tree, task = case(name, "movement")
+    robot = fromstring(machine_urdf(tree)[0])
+    model, _ = opened(tree, task, tmp_path)
+    links = {str(link.get("name")) for link in robot.iter("link")}
+    bodies = {model.body(i).name for i in range(model.nbody)}
+    assert {link for link in links if not link.endswith(("_x", "_y"))} <= bodies
+    assert all(f"block_{step.id}_" in str(sorted(bodies)) for step in tree)
+    moving = {joint.get("name") for joint in robot.iter("joint") if joint.get("type") != "fixed"}
+    joints = {model.joint(i).name for i in range(model.njnt)} - {""}
+    assert len(joints) > 3
+    assert {joint for joint in joints if "_loop_" not in joint} <= moving

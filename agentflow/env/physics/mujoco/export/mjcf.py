@@ -6,6 +6,7 @@ as the task does at t = 0.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from agentflow.env.constants import Constants, constants
 from agentflow.env.export.losses import motion_losses, name_blocks
+from agentflow.env.export.names import joint_names, link_names
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Assembly
@@ -21,6 +23,7 @@ from agentflow.env.physics.mujoco import MUJOCO
 from agentflow.env.physics.mujoco.bodies import CompiledModel
 from agentflow.env.physics.mujoco.engine import MuJoCoEngine
 from agentflow.env.physics.mujoco.export.actuators import Actuators
+from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Switch, Task
 from agentflow.machine.blocks.library import library
@@ -40,7 +43,7 @@ Metres, kilograms, seconds; z is up, and the machine faces y+.
 Controls are levels of the task's schedule: 1 is full speed, 0 holds, -1 runs backwards.
 With all controls at 0 the machine settles. The keyframe "start" is the settled machine at t = 0 of
 a simulation, with what the task switches on then.
-Block of each part, from part 0 on: {blocks}
+Bodies and joints are named after their blocks, as in a .urdf file.
 {notes}
 """
 
@@ -62,17 +65,28 @@ def machine_mjcf(machine: Machine, task: Task) -> tuple[bytes, tuple[str, ...]]:
     notes = _losses(machine, assembly, scene, task, any(built.lively))
     notes += _later_switches(task.switches(machine))
     notes += ("the machine still moves after settling",) if moving else ()
-    spec.modelname, spec.comment = "machine", _describe(assembly, task, notes)
+    spec.modelname, spec.comment = "machine", _describe(task, notes)
     spec.compile()
-    return spec.to_xml().encode(), notes
+    return _rename(spec.to_xml(), machine, assembly).encode(), notes
 
 
-def _describe(assembly: Assembly, task: Task, notes: Sequence[str]) -> str:
+def _rename(xml: str, machine: Machine, assembly: Assembly) -> str:
+    """The file with bodies and joints named after their blocks."""
+    links = link_names(machine, assembly)
+    joints = joint_names(links, skeleton(len(assembly.parts), assembly.joints))
+    xml = re.sub(r'"part (\d+)"', lambda found: f'"{links[int(found[1])]}"', xml)
+    return re.sub(
+        r'(<joint name|\bjoint[12]?)="(\d+)"',
+        lambda found: f'{found[1]}="{joints[int(found[2])]}"',
+        xml,
+    )
+
+
+def _describe(task: Task, notes: Sequence[str]) -> str:
     """The comment at the beginning of the file, in which XML forbids two hyphens in a row."""
     text = ABOUT.format(
         task=task.name,
         engine=MUJOCO.identity,
-        blocks=" ".join(str(part.block) for part in assembly.parts),
         notes="\n".join(f"* {note}" for note in notes),
     )
     return text.replace("--", "- -")
