@@ -1,10 +1,12 @@
-"""How high blocks pass over an upright obstacle, between samples as well."""
+"""How high blocks are above the ground and above obstacles, between samples as well."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from agentflow.env.feedback.fragments import root_states
+from agentflow.env.feedback.orientation import find_runs
 from agentflow.env.rollout import Array, Trace
 from agentflow.env.rotations import conjugate, rotate
 from agentflow.machine.blocks.library import library
@@ -13,6 +15,8 @@ from agentflow.machine.tree import Machine
 Indices = NDArray[np.intp]
 PARTS = 16
 """Parts into which the time between two samples is divided."""
+GAP, LEAST_FLIGHT = 0.05, 0.1
+"""Least height above the ground that counts as off it, m, and least time that is a flight, s."""
 
 
 def least_height_over(machine: Machine, trace: Trace, plane: float) -> float | None:
@@ -39,7 +43,8 @@ def least_height_over(machine: Machine, trace: Trace, plane: float) -> float | N
     before, after = path[rows, first], path[rows, first + 1]
     rise = (plane - before[:, 1]) / np.maximum(after[:, 1] - before[:, 1], 1e-9)
     height = before[:, 0] + np.clip(rise, 0.0, 1.0) * (after[:, 0] - before[:, 0])
-    return float((height - _below(machine, trace, sample, block)).min())
+    reach = _reach(machine, trace.rotation)[sample, block]
+    return float((height - reach).min())
 
 
 def _between(trace: Trace, sample: Indices, block: Indices) -> Array:
@@ -52,9 +57,31 @@ def _between(trace: Trace, sample: Indices, block: Indices) -> Array:
     return cubic
 
 
-def _below(machine: Machine, trace: Trace, sample: Indices, block: Indices) -> Array:
-    """(C,) how far blocks reach below their centres, m; nothing of two-ended ones."""
+def flight_of_root(machine: Machine, trace: Trace, ground: float) -> tuple[float, float] | None:
+    """From when to when all that hangs together with the root was off flat ground first, s.
+
+    Args:
+        machine: The simulated machine.
+        trace: Its trace.
+        ground: Height of the ground, m.
+
+    Returns:
+        The times of two samples; None if it was never off the ground for `LEAST_FLIGHT`.
+    """
+    low = trace.centre[:, :, 1] - _reach(machine, trace.rotation)
+    lowest = np.empty(len(trace.times))
+    for rows, blocks in root_states(machine, trace):
+        lowest[rows] = low[rows][:, blocks].min(axis=1)
+    for off, start, end in find_runs((lowest > ground + GAP).tolist(), trace.times):
+        if off and end - start >= LEAST_FLIGHT:
+            return start, end
+    return None
+
+
+def _reach(machine: Machine, rotation: Array) -> Array:
+    """(..., N) how far blocks reach below their centres, m, by (..., N, 4) rotations; nothing of
+    two-ended ones."""
     sizes = np.array([library()[step.type].size or (0.0, 0.0, 0.0) for step in machine])
-    down = rotate(conjugate(trace.rotation[sample, block]), (0.0, 1.0, 0.0))
-    reach: Array = (np.abs(down) * sizes[block] / 2).sum(axis=1)
+    down = rotate(conjugate(rotation), (0.0, 1.0, 0.0))
+    reach: Array = (np.abs(down) * sizes / 2).sum(axis=-1)
     return reach

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from agentflow.env.feedback.text import number, point_text
-from agentflow.env.rollout import Array, Trace
+from agentflow.env.rollout import Array, Flags, Trace
 from agentflow.machine.blocks.library import library
 from agentflow.machine.description.geometry_info import ranges
 from agentflow.machine.geometry.vectors import Vec3
@@ -51,13 +51,19 @@ def joined_to(block: int, pairs: Pairs) -> set[int]:
 def root_velocity(machine: Machine, trace: Trace) -> Array:
     """(T, 3) velocity of the centre of mass of the blocks that hang together with the root in each
     sample, m/s; of all blocks as long as nothing has come off."""
-    lost = np.isnan(trace.utilisation)
     velocity = np.empty((len(trace.times), 3))
-    for state in np.unique(lost, axis=0):
-        rows = (lost == state).all(axis=1)
-        blocks = _with_root(machine, trace, int(rows.argmax()))
+    for rows, blocks in root_states(machine, trace):
         velocity[rows] = _centre(machine, trace.velocity[rows], blocks)
     return velocity
+
+
+def root_states(machine: Machine, trace: Trace) -> Iterator[tuple[Flags, list[int]]]:
+    """(T,) which samples, and the blocks that hang together with the root in them; all blocks as
+    long as nothing has come off those."""
+    lost = np.isnan(trace.utilisation)
+    for state in np.unique(lost, axis=0):
+        rows: Flags = (lost == state).all(axis=1)
+        yield rows, _with_root(machine, trace, int(rows.argmax()))
 
 
 def is_root_alone(machine: Machine, trace: Trace, index: int) -> bool:

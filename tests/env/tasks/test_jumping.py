@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agentflow.env.feedback.clearance import least_height_over
+from agentflow.env.feedback.clearance import flight_of_root, least_height_over
 from agentflow.env.rollout import Verdict
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.families.jumping import Jumping, JumpReferee
@@ -50,9 +50,7 @@ def test_the_root_and_half_of_the_mass_have_to_get_over() -> None:
         "failed, 8% of the mass across; else root ends 0.75 m beyond",
     )
     short = judge(task.referee(PAIR), FakeWorld(), (0.5, 11.0), (0.5, 13.0))
-    assert short.terms["outcome"] == (
-        "failed, root ends 1.25 m short of the far side; else 92% of the mass across"
-    )
+    assert short.terms["outcome"] == ("failed, root ends 1.25 m short; else 92% of the mass across")
     assert short.terms["miss"] == 1.25
 
 
@@ -125,6 +123,23 @@ def test_clearance_is_exact_between_samples_of_a_flight(turn: float, reach: floa
     lowest = least_height_over(cube, trace, 5.0)
     assert lowest == pytest.approx(3.0 + 16.0 * 0.5 - 4.0 - reach, abs=0.002)
     assert least_height_over(cube, trace, 11.0) is None
+
+
+def test_the_flight_of_what_holds_on_to_the_root_is_told() -> None:
+    """The ballast stays behind once its connection is lost; a block of which a corner is low is on
+    the ground."""
+    path = {0: [(0.0, 0.5 + y, 0.0) for y in (0, 0, 1, 2, 1, 0)], 1: [(0.0, 0.5, 1.0)] * 6}
+    lost = np.full((6, 1), np.nan)
+    lost[0] = 0.5
+    trace = make_trace(2, 6, paths=path, utilisation=lost, connections=((1, 0),))
+    assert flight_of_root(PAIR, trace, 0.0) == (pytest.approx(0.4), pytest.approx(0.8))
+    assert flight_of_root(PAIR, trace, 1.2) is None
+    held = replace(trace, utilisation=np.full((6, 1), 0.5))
+    assert flight_of_root(PAIR, held, 0.0) is None
+    referee = level("jumping").referee(PAIR)
+    referee.start(FakeWorld())
+    told = level("jumping").feedback(PAIR, trace, (), referee.verdict(trace)).text
+    assert ", off the ground from 0.40 to 0.80 s\n" in told
 
 
 def test_walls_that_were_cleared_are_told_with_the_least_height() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from agentflow.env.feedback.clearance import least_height_over
+from agentflow.env.feedback.clearance import flight_of_root, least_height_over
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.fragments import is_root_alone, root_velocity
 from agentflow.env.feedback.release import describe_release, sample_at
@@ -151,6 +151,15 @@ class Jumping(TrialFamily):
         start = Start(knobs.base, yaw=knobs.yaw)
         return Scene(objects, knobs.wind.velocity, start=start, friction=friction)
 
+    def _flight_text(self, machine: Machine, trace: Trace) -> str:
+        """From when to when the root's part of the machine flew; "" with a slope to stand on."""
+        if self.parameters.slope.angle:
+            return ""
+        found = flight_of_root(machine, trace, self.parameters.base)
+        if found is None:
+            return ", never off the ground with all that holds on to it"
+        return f", off the ground from {number(found[0])} to {number(found[1])} s"
+
     @property
     def _conditions(self) -> str:
         """What differs from trial to trial, as values of this one."""
@@ -179,7 +188,7 @@ class Jumping(TrialFamily):
             *take_off_line,
             f"Root: greatest height {number(top.max())} m at "
             f"{trace.times[int(top.argmax())]:.2f} s, ends at z = "
-            f"{number(trace.centre[-1, 0, 2])} m",
+            f"{number(trace.centre[-1, 0, 2])} m{self._flight_text(machine, trace)}",
         )
         path = series("Root position", trace.even.times, trace.even.centre[:, 0])
         return compose(machine, trace, broken, verdict, "", lines, data, (path,))
@@ -256,7 +265,7 @@ class JumpReferee:
     def _judge(self, root: float, share: float) -> tuple[bool, str, float | None]:
         """Whether the trial succeeded, how near it came in words, and what it missed by, m."""
         beyond = root - self._far
-        where = "beyond" if beyond > 0.0 else "short of the far side"
+        where = "beyond" if beyond > 0.0 else "short"
         root_text = f"root ends {number(abs(beyond))} m {where}"
         mass_text = f"{share:.0%} of the mass across"
         failed, near, miss = self._find_faults()
