@@ -57,12 +57,12 @@ LEFT_OUT = pytest.StashKey[Counter[str]]()
 LONGEST = (
     "tests/env/tasks/test_records.py",
     "tests/test_documented.py",
-    "tests/app/design/test_procedural_quality.py",
-    "tests/env/tasks/test_references.py",
+    "tests/app/sweeps/test_shipped.py",
+    "tests/integrations/test_training.py",
     "tests/app/design/test_design.py",
-    "tests/env/tasks/test_cheats.py",
-    "tests/env/physics/test_tree_choice.py",
     "tests/test_release.py",
+    "tests/integrations/test_inspect_ai.py",
+    "tests/env/tasks/test_cheats.py",
     "tests/studio/test_build_page.py",
     "tests/report/test_browser.py",
 )
