@@ -26,7 +26,7 @@ from agentflow.runs import Notify, read_events, read_result, state_of
 
 ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "examples" / "car.json").read_text()
-TINY = {"trajectories": 1, "search.rounds": 0}
+TINY = {"trajectories": 1, "search.rounds": 0, "window": 1}
 
 
 def car(_request: agentflow.Request) -> str:
@@ -66,7 +66,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> agentflow.Design:
 @pytest.mark.slow
 def test_a_run_ends_with_the_verification_of_its_best_machine(verified: agentflow.Design) -> None:
     found = verified.data["verified"]
-    assert found == agentflow.verify(TEXT, "movement").to_json()
+    assert found == agentflow.verify(TEXT, "movement", knobs={"window": 1}).to_json()
     assert verified.verified == found["score"]
     assert found["scores"][0]["score"] == verified.score
     (event,) = events_of(verified.run, "verification")
@@ -94,7 +94,7 @@ def test_verification_can_be_switched_off_and_made_later(
     assert replay(plain.run, ignore) is None
     run = tmp_path / "run"
     shutil.copytree(plain.run, run)
-    found = verify_run(run, 2, pytest.fail)
+    found = verify_run(run, 1, pytest.fail)
     assert found["verified"] == with_holding(verified.data["verified"])
     assert read_result(run).to_json()["verified"] == verified.data["verified"]
     assert replay(run, ignore) is None
@@ -120,7 +120,7 @@ def test_an_incomplete_verification_is_made_again(
         part["score"] = None
     lost["status"] = "timeout"
     (run / "result.json").write_text(json.dumps(result))
-    found = verify_run(run, 2, pytest.fail)
+    found = verify_run(run, 1, pytest.fail)
     assert found["verified"] == with_holding(verified.data["verified"])
     assert read_result(run).to_json()["verified"] == verified.data["verified"]
 
@@ -134,7 +134,7 @@ def test_a_score_that_physics_no_longer_gives_is_not_verified_in_the_run(
     result = read_result(run).to_json()
     (run / "result.json").write_text(json.dumps({**result, "score": 99.0}))
     said: list[str] = []
-    found = verify_run(run, 2, said.append)
+    found = verify_run(run, 1, said.append)
     assert found["score"] == 99.0
     assert found["verified"]["score"] < 50
     assert said == [

@@ -112,7 +112,7 @@ def test_a_signal_is_a_negative_status(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_limit_first_asks_a_program_to_end(tmp_path: Path) -> None:
     code = "import signal, sys; signal.signal(15, lambda *_: sys.exit(7)); print('on', flush=True)"
-    ending, written = run(code + WAIT, tmp_path, limit=8.0, grace=30.0)
+    ending, written = run(code + WAIT, tmp_path, limit=5.0, grace=30.0)
     assert (ending, written) == (Ending(7, timed_out=True), b"on\n")
 
 
@@ -127,7 +127,7 @@ def test_no_child_outlives_its_program(tmp_path: Path, family: list[Path]) -> No
 def test_no_child_outlives_a_program_that_is_stopped_at_its_limit(
     tmp_path: Path, family: list[Path]
 ) -> None:
-    ending, _ = run(FAMILY + WAIT, tmp_path, limit=12.0)
+    ending, _ = run(FAMILY + WAIT, tmp_path, limit=7.0)
     assert ending == Ending(-15, timed_out=True)
     assert [lives(file) for file in family] == [False, False, False]
 

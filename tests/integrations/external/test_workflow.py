@@ -178,8 +178,14 @@ def test_more_files_than_are_read(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_what_is_there_at_the_limit_counts(tmp_path: Path) -> None:
-    run = carry_out(f"{HAND_IN}; print('on', flush=True); time.sleep(600)", tmp_path, limit_s=8.0)
-    assert endings(run) == [(-15, True)] * 3
+    code = f"""
+{HAND_IN}
+print("on", flush=True)
+if not os.listdir("machines/before"):
+    time.sleep(600)
+"""
+    run = carry_out(code, tmp_path, limit_s=8.0)
+    assert endings(run) == [(-15, True), (0, False), (0, False)]
     assert result_of(run)["stages"][0]["valid"] == 1
     told = "=== initial: stopped at its limit with status -15\n"
     assert f"on\n\n{told}" in (run / "log.txt").read_text()
