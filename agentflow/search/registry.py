@@ -11,10 +11,12 @@ STRATEGIES: Registry[Callable[..., Any]] = Registry(
     "search strategy",
     "agentflow.strategies",
     {
+        "halving": "agentflow.search.pooled.halving:Halving",
         "mcts": "agentflow.search.mcts:mcts",
         "best_of_n": "agentflow.search.best_of_n:best_of_n",
         "random": "agentflow.search.random:random",
         "ab-mcts": "agentflow.search.pooled.ab_mcts:AdaptiveBranching",
+        "half-and-half": "agentflow.search.pooled.halving:HalfAndHalf",
         "independent": "agentflow.search.pooled.independent:Independent",
         "map-elites": "agentflow.search.elites.map_elites:map_elites",
     },

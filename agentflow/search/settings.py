@@ -31,7 +31,7 @@ class SearchSettings(BaseModel, frozen=True, extra="forbid"):
     """Strategy and budget; all strategies share these keys, so sweeps can compare them."""
 
     strategy: str = Field(
-        "mcts",
+        "halving",
         description=f"how the next machine to refine is selected: {', '.join(STRATEGIES.ours)}",
     )
     rounds: int = Field(5, ge=0, description="expansions per search")

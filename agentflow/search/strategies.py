@@ -20,9 +20,14 @@ def deals_budget(name: str) -> bool:
     return isinstance(strategy, type) and issubclass(strategy, PooledStrategy)
 
 
+def searches_whole_run(settings: SearchSettings) -> bool:
+    """Whether one search deals the budget of the whole run; 0 rounds skip every search."""
+    return settings.rounds > 0 and deals_budget(settings.strategy)
+
+
 def pooled(settings: SearchSettings) -> PooledStrategy | None:
-    """The configured strategy if it deals the budget of a whole run; None if it does not."""
-    if not deals_budget(settings.strategy):
+    """The configured strategy if it deals the budget of the whole run; None if it does not."""
+    if not searches_whole_run(settings):
         return None
     strategy: PooledStrategy = STRATEGIES[settings.strategy](**extras(settings))
     return strategy

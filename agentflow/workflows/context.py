@@ -35,7 +35,7 @@ from agentflow.runs.events import (
 from agentflow.runs.locations import FEEDBACK, Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
-from agentflow.search.strategies import deals_budget
+from agentflow.search.strategies import searches_whole_run
 from agentflow.tools.host import Aims, Shot, Told
 from agentflow.workflows.base import (
     GREATEST,
@@ -95,7 +95,7 @@ class WorkflowContext:
         self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
         self._stages: list[Stage] = []
         self._opened = settings.trajectories
-        self._pooled = deals_budget(settings.search.strategy)
+        self._pooled = searches_whole_run(settings.search)
         self._tried: dict[int, set[Machine]] = {}
         """Trajectory -> the machines that were simulated in it."""
         self.memory = Memory(settings, self._note_memory)

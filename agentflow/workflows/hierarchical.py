@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
+import math
+from collections import defaultdict
 from dataclasses import replace
 
+from agentflow.agents.designer import Designer
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
 from agentflow.runs.events import BlueprintEvent
 from agentflow.runs.locations import INITIAL, Location
@@ -33,20 +37,43 @@ async def hierarchical(run: WorkflowContext) -> WorkflowResult:
     if blueprint is None:
         candidates = [Candidate(t, reason=reason) for t in run.trajectories]
         return await refine(run, candidates, None)
-    other: dict[int, Blueprint] = {}
+    if (strategy := pooled(run.settings.search)) is not None:
+        plans = _Plans(run, blueprint)
+        return await search_all(run, strategy, plans.build, plans.of)
+    return await refine(run, await build(run, blueprint), blueprint)
 
-    async def design(trajectory: int) -> Candidate:
-        """Asked for another mechanism, the meta-designer splits the task anew."""
-        if run.memory.for_trajectory(trajectory).avoid:
-            again, _ = await _plan(run, trajectory)
-            other[trajectory] = again or blueprint
-        plan = other.get(trajectory, blueprint)
-        (candidate,) = await build(run, plan, only=trajectory)
+
+class _Plans:
+    """The blueprints of a search over the whole run, which begins more trajectories than others.
+
+    As many trajectories share one as the settings say, so that the run does not depend on one plan;
+    asked for another mechanism, the meta-designer splits the task anew for a trajectory.
+    """
+
+    def __init__(self, run: WorkflowContext, first: Blueprint) -> None:
+        self._run, self._first = run, first
+        self._made = {1: first}
+        """By the first trajectory that follows it."""
+        self._asking: dict[int, asyncio.Lock] = defaultdict(asyncio.Lock)
+
+    def of(self, trajectory: int) -> Blueprint:
+        """The blueprint that the first machine of a trajectory followed."""
+        return self._made[self._key(trajectory)]
+
+    async def build(self, trajectory: int) -> Candidate:
+        """The first machine of a trajectory."""
+        key = self._key(trajectory)
+        async with self._asking[key]:
+            if key not in self._made:
+                again, _ = await _plan(self._run, key)
+                self._made[key] = again or self._first
+        (candidate,) = await build(self._run, self._made[key], only=trajectory)
         return candidate
 
-    if (strategy := pooled(run.settings.search)) is not None:
-        return await search_all(run, strategy, design, lambda t: other.get(t, blueprint))
-    return await refine(run, await build(run, blueprint), blueprint)
+    def _key(self, trajectory: int) -> int:
+        if self._run.memory.for_trajectory(trajectory).avoid:
+            return trajectory
+        return trajectory - (trajectory - 1) % self._run.settings.trajectories
 
 
 async def _plan(run: WorkflowContext, trajectory: int = 0) -> tuple[Blueprint | None, str]:
@@ -68,7 +95,10 @@ def _builds_whole_machines(settings: WorkflowSettings) -> bool:
 def _calls(settings: WorkflowSettings) -> dict[str, int]:
     if _builds_whole_machines(settings):
         return count_calls(settings)
-    return {MetaDesigner.name: 1, **count_calls(settings, STRUCTURES * settings.candidates)}
+    each = STRUCTURES * settings.candidates
+    calls = count_calls(settings, each)
+    plans = math.ceil(calls[Designer.name] / each / settings.trajectories)
+    return {MetaDesigner.name: plans, **calls}
 
 
 HIERARCHICAL = replace(ITERATIVE, name="hierarchical", stages=hierarchical, calls=_calls)

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from agentflow.agents.designer import Designer
 from agentflow.agents.refiner import Refiner
 from agentflow.runs.locations import FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
-from agentflow.search.strategies import deals_budget, pooled
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.random_dsl import RANDOM_DSL
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.designs import (
     count_designs,
-    design_machine,
     design_machines,
     try_machines,
 )
 from agentflow.workflows.stages.feedback import feedback_loop
-from agentflow.workflows.stages.pooled import search_all
-from agentflow.workflows.stages.refinement import count_calls, count_rollouts, within_limit
+from agentflow.workflows.stages.refinement import within_limit
 from agentflow.workflows.workflow import Workflow
 
 
@@ -32,9 +27,6 @@ async def single(run: WorkflowContext) -> WorkflowResult:
     feedback. There is no inspector. With 0 rounds there is no feedback.
     """
     run.begin_stage(INITIAL)
-    if (strategy := pooled(run.settings.search)) is not None:
-        design = partial(design_machine, run)
-        return await search_all(run, strategy, design, model_role=Designer.name)
     designed = await design_machines(run)
     initial = run.end_stage(
         INITIAL, await try_machines(run, INITIAL, designed, model_role=Designer.name)
@@ -50,25 +42,18 @@ async def single(run: WorkflowContext) -> WorkflowResult:
 
 
 def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
-    """Without a querier; strategies that search from one machine give way to `random`, which
-    refines the last machine."""
-    search = settings.search
-    if not deals_budget(search.strategy):
-        search = search.model_copy(update={"strategy": "random"})
+    """Without a querier; every strategy gives way to `random`, which refines the last machine."""
+    search = settings.search.model_copy(update={"strategy": "random"})
     adapted = settings.model_copy(update={"querier": False, "search": search})
     return within_limit(adapted)
 
 
 def _calls(settings: WorkflowSettings) -> dict[str, int]:
-    if deals_budget(settings.search.strategy):
-        return count_calls(settings)
     revised = settings.trajectories * settings.search.rounds
     return {**count_designs(settings), Refiner.name: revised}
 
 
 def _rollouts(settings: WorkflowSettings) -> int:
-    if deals_budget(settings.search.strategy):
-        return count_rollouts(settings)
     most = settings.trajectories * (1 + settings.search.rounds * (1 + settings.local_trials))
     return min(most, settings.max_simulations or most)
 

@@ -16,8 +16,8 @@ def test_by_name() -> None:
     with pytest.raises(UnknownNameError) as caught:
         STRATEGIES["mtcs"]
     assert str(caught.value) == (
-        "unknown search strategy 'mtcs'; known: mcts, ab-mcts, best_of_n, random, "
-        "independent, map-elites"
+        "unknown search strategy 'mtcs'; known: mcts, ab-mcts, halving, "
+        "best_of_n, random, half-and-half, independent, map-elites"
     )
 
 
@@ -30,7 +30,7 @@ def test_settings_list_the_same_names() -> None:
 def test_defaults() -> None:
     numbers = SearchSettings()
     assert (numbers.strategy, numbers.rounds, numbers.width, numbers.request_rounds) == (
-        "mcts",
+        "halving",
         5,
         4,
         5,
@@ -53,5 +53,5 @@ def test_invalid_settings_are_rejected(wrong: dict[str, object]) -> None:
 
 def test_options_are_refused_by_a_strategy_that_takes_none() -> None:
     assert extras(SearchSettings(), Random(0)) == {}
-    with pytest.raises(ConfigError, match=r"mcts takes no options: remove settings\.search\.opt"):
+    with pytest.raises(ConfigError, match=r"halving takes no options: remove settings\.search\.o"):
         extras(SearchSettings(options={"depth": 1}))

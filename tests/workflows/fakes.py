@@ -272,7 +272,10 @@ class Notes:
 
 
 class Run:
-    """One run of a workflow, and everything that can be looked at afterwards."""
+    """One run of a workflow, and everything that can be looked at afterwards.
+
+    Its strategy is `mcts`, with the stages of the paper, unless the settings name another.
+    """
 
     def __init__(
         self,
@@ -291,7 +294,8 @@ class Run:
         self.client = ScriptedClient(replies)
         self.shelf = shelf or Shelf()
         self.notes = Notes()
-        self.settings = WorkflowSettings.model_validate(settings or {})
+        search = {"strategy": "mcts", **(settings or {}).get("search", {})}
+        self.settings = WorkflowSettings.model_validate({**(settings or {}), "search": search})
         self.max_retry, self.seed = max_retry, seed
         self.model_roles: list[str] = []
         outer = client or self.client if delays is None else Delayed(self.client, delays)

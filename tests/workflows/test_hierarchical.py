@@ -3,6 +3,7 @@ import re
 
 import pytest
 
+from agentflow.llm.messages import Reply, Request
 from agentflow.machine.tree import Machine
 from tests.workflows.fakes import (
     BLUEPRINT,
@@ -347,3 +348,30 @@ async def test_unscored_machines_are_never_best() -> None:
     assert result.best is None
     assert result.reason == ("valid machines, but none could be scored: every simulation failed")
     assert run.notes.of("stage")["initial"]["mean_all"] is None
+
+
+async def test_a_search_over_the_whole_run_plans_anew_for_more_trajectories() -> None:
+    """Three of them share a plan; one that is not valid is replaced by the first one."""
+    author = Author(refused=0.0)
+
+    def answer(request: Request) -> Reply:
+        return Reply(text=NOTHING) if "traj-7" in request.label else author(request)
+
+    settings = {**SMALL, "max_simulations": 30, "search": {"strategy": "independent"}}
+    run = Run(answer, settings, max_retry=2)
+    result = await run()
+    many = len(result.stages[0].candidates)
+    plans = [label for label in run.labels if label.startswith("meta_designer")]
+    firsts = [1, 4, 7, *range(10, many + 1, 3)]
+    assert [label.split("/")[1] for label in plans if label.endswith("attempt-1")] == [
+        "attempt-1",
+        *(f"traj-{first}" for first in firsts[1:]),
+    ]
+    invalid = {c.trajectory for c in result.stages[0].candidates if c.machine is None}
+    assert invalid == {7}, "its designers give no machine either; those of 8 and 9 do"
+
+
+async def test_no_rounds_skip_a_search_over_the_whole_run() -> None:
+    run = Run(Author(refused=0.0), {**SMALL, "search": {"strategy": "halving", "rounds": 0}})
+    result = await run()
+    assert [stage.name for stage in result.stages] == ["initial", "blind_refinement"]

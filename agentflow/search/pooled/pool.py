@@ -75,6 +75,8 @@ class Pool(Generic[C]):
         """
         self.openers, self.arms, self.most_branches = tuple(openers), tuple(arms), most_branches
         self.branches: list[Branch[C]] = []
+        self.used = 0.0
+        """Share of the budget that was used before this round, from 0 to 1."""
 
     @property
     def nodes(self) -> list[tuple[Branch[C], Node[C]]]:
@@ -130,8 +132,10 @@ async def search_pool(
             are made before it.
     """
     round_ = idle = 0
+    total = left()
     while (before := left()) > 0 and idle < PATIENCE and not pool.is_over:
         rest = before
+        pool.used = 1 - before / total
         round_ += 1
         begun: list[Branch[C]] = []
         groups: dict[tuple[int, int], list[str]] = {}

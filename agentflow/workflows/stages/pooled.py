@@ -31,13 +31,11 @@ BlueprintOf = Callable[[int], Blueprint | None]
 class PooledSearch:
     """The first machines and the refinements of one search; a trajectory is one of its branches."""
 
-    def __init__(
-        self, run: WorkflowContext, design: Design, blueprint_of: BlueprintOf, model_role: str
-    ) -> None:
-        """Search with `design` for first machines; `model_role` refines, if not the refiner."""
+    def __init__(self, run: WorkflowContext, design: Design, blueprint_of: BlueprintOf) -> None:
+        """Search with `design` for first machines."""
         self.initial: list[Candidate] = []
         self._run, self._design = run, design
-        self._blueprint_of, self._model_role = blueprint_of, model_role
+        self._blueprint_of = blueprint_of
         self._trajectories: dict[int, Trajectory] = {}
         self._recorders: dict[int, SearchRecorder] = {}
         most = 1 if run.settings.start else None  # a start machine takes the place of designs
@@ -87,13 +85,12 @@ class PooledSearch:
         run, number = self._run, branch.number
         self._ask_for_another(number)
         designed = await self._design(number)
-        (candidate,) = await try_machines(run, INITIAL, [designed], model_role=self._model_role)
+        (candidate,) = await try_machines(run, INITIAL, [designed])
         self.initial.append(candidate)
         if not candidate.valid or candidate.machine is None or candidate.evaluation is None:
             return None
         self._proposed.add(candidate.machine)
-        blueprint = self._blueprint_of(number)
-        trajectory = Trajectory(run, number, blueprint, self._model_role)
+        trajectory = Trajectory(run, number, self._blueprint_of(number))
         trajectory.granted = {}
         place = Location(FEEDBACK, trajectory=number)
         recorder = SearchRecorder(run, place, names_nodes=True)
@@ -166,15 +163,13 @@ async def search_all(
     strategy: PooledStrategy,
     design: Design,
     blueprint_of: BlueprintOf = lambda _: None,
-    *,
-    model_role: str = "",
 ) -> WorkflowResult:
     """Design and refine in one search; there is no blind refinement.
 
     The stage of first designs goes on as long as the search wants new ones.
     """
     run.begin_stage(FEEDBACK)
-    found = PooledSearch(run, design, blueprint_of, model_role)
+    found = PooledSearch(run, design, blueprint_of)
     searched = await found.search(strategy)
     run.open_trajectories(len(found.initial))
     run.end_stage(INITIAL, found.initial)

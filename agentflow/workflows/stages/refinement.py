@@ -11,7 +11,8 @@ from agentflow.agents.querier import Querier
 from agentflow.agents.refiner import Refiner
 from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
-from agentflow.search.strategies import deals_budget, pooled
+from agentflow.search.pooled.halving import BEGUN
+from agentflow.search.strategies import pooled, searches_whole_run
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
@@ -88,7 +89,7 @@ async def refine(
 
 def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
     """Role -> calls of a run without retries; `designs` is the designer calls per trajectory."""
-    if deals_budget(settings.search.strategy):
+    if searches_whole_run(settings.search):
         return _count_pooled_calls(settings, designs)
     many, search, blind = settings.trajectories, settings.search, not settings.start
     return {
@@ -100,10 +101,11 @@ def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
 
 
 def _count_pooled_calls(settings: WorkflowSettings, designs: int) -> dict[str, int]:
-    """Those of a search over the whole run, as if half of its machines were first designs and
-    everybody made as many of the others: nobody knows before what it will choose."""
+    """Those of a search over the whole run, as if half of its machines, and at most as many as
+    `halving` begins with, were first designs and everybody made as many of the others: nobody knows
+    before what it will choose."""
     total, arms = count_rollouts(settings), settings.arms
-    begun = 1 if settings.start else total // 2 if arms else total
+    begun = 1 if settings.start else min(total // 2, BEGUN) if arms else total
     each = len(arms) + settings.local_trials  # machines made while a refiner makes one
     refined = (total - begun) // each if Refiner.name in arms else 0
     first = settings.model_copy(update={"trajectories": begun})
@@ -126,13 +128,13 @@ def count_rollouts(settings: WorkflowSettings) -> int:
     each = search.children + settings.local_trials
     most = settings.trajectories * (first + search.rounds * each)
     limit = settings.max_simulations or most
-    return limit if deals_budget(settings.search.strategy) else min(most, limit)
+    return limit if searches_whole_run(settings.search) else min(most, limit)
 
 
 def within_limit(settings: WorkflowSettings) -> WorkflowSettings:
     """At most as many trajectories as simulations; a search over the whole run has a limit."""
     total = settings.max_simulations
-    if deals_budget(settings.search.strategy):
+    if searches_whole_run(settings.search):
         return settings.model_copy(update={"max_simulations": total or count_rollouts(settings)})
     many = min(settings.trajectories, total or settings.trajectories)
     return settings.model_copy(update={"trajectories": many})

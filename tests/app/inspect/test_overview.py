@@ -22,6 +22,13 @@ from agentflow.runs.reading import document_text
 
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
 RESULT = (RECORDED / "result.json").read_text()
+SETTINGS = {
+    "trajectories": 2,
+    "search.strategy": "mcts",
+    "search.rounds": 1,
+    "search.width": 2,
+}
+"""Those of the recorded run that differ from the defaults."""
 
 
 @pytest.fixture
@@ -50,7 +57,7 @@ def test_the_list_tells_the_state_of_each(folder: Path) -> None:
         "verified": with_holding(result.to_json()["verified"]),
         "calls": result.calls,
         "cost": 0.0,
-        "settings": {"trajectories": 2, "search.rounds": 1, "search.width": 2},
+        "settings": SETTINGS,
         "problem": "",
     }
     assert stopped == {

@@ -17,6 +17,7 @@ from agentflow.workflows.hierarchical import STRUCTURES
 
 ROOT = Path(__file__).parents[3]
 RECORDED = ROOT / "runs/recorded-throwing"
+MCTS = {"strategy": "mcts"}
 
 
 def of(**document: Any) -> Estimate:
@@ -47,12 +48,15 @@ def test_token_estimates_match_the_recorded_run() -> None:
 @pytest.mark.parametrize(
     ("document", "calls", "rollouts"),
     [
-        ({}, 1 + 32 + 8 + 8 * 5 + 8 * 21, 8 * 22),
-        ({"settings": {"meta_designer": "off"}}, 8 + 8 + 40 + 168, 176),
-        ({"settings": {"inspector": False, "querier": False}}, 1 + 32 + 168, 176),
+        ({}, 5 + 160 + 68 + 68, 8 * 22),
+        ({"settings": {"search": MCTS}}, 1 + 32 + 8 + 8 * 5 + 8 * 21, 8 * 22),
+        ({"settings": {"meta_designer": "off"}}, 40 + 68 + 68, 176),
+        ({"settings": {"inspector": False, "querier": False}}, 5 + 160 + 68, 176),
+        ({"settings": {"inspector": False, "search": MCTS}}, 1 + 32 + 40 + 168, 176),
         ({"settings": {"search": {"strategy": "random"}}}, 1 + 32 + 8 + 40 + 48, 56),
         ({"settings": {"search": {"rounds": 0}}}, 1 + 32 + 8 + 8, 16),
-        ({"workflow": "iterative"}, 8 + 8 + 40 + 168, 176),
+        ({"workflow": "iterative"}, 40 + 68 + 68, 176),
+        ({"workflow": "iterative", "settings": {"search": MCTS}}, 8 + 8 + 40 + 168, 176),
         ({"workflow": "single"}, 8 + 40, 48),
         ({"workflow": "random-dsl"}, 0, 24),
         ({"workflow": "random-dsl", "settings": {"max_simulations": 100}}, 0, 100),

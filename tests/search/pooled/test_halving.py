@@ -1,0 +1,141 @@
+"""Successive halving of first candidates, on numbers that are their own scores."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from random import Random
+
+import pytest
+
+from agentflow.search.events import ignore
+from agentflow.search.node import Attempt, Evaluation, Node
+from agentflow.search.pooled.halving import BEGUN, KEPT, HalfAndHalf, Halving, tail
+from agentflow.search.pooled.pool import Branch, Pool, PooledStrategy, search_pool
+from agentflow.search.tree import SearchTree
+
+Make = Callable[[Random], float]
+
+
+class Numbers:
+    """A search for a high number; every number that is tried costs one of the budget."""
+
+    def __init__(self, begin: Make, change: dict[str, Make], budget: int = 85) -> None:
+        self.pool = Pool[float](["new"], list(change))
+        self.tried: list[tuple[str, float]] = []
+        """Who made each number that was tried, and what was made of."""
+        self._begin, self._change, self._budget = begin, change, budget
+
+    async def search(self, strategy: PooledStrategy, seed: int = 0) -> float:
+        """The highest number found."""
+        self._rng = Random(f"numbers {seed}")
+        left = lambda: self._budget - len(self.tried)  # noqa: E731
+        await search_pool(self.pool, strategy, self._open, self._expand, left, 1, Random(seed))
+        return max(node.candidate for _, node in self.pool.nodes)
+
+    async def _open(self, branch: Branch[float]) -> SearchTree[float]:
+        first = self._begin(self._rng)
+        self.tried.append((branch.arm, first))
+
+        async def evaluate(number: float, _label: str) -> Evaluation:
+            return Evaluation(True, number)
+
+        async def expand(*_: object) -> Sequence[Attempt[float]]:
+            raise AssertionError
+
+        return SearchTree(first, Evaluation(True, first), expand, evaluate, 1, ignore)
+
+    async def _expand(
+        self,
+        branch: Branch[float],  # noqa: ARG002
+        node: Node[float],
+        asked: Sequence[tuple[str, str]],
+        earlier: Sequence[Attempt[float]],  # noqa: ARG002
+    ) -> Sequence[Attempt[float]]:
+        self.tried += [(arm, node.candidate) for _, arm in asked]
+        return [
+            Attempt(label, node.candidate + self._change[arm](self._rng), arm)
+            for label, arm in asked
+        ]
+
+
+def uniform(rng: Random) -> float:
+    return rng.uniform(0, 10)
+
+
+def small_step(rng: Random) -> float:
+    return rng.uniform(-0.5, 0.5)
+
+
+def no_step(rng: Random) -> float:
+    return -rng.random()
+
+
+async def test_ever_fewer_branches_go_on() -> None:
+    numbers = Numbers(uniform, {"edit": small_step})
+    await numbers.search(Halving())
+    makers = [maker for maker, _ in numbers.tried]
+    assert makers[:BEGUN] == ["new"] * BEGUN
+    assert len(numbers.tried) == 85
+    grown = {b.number: len(b.tree.nodes) - 1 for b in numbers.pool.branches if b.tree}
+    assert 1 < sum(children > 0 for children in grown.values()) <= KEPT[0] + 2
+    best = max(numbers.pool.branches, key=lambda b: b.tree.best().candidate if b.tree else 0.0)
+    assert max(grown.values()) == grown[best.number] >= 10
+
+
+async def test_what_never_improves_gives_way() -> None:
+    """A heavy tail of first candidates; children are never better."""
+    numbers = Numbers(lambda rng: rng.paretovariate(1.2), {"edit": no_step})
+    await numbers.search(Halving())
+    late = Counter(maker for maker, _ in numbers.tried[BEGUN:])
+    assert late["new"] > late["edit"]
+
+
+async def test_the_arm_that_gains_more_is_asked_more_often() -> None:
+    arms: dict[str, Make] = {"strong": lambda rng: rng.uniform(-0.5, 2), "weak": no_step}
+    numbers = Numbers(uniform, arms)
+    await numbers.search(Halving())
+    made = Counter(maker for maker, _ in numbers.tried)
+    assert made["strong"] > 3 * made["weak"] > 0
+
+
+async def test_a_designer_that_repeats_itself_is_soon_left() -> None:
+    numbers = Numbers(lambda rng: float(rng.randrange(3)), {"edit": small_step})
+    await numbers.search(Halving())
+    assert [maker for maker, _ in numbers.tried].index("edit") == 10
+
+
+@pytest.mark.parametrize("seed", range(3))
+async def test_it_beats_first_candidates_alone_where_changes_help(seed: int) -> None:
+    found = await Numbers(uniform, {"edit": small_step}).search(Halving(), seed)
+    assert found > 10.5
+
+
+async def test_half_and_half_improves_the_best_one_alone() -> None:
+    numbers = Numbers(uniform, {"edit": no_step})
+    await numbers.search(HalfAndHalf())
+    begun = [number for maker, number in numbers.tried if maker == "new"]
+    assert len(begun) == 43
+    assert [made for maker, made in numbers.tried if maker == "edit"] == [max(begun)] * 42
+
+
+async def test_a_full_pool_only_climbs() -> None:
+    numbers = Numbers(uniform, {"edit": small_step})
+    numbers.pool.most_branches = 1
+    await numbers.search(Halving())
+    assert [maker for maker, _ in numbers.tried] == ["new"] + ["edit"] * 84
+
+
+def test_the_tail_is_what_the_best_exceed_the_others_by() -> None:
+    pool = Pool[float](["new"], ["edit"])
+    for number, first in enumerate((1.0, 9.0, 2.0, 7.0, 7.0, 3.0), start=1):
+        tree: SearchTree[float] = SearchTree(
+            first,
+            Evaluation(True, first),
+            None,  # type: ignore[arg-type]
+            None,  # type: ignore[arg-type]
+            1,
+            ignore,
+        )
+        pool.branches.append(Branch(number, "new", tree))
+    assert tail(pool) == (9 + 7) / 2 - 3
