@@ -30,4 +30,5 @@ ITERATIVE = Workflow(
     tried=count_tried,
     adapt=within_limit,
     baseline=RANDOM_DSL.name,
+    searches=True,
 )

@@ -66,4 +66,5 @@ SINGLE = Workflow(
     tried=lambda settings: settings.trajectories,
     adapt=_adapt,
     baseline=RANDOM_DSL.name,
+    searches=True,
 )

@@ -8,10 +8,14 @@ from dataclasses import dataclass
 from agentflow.agents.refiner import Refiner
 from agentflow.errors import ConfigError
 from agentflow.machine.brief import LONE_ROOT, Brief
+from agentflow.search.strategies import deals_budget
 from agentflow.workflows.base import AskContexts, Evaluator, Record, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 
+STRATEGY = "search.strategy"
+SEARCHING = ("local_trials", "inspirations", "lessons", "another_mechanism")
+"""Settings of searches besides those of their strategies."""
 RANDOM_EDITS = "none (random edits)"
 """Author of the baselines without a model."""
 
@@ -65,6 +69,25 @@ class Workflow:
     """Workflow without a model that benchmarks compare it with; "" if there is none."""
     counts_passes: bool = False
     """Whether its attempts are independent and the result counts those that pass."""
+
+    searches: bool = False
+    """Whether it refines machines in searches, with strategies, local trials and shared
+    knowledge."""
+
+    def unused(self, settings: WorkflowSettings) -> list[str]:
+        """Dotted keys of settings of searches that differ from the defaults and change nothing
+        here."""
+        usual, strategy = WorkflowSettings(), settings.search.strategy
+        uses = self.adapt(settings if self.searches else usual).search.strategy
+        used = SEARCHING if self.searches else ()
+        if not deals_budget(uses):
+            used = tuple(key for key in used if key != "another_mechanism")
+        found = [
+            key
+            for key in SEARCHING
+            if key not in used and getattr(settings, key) != getattr(usual, key)
+        ]
+        return found + [STRATEGY] * (strategy not in (usual.search.strategy, uses))
 
     def retries(self, settings: WorkflowSettings, brief: Brief) -> int:
         """Trials after the first ones; each is a call of a refiner and a simulation."""

@@ -141,6 +141,10 @@ class DesignRun:
         if not workflow.repeatable:
             document[AUTHOR] = workflow.author(config.settings)
         directory = RunDirectory.create(out, name or plan.run_name, document)
+        if unused := workflow.unused(config.settings):
+            verb = "changes" if len(unused) == 1 else "change"
+            which = f"{' and '.join(unused)} {verb} nothing in the workflow {config.workflow}"
+            options.notify(f"{which}, as configured")
         if plan.model_note and options.client is None and workflow.asks_models:
             options.notify(plan.model_note)
         return cls(plan, directory, options)
