@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -94,10 +95,12 @@ def encodings() -> dict[str, str]:
     return {"TIKTOKEN_CACHE_DIR": str(litellm / "litellm_core_utils" / "tokenizers")}
 
 
-def test_the_documented_code_runs(tmp_path: Path, encodings: dict[str, str]) -> None:
-    code = documented_code("Inspect AI")
-    printed = run_foreign(INSPECT, tmp_path, "-c", code, variables=encodings)
-    assert "throwing/2 no JSON list found; write the whole machine" in printed
+def test_the_documented_code_runs(tmp_path: Path) -> None:
+    (tmp_path / "examples").mkdir()
+    (tmp_path / "examples" / "car.json").write_text(CAR)
+    printed = run_foreign(INSPECT, tmp_path, "-c", documented_code("Inspect AI"))
+    assert re.search(r"^movement/2 \{'score': \d+\.\d+, 'valid': True\}$", printed, re.MULTILINE)
+    assert re.search(r"^1  movement/2 .* 4200$", printed, re.MULTILINE)
 
 
 def test_the_command_evaluates_a_family(tmp_path: Path, encodings: dict[str, str]) -> None:
