@@ -4,7 +4,8 @@
 
 On MuJoCo, the work of all constraints, dampers and suspensions is integrated here in every step.
 With the work that `World.works` tells, and what blocks and objects gain in kinetic energy and in
-height, it must give 0. The error is the sum over the work done by or against anything.
+height, it must give 0. The error is the sum over the work done by or against anything. Part of it
+is the engine's own: it adds a little energy where what springs pull flies round fast.
 """
 
 from __future__ import annotations
@@ -98,11 +99,13 @@ def main() -> None:
     while len(errors) < options.machines:
         task = tasks[number % len(tasks)]
         machine = random_machine(Random(f"balance {options.seed}/{number}"), task.brief)
+        number += 1
+        if any(entry == "loads" for _, entry, _ in task.switches(machine)):
+            continue  # objects that become heavier gain energy from nothing
         left, wrong, done, broken = error(machine, task.trials(0)[0], engine)
         if broken and done > 1.0:
-            text = f"{number} {task.name}: {left:.1f} J, outside {wrong:.1f}, of {done:.0f} J"
+            text = f"{number - 1} {task.name}: {left:.1f} J, outside {wrong:.1f}, of {done:.0f} J"
             errors.append((abs(left) / done, abs(wrong) / done, text))
-        number += 1
     errors.sort(reverse=True)
     shares = np.array([each[:2] for each in errors])
     print(f"{len(errors)} machines that break, of {number}")

@@ -16,7 +16,7 @@ import numpy as np
 from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, part_motion
 from agentflow.env.physics.rows import Row
 from agentflow.env.rollout import Array
-from agentflow.machine.geometry.vectors import Vec3, dot, scale
+from agentflow.machine.geometry.vectors import Vec3, scale
 
 RowPoint = tuple[int, Vec3]
 """Row of a cluster and offset from its leading part's centre, as `PartLocations.locate` gives."""
@@ -67,11 +67,6 @@ class Winch:
     """The entry whose level it follows."""
 
 
-Pull = tuple[float, Vec3, float]
-"""Pull times the length of a step, N s, and the direction and rate at which its line grew as the
-step began, m/s."""
-
-
 class PullForce(ABC):
     """Pulls along lines between parts, and the work that they do.
 
@@ -87,8 +82,9 @@ class PullForce(ABC):
         self.step = step
         """Time between calls, s."""
         self._ends: list[tuple[RowPoint, RowPoint]] = []
-        self._pulled: list[Pull] = [(0.0, (0.0, 0.0, 0.0), 0.0)] * len(ends)
-        """Of each line in the last step."""
+        self._pulled = [(0.0, 0.0)] * len(ends)
+        """Of each line in the last step: pull times half the length of the step, N s, and the rate
+        at which it grew as the step began, m/s."""
         self._works: list[float] = []
         """Work in each step but the last, after a 0, J."""
 
@@ -105,8 +101,8 @@ class PullForce(ABC):
         if not self._parts:
             return 0.0
         last = 0.0
-        for pull, ends in zip(self._pulled, self._ends, strict=True):
-            last += _work(pull, _line(rows, *ends)[4]) if pull[0] else 0.0
+        for (impulse, before), ends in zip(self._pulled, self._ends, strict=True):
+            last -= impulse * (before + _line(rows, *ends)[4]) if impulse else 0.0
         return np.cumsum([*self._works, last] if self._works else [0.0])
 
     @abstractmethod
@@ -125,20 +121,20 @@ class SpringForce(PullForce):
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Forces in this step."""
-        pulls, work = [], 0.0
+        pulls, work, half = [], 0.0, self.step / 2
         for i, spring in enumerate(self._springs):
             level = max(self._levels.get(spring.starts, 0.0), 0.0)  # springs cannot push
-            last = self._pulled[i]
-            if not (level or last[0]):
+            impulse, before = self._pulled[i]
+            if not (level or impulse):
                 continue
-            at_a, at_b, along, distance, velocity = _line(rows, *self._ends[i])
-            work += _work(last, velocity)
-            rate, pull = dot(velocity, along), 0.0
+            at_a, at_b, along, distance, rate = _line(rows, *self._ends[i])
+            work -= impulse * (before + rate)
+            pull = 0.0
             stretch = min((distance - spring.natural) / spring.ramp, 1.0)
             if level and stretch > 0.0:
                 pull = level * max(spring.force * stretch + spring.damping * rate, 0.0)
                 pulls += opposite_forces(spring.a, at_a, spring.b, at_b, scale(along, pull))
-            self._pulled[i] = pull * self.step, along, rate
+            self._pulled[i] = pull * half, rate
         self._works.append(work)
         return pulls
 
@@ -157,14 +153,14 @@ class WinchForce(PullForce):
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Reel in or out, then the forces in this step."""
-        pulls, work = [], 0.0
+        pulls, work, half = [], 0.0, self.step / 2
         for i, (winch, ends) in enumerate(zip(self._winches, self._ends, strict=True)):
             level, left = self._levels.get(winch.starts, 0.0), self._left[i]
             if left is None and not level:
                 continue
-            at_a, at_b, along, distance, velocity = _line(rows, *ends)
-            work += _work(self._pulled[i], velocity)
-            rate = dot(velocity, along)
+            at_a, at_b, along, distance, rate = _line(rows, *ends)
+            impulse, before = self._pulled[i]
+            work -= impulse * (before + rate)
             left = distance if left is None else left
             left = max(left - level * winch.speed * self.step, min(left, winch.shortest))
             left = self._left[i] = max(left, distance - winch.force / winch.stiffness)
@@ -173,30 +169,22 @@ class WinchForce(PullForce):
                 pull = winch.stiffness * (distance - left) + winch.damping * rate
                 pull = min(max(pull, 0.0), winch.force)
                 pulls += opposite_forces(winch.a, at_a, winch.b, at_b, scale(along, pull))
-            self._pulled[i] = pull * self.step, along, rate
+            self._pulled[i] = pull * half, rate
         self._works.append(work)
         return pulls
 
 
-def _work(pull: Pull, velocity: Vec3) -> float:
-    """Work of a pull in a step after which its ends move apart with this velocity, J: the force is
-    the same throughout a step."""
-    impulse, along, rate = pull
-    return -impulse * (rate + dot(velocity, along)) / 2
-
-
 def _line(
     rows: Sequence[Row], one: RowPoint, other: RowPoint
-) -> tuple[Vec3, Vec3, Vec3, float, Vec3]:
-    """Two points, the unit vector from one to the other, their distance, and the velocity of the
-    other against the one."""
+) -> tuple[Vec3, Vec3, Vec3, float, float]:
+    """Two points, the unit vector from one to the other, their distance and its rate of change."""
     at_a, (ux, uy, uz) = part_motion(rows[one[0]], one[1])
     at_b, (vx, vy, vz) = part_motion(rows[other[0]], other[1])
     x, y, z = at_b[0] - at_a[0], at_b[1] - at_a[1], at_b[2] - at_a[2]
     distance = max(sqrt(x * x + y * y + z * z), 1e-9)
     per = 1.0 / distance
     x, y, z = x * per, y * per, z * per
-    return at_a, at_b, (x, y, z), distance, (vx - ux, vy - uy, vz - uz)
+    return at_a, at_b, (x, y, z), distance, (vx - ux) * x + (vy - uy) * y + (vz - uz) * z
 
 
 def opposite_forces(a: int, at_a: Vec3, b: int, at_b: Vec3, force: Vec3) -> list[PartForce]:
