@@ -86,6 +86,8 @@ class BaseWorld(ABC, Generic[Own]):
         self._scene = self._unloaded = scene
         self._objects = {item.name: item for item in scene.objects}
         self._rate, self._divisions = rate, 1
+        self._interval = 1.0 / rate
+        """Length of a step, s."""
         self._broken: frozenset[int] = frozenset()
         self._levels: dict[Entry, float] = {"wind": 1.0}
         """Of entries that were switched; the others are at 0, and only the wind is on at first."""
@@ -139,7 +141,7 @@ class BaseWorld(ABC, Generic[Own]):
 
     def step(self, divisions: int = 1) -> None:
         if divisions != self._divisions:
-            self._divisions = divisions
+            self._divisions, self._interval = divisions, 1.0 / (self._rate * divisions)
             for timed in (self._springs, self._winches, self._wind, self.now.motors):
                 timed.step = self._interval
             self._change_interval()
@@ -147,14 +149,9 @@ class BaseWorld(ABC, Generic[Own]):
         self._ledger.add(self.now.forces, self._interval)
 
     def split(self, broken: Sequence[int]) -> None:
-        self._ledger.interrupt(self.now.forces)
+        self._ledger.finish(self.now.forces)
         self._works_of_joints.append(self._take_works())
         self._split(broken)
-
-    @property
-    def _interval(self) -> float:
-        """Length of a step, s."""
-        return 1.0 / (self._rate * self._divisions)
 
     def _plan(self, broken: Sequence[int] = ()) -> Skeleton:
         """How the parts are connected after these joints broke as well."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from agentflow.env.physics.laws.select import Forces, Power
 from agentflow.env.rollout import Array
 
 SELDOM = 4
-"""Steps between readings of the power: reading it in every step would take as long as the forces
-themselves."""
+"""Steps between readings of the power."""
 
 
 class Ledger:
@@ -17,39 +18,47 @@ class Ledger:
 
     def __init__(self) -> None:
         """Start with no work done."""
-        self._steps, self._due = 0, SELDOM
-        """Steps noted so far, and how many they are at the next reading."""
-        self._since = 0.0
-        """Time since the last reading, s."""
-        self._power: Power | None = None
-        """What was read last; None if the forces have changed abruptly since."""
-        self._read = [(0.0, 0.0, 0.0)]
-        """Of each reading, the steps until then, and the work of thrusters and of the air, J."""
+        self._steps, self._time, self._due = 0, 0.0, SELDOM
+        """Steps noted so far, how long they took (s), and how many they are at the next reading."""
+        self._at, self._times = [0], [0.0]
+        """The same of each reading."""
+        self._powers, self._drag = [Power(0.0, 0.0)], [0.0]
+        """What was read each time, and the power of drag (W), which is computed later."""
+        self._motions: list[Any] = []
+        """The motion of what has drag at readings without that power."""
 
     def add(self, forces: Forces, step: float) -> None:
         """Note that a step of this length, s, was taken with these forces."""
         self._steps += 1
-        self._since += step
+        self._time += step
         if self._steps >= self._due:
-            self._add_reading(forces)
+            self._read(forces)
 
     def interrupt(self, forces: Forces) -> None:
-        """Note that something is switched or splits: from now on, the power may be another."""
-        if self._since:
-            self._add_reading(forces)
-        self._power, self._due = None, self._steps + 1
+        """Note that something is switched: from now on, the power may be another."""
+        if self._at[-1] != self._steps:
+            self._read(forces)
+        self._due = self._steps + 1
+
+    def finish(self, forces: Forces) -> None:
+        """Note that the machine splits: these forces act no more."""
+        self.interrupt(forces)
+        if self._motions:
+            self._drag += forces.drag_powers(np.array(self._motions))
+            self._motions = []
 
     def works(self, forces: Forces) -> Array:
         """(2, S + 1) work of thrusters and of the air until the end of each step, J."""
-        if self._since:
-            self._add_reading(forces)
-        steps, *works = np.array(self._read).T
-        return np.array([np.interp(np.arange(self._steps + 1), steps, work) for work in works])
+        self.finish(forces)
+        thrust, air = np.array(self._powers).T
+        powers = np.array([thrust, air + self._drag])
+        each = np.diff(self._times) * (powers[:, :-1] + powers[:, 1:]) / 2
+        works = np.concatenate([np.zeros((2, 1)), each.cumsum(axis=1)], axis=1)
+        return np.array([np.interp(np.arange(self._steps + 1), self._at, work) for work in works])
 
-    def _add_reading(self, forces: Forces) -> None:
-        power = forces.power()
-        before, (_, thrust, air) = self._power or power, self._read[-1]
-        thrust += self._since * (before.thrust + power.thrust) / 2
-        air += self._since * (before.air + power.air) / 2
-        self._read.append((self._steps, thrust, air))
-        self._power, self._since, self._due = power, 0.0, self._steps + SELDOM
+    def _read(self, forces: Forces) -> None:
+        self._at.append(self._steps)
+        self._times.append(self._time)
+        self._powers.append(forces.power())
+        self._motions.append(forces.dragged())
+        self._due = self._steps + SELDOM

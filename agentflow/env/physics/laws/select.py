@@ -18,6 +18,7 @@ from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.rows import Row, Rows
 from agentflow.env.physics.structure.layout import RowLayout, drag_locations
 from agentflow.env.physics.structure.spanning_tree import Skeleton
+from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
 
 Law = Callable[[Sequence[Row]], list[PartForce]]
@@ -81,11 +82,11 @@ def wind_laws(
 
 
 class Power(NamedTuple):
-    """Rate at which forces other than those of springs and winches did work in the last step, W."""
+    """Rate at which thrusters and the air did work on the blocks in the last step, W."""
 
     thrust: float
     air: float
-    """On the blocks: drag, wind, and what pushes blades."""
+    """Without drag: of wind, and of what pushes blades."""
 
 
 class Forces(ABC):
@@ -107,6 +108,14 @@ class Forces(ABC):
     def __call__(self) -> None:
         """Apply everything for one step."""
 
+    @abstractmethod
+    def dragged(self) -> Sequence[Row] | Array:
+        """(D, 13) the rows of the clusters that drag acts on, after the last step."""
+
+    def drag_powers(self, motions: Array) -> list[float]:
+        """The power of drag, W, for (T, D, 13) results of `dragged`."""
+        return self._drag.powers(motions)
+
     def _of_laws(self, rows: Sequence[Row]) -> list[list[PartForce]]:
         """The forces of each law in this step."""
         if self._laws:
@@ -116,7 +125,7 @@ class Forces(ABC):
     def power(self) -> Power:
         """Mean power of thrusters and of the air in the last step."""
         rows, blocks = self._rows, len(self._locations.row)
-        thrust, air = 0.0, self._drag.power(rows)
+        thrust = air = 0.0
         for law, forces in zip(self._laws, self._exerted, strict=False):
             if forces and not isinstance(law, SpringForce | WinchForce):
                 own = [force for force in forces if force[0] < blocks]

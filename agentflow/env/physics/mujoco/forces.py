@@ -12,6 +12,7 @@ from agentflow.env.physics.mujoco.sensing import Rows
 from agentflow.env.physics.rows import POSITION
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Skeleton
+from agentflow.env.rollout import Array
 from agentflow.machine.geometry.vectors import Vec3, cross, rotate_vector, subtract
 
 _STILL = (0.0, 0.0, 0.0)
@@ -40,26 +41,19 @@ class AppliedForces(Forces):
             *layout.locations.row.tolist(),
             *range(len(layout.leading), len(self._leading)),
         ]
+        self._dragged = [self._leading[row] for row in self._drag.rows]
         self._count = len(assembly.parts)
         self._target = built.data.xfrc_applied.data
         self._written: set[int] = set()
         """Bodies on which forces acted in the last step."""
 
     def __call__(self) -> None:
-        rows, leading, alone = self._rows.all, self._leading, not self._laws
-        total: dict[int, list[float]] = {}
-        for row, local, force, torque in self._drag(rows):
-            moment = torque or _STILL
-            if local:
-                _, _, _, x, y, z, w, _, _, _, _, _, _ = rows[row]
-                turn = x, y, z, w
-                force, moment = rotate_vector(turn, force), rotate_vector(turn, moment)
-            if alone:  # nothing else acts on it
-                _PACK(self._target, leading[row] * _SIZE, *force, *moment)
-            else:
-                total[leading[row]] = [*force, *moment]
-        if alone:
+        rows = self._rows.all
+        if not self._laws:  # nothing else acts
+            for at, wrench in zip(self._dragged, self._drag.turned(rows), strict=True):
+                _PACK(self._target, at * _SIZE, *wrench)
             return
+        total = dict(zip(self._dragged, map(list, self._drag.turned(rows)), strict=True))
         for forces in self._of_laws(rows):
             for part, force, place in forces:
                 if place is None:
@@ -72,6 +66,9 @@ class AppliedForces(Forces):
                 if part >= self._count and place is not None:
                     self._turn(own, part, force, place)
         self._write(total)
+
+    def dragged(self) -> Array:
+        return self._rows.table.take(self._drag.rows, 0)
 
     def _write(self, total: dict[int, list[float]]) -> None:
         """Replace the forces of the last step."""

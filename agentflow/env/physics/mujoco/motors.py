@@ -83,6 +83,7 @@ class Motors:
         self._sliding = _indices([address.position for address, _ in sliding])
         self._stiffness = np.array([stiffness for _, stiffness in sliding])
         """Of each suspension, N/m."""
+        self._simple = not (self._mixed or sliding)
         self._before: tuple[Array, ...] = ()
         """Speeds of all joints before the last step, with those that differ or slide also what is
         exerted besides and the positions."""
@@ -146,7 +147,7 @@ class Motors:
 
     def _motion(self) -> tuple[Array, ...]:
         """What work is computed from: speeds; forces besides, and positions."""
-        if not (self._mixed or len(self._sliding)):
+        if self._simple:
             return (self._qvel.copy(),)
         return self._qvel.copy(), self._data.qfrc_applied.copy(), self._qpos.copy()
 

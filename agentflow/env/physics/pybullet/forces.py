@@ -9,7 +9,7 @@ from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import Handle, PieceBody
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.sensing import Rows
-from agentflow.env.physics.rows import POSITION
+from agentflow.env.physics.rows import POSITION, Row
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Skeleton
 
@@ -63,3 +63,7 @@ class AppliedForces(Forces):
                 uid, index = self._at[part]
                 frame = pybullet.LINK_FRAME if place is None else pybullet.WORLD_FRAME
                 pybullet.applyExternalForce(uid, index, force, place or CENTRE, frame, client)
+
+    def dragged(self) -> list[Row]:
+        rows = self._heads.all if self._far else self._heads.known
+        return [rows[row] for row in self._drag.rows]
