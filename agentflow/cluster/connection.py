@@ -6,8 +6,10 @@ import asyncio
 import logging
 import os
 import socket
-from collections.abc import Mapping
-from contextlib import closing
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import closing, suppress
 from typing import Any, NoReturn
 
 import ray
@@ -28,9 +30,9 @@ ANSWER_LIMIT = 10.0
 """Seconds that a cluster has to answer."""
 PLACE_LIMIT = 600.0
 """Seconds that a cluster has to offer processors for the first worker: new nodes take minutes."""
-BEAT, BEATS = 5.0, 9
-"""Seconds between two looks at the head, and how many in vain mean that it is gone. A minute after
-it was lost, Ray ends this process."""
+BEAT, SILENCE = 3.0, 30.0
+"""Seconds between two looks at Ray's processes, and how long one may not answer before it counts as
+gone. A minute after the head was lost, Ray ends this process."""
 
 
 def connect(workers: int) -> None:
@@ -130,36 +132,65 @@ def no_place() -> ConfigError:
     )
 
 
-async def watch_head() -> NoReturn:
-    """Wait until the head of the cluster has not answered for some time.
+async def watch_cluster() -> NoReturn:
+    """Wait until the head of the cluster, or Ray on this computer, has not answered for some time.
+
+    Without its process on this computer, Ray starts nothing and says nothing.
 
     Raises:
         RunError: It is gone.
     """
-    address = ray.get_runtime_context().gcs_address
-    host, _, port = address.rpartition(":")
-    silent = 0
-    while silent < BEATS:
+    context = ray.get_runtime_context()
+    head, own = context.gcs_address, context.get_node_id()
+    (node,) = (each for each in ray.nodes() if each["NodeID"] == own)
+    here = f"{node['NodeManagerAddress']}:{node['NodeManagerPort']}"
+    watched = {
+        head: f"the head of the Ray cluster, {head}, no longer answers: start the cluster",
+        here: f"Ray no longer answers on this computer ({here}): start it here",
+    }
+    heard = dict.fromkeys(watched, time.monotonic())
+    while True:
         await asyncio.sleep(BEAT)
-        silent = 0 if await _answers(host, int(port)) else silent + 1
-    raise RunError(
-        f"the head of the Ray cluster, {address}, no longer answers: start the cluster, then this "
-        "command again (design and sweep with --resume)"
-    )
+        for address in await _answering(watched):
+            heard[address] = time.monotonic()
+        for address, problem in watched.items():
+            if time.monotonic() - heard[address] > SILENCE:
+                raise RunError(
+                    f"{problem}, then this command again (design and sweep with --resume)"
+                )
 
 
-async def _answers(host: str, port: int) -> bool:
-    try:
-        _, writer = await asyncio.wait_for(asyncio.open_connection(host, port), BEAT)
-    except (OSError, asyncio.TimeoutError):
-        return False
-    with closing(writer):
-        return True
+async def _answering(addresses: Iterable[str]) -> list[str]:
+    """Those addresses at which something answers."""
+
+    async def answers(address: str) -> bool:
+        host, _, port = address.rpartition(":")
+        try:
+            _, writer = await asyncio.wait_for(asyncio.open_connection(host, int(port)), BEAT)
+        except (OSError, asyncio.TimeoutError):
+            return False
+        with closing(writer):
+            return True
+
+    asked = list(addresses)
+    found = await asyncio.gather(*map(answers, asked))
+    return [address for address, answered in zip(asked, found, strict=True) if answered]
 
 
 async def result_of(sent: Any) -> Any:
     """The result of a call of an actor, or of a task."""
     return await asyncio.wrap_future(sent.future())
+
+
+def let_go(act: Callable[..., object], *given: Any, **options: Any) -> None:
+    """Have Ray end something, beside this thread: without its head it waits for a minute, in which
+    nobody would notice that the head is gone."""
+
+    def attempt() -> None:
+        with suppress(Exception):  # what cannot be reached has ended
+            act(*given, **options)
+
+    threading.Thread(target=attempt, daemon=True).start()
 
 
 def _first_line(error: Exception) -> str:

@@ -14,10 +14,11 @@ from ray.exceptions import RayError, RayTaskError
 from agentflow.cluster.connection import (
     PLACE_LIMIT,
     connect,
+    let_go,
     no_place,
     require_same_versions,
     result_of,
-    watch_head,
+    watch_cluster,
 )
 from agentflow.cluster.pace import Pace
 from agentflow.cluster.worker import Worker, conditions
@@ -73,7 +74,7 @@ class RayPool(Pool):
 
     async def _start(self) -> None:
         connect(self.workers)
-        work = [watch_head(), *(self._keep_worker() for _ in range(self.workers))]
+        work = [watch_cluster(), *(self._keep_worker() for _ in range(self.workers))]
         self._tasks = [asyncio.create_task(each) for each in work]
         for task in self._tasks:
             task.add_done_callback(self._give_up)
@@ -139,7 +140,7 @@ class RayPool(Pool):
                         f"a node cannot start a worker: {_last_line(error)}"
                     ) from error
             finally:
-                ray.kill(worker)
+                let_go(ray.kill, worker)
 
     async def _next_batch(self) -> list[_Trial]:
         batch = [await self._waiting.get()]

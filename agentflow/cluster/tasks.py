@@ -14,10 +14,11 @@ from ray.util import get_node_ip_address
 
 from agentflow.cluster.connection import (
     PLACE_LIMIT,
+    let_go,
     no_place,
     require_same_versions,
     result_of,
-    watch_head,
+    watch_cluster,
 )
 from agentflow.cluster.limits import SharedLimiters, start_keeper
 from agentflow.cluster.worker import conditions
@@ -45,15 +46,19 @@ class Tasks:
         self.processors = max(1, min(processors, int(max(nodes)) or processors))
         """Of one node: no more than the largest has."""
         self._keeper = start_keeper()
+        # Once for all runs: for each function, Ray waits for the head, and all else waits with it.
+        self._function = ray.remote(_run).options(
+            num_cpus=self.processors, max_retries=0, num_returns="streaming"
+        )
         self._running: set[str] = set()
 
     async def __aenter__(self) -> Tasks:
-        self._head = asyncio.create_task(watch_head())
+        self._watch = asyncio.create_task(watch_cluster())
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        self._head.cancel()
-        ray.kill(self._keeper)
+        self._watch.cancel()
+        let_go(ray.kill, self._keeper)
 
     async def run(self, name: str, work: Work, tell: Tell) -> Any:
         """What the function returns; it starts again elsewhere if its node is lost.
@@ -65,8 +70,8 @@ class Tasks:
         """
         found = asyncio.create_task(self._repeat(name, work, tell))
         try:
-            await asyncio.wait({found, self._head}, return_when=asyncio.FIRST_COMPLETED)
-            return found.result() if found.done() else self._head.result()
+            await asyncio.wait({found, self._watch}, return_when=asyncio.FIRST_COMPLETED)
+            return found.result() if found.done() else self._watch.result()
         finally:
             found.cancel()
             await asyncio.gather(found, return_exceptions=True)
@@ -88,10 +93,7 @@ class Tasks:
         raise LostError(f"the node that carried out {name} was lost {ATTEMPTS} times")
 
     async def _attempt(self, user: str, work: Work, tell: Tell) -> Any:
-        task = ray.remote(_run).options(
-            num_cpus=self.processors, max_retries=0, num_returns="streaming"
-        )
-        reports = task.remote(SharedLimiters(self._keeper, user), work, conditions())
+        reports = self._function.remote(SharedLimiters(self._keeper, user), work, conditions())
         try:
             first = asyncio.ensure_future(anext(reports))
             await self._wait_for_place(first)
@@ -106,7 +108,7 @@ class Tasks:
             raise
         except BaseException:
             # Only what still runs: cancelling what has just ended makes Ray end this process.
-            ray.cancel(reports, force=True)
+            let_go(ray.cancel, reports, force=True)
             raise
 
     async def _wait_for_place(self, first: asyncio.Future[Any]) -> None:
