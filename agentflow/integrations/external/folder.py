@@ -183,3 +183,32 @@ def _printable(name: str) -> str:
     """A file name, which may hold any bytes, as text without control characters."""
     text = os.fsencode(name).decode("utf-8", "backslashreplace")
     return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
+
+
+def remove_folder(folder: Path) -> None:
+    """Remove a folder that nobody writes to any more, however deep it is.
+
+    Every folder in it moves to the top before it is emptied, so that no path is long and nothing
+    calls itself.
+
+    Raises:
+        OSError: Something in it cannot be removed.
+    """
+    top = folder.with_name(f"{folder.name}-removed")
+    top.mkdir()
+    found, emptied = 1, 0
+    folder.rename(top / "0")
+    while emptied < found:
+        inner = top / str(emptied)
+        inner.chmod(stat.S_IRWXU)
+        with os.scandir(inner) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    os.chmod(entry.path, stat.S_IRWXU)
+                    os.rename(entry.path, top / str(found))
+                    found += 1
+                else:
+                    os.unlink(entry.path)
+        inner.rmdir()
+        emptied += 1
+    top.rmdir()

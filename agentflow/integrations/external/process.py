@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from agentflow.errors import AgentflowError
@@ -68,7 +69,8 @@ async def run_program(
         AgentflowError: `write` raised it.
     """
     output = BoundedOutput(write)
-    with given.open("rb") as opened:
+    mark = f"{command.mark}={command.environment[command.mark]}"
+    with _requests_to_end() as requests, given.open("rb") as opened:
         transport, program = await asyncio.get_running_loop().subprocess_exec(
             lambda: _Program(output),
             *command.words,
@@ -79,37 +81,66 @@ async def run_program(
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
-    mark = f"{command.mark}={command.environment[command.mark]}"
-    with _termination_interrupts():
+        requests.cancel_from_now_on()
         try:
             timed_out = not await _is_done(program.exited, command.limit)
         finally:
-            await _stop(transport.get_pid(), mark, program.exited, command.grace)
-            await _is_done(program.closed, REST)  # a child that escaped may keep the pipe open
-            transport.close()
-            output.close()
+            try:
+                await _stop(transport.get_pid(), mark, program.exited, command.grace)
+                await _is_done(program.closed, REST)  # a child that escaped may keep the pipe open
+            finally:
+                transport.close()
+                output.close()
     program.exited.result()
     status = transport.get_returncode()
     assert status is not None
     return Ending(status, timed_out)
 
 
-@contextmanager
-def _termination_interrupts() -> Iterator[None]:
-    """Let a request to end this process interrupt it, as Ctrl-C does.
+class _Requests:
+    """Counts requests to end this process. From some moment on, each cancels the current task."""
 
-    By default, the process would end at once and leave the program running.
+    def __init__(self) -> None:
+        self.count = 0
+        self._cancel: Callable[[], object] | None = None
+
+    def cancel_from_now_on(self) -> None:
+        """Cancel the current task for each further request, and for those that have come."""
+        loop, task = asyncio.get_running_loop(), asyncio.current_task()
+        assert task is not None
+        self._cancel = partial(loop.call_soon_threadsafe, task.cancel)
+        if self.count:
+            self._cancel()
+
+    def __call__(self, *_: object) -> None:
+        self.count += 1
+        if self._cancel is not None:
+            self._cancel()
+
+
+@contextmanager
+def _requests_to_end() -> Iterator[_Requests]:
+    """Requests to end this process, which then interrupt it as Ctrl-C does, but not before the
+    program has been killed: by default, the process would end at once and leave it running.
+
+    The first asks the program to end, the second kills it at once.
+
+    Raises:
+        KeyboardInterrupt: At the end, if there were any.
     """
-    requests = [signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else [])]
+    numbers = [signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else [])]
     here = threading.current_thread() is threading.main_thread()
-    ours = [item for item in requests if here and signal.getsignal(item) is signal.SIG_DFL]
+    ours = [item for item in numbers if here and signal.getsignal(item) is signal.SIG_DFL]
+    requests = _Requests()
     for item in ours:
-        signal.signal(item, signal.default_int_handler)
+        signal.signal(item, requests)
     try:
-        yield
+        yield requests
     finally:
         for item in ours:
             signal.signal(item, signal.SIG_DFL)
+        if requests.count:
+            raise KeyboardInterrupt
 
 
 class _Program(asyncio.SubprocessProtocol):

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import dropwhile
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 
 from agentflow.errors import ConfigError, RunError
 from agentflow.extras import needs_extra
@@ -22,6 +22,7 @@ from agentflow.integrations.external.folder import (
     Assignment,
     MachineFile,
     read_machine_files,
+    remove_folder,
     write_folder,
 )
 from agentflow.integrations.external.process import Ending, ProgramCommand, run_program
@@ -88,14 +89,14 @@ async def _work(run: WorkflowContext, bench: Bench, stage: StageName) -> Sequenc
 @contextmanager
 def _folder(stage: StageName) -> Iterator[Path]:
     """An empty folder for a stage, outside the run, which is gone afterwards."""
-    temporary = TemporaryDirectory(prefix="agentflow-", ignore_cleanup_errors=True)
-    folder = Path(os.path.realpath(temporary.name)) / stage
+    temporary = Path(os.path.realpath(mkdtemp(prefix="agentflow-")))
+    folder = temporary / stage
     folder.mkdir()
     try:
         yield folder
     finally:
-        with suppress(RecursionError):  # folders in folders, a thousand deep
-            temporary.cleanup()
+        with suppress(OSError):  # such as a file of another user
+            remove_folder(temporary)
 
 
 async def _run(run: WorkflowContext, bench: Bench, stage: StageName, folder: Path) -> Ending:

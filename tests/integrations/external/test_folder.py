@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 
-from agentflow.integrations.external.folder import Assignment, task_text, write_folder
+from agentflow.integrations.external.folder import (
+    Assignment,
+    remove_folder,
+    task_text,
+    write_folder,
+)
 from agentflow.machine.tree import ROOT, Machine
 from agentflow.runs.locations import BLIND, INITIAL
 from agentflow.tools import ToolSpec
@@ -49,3 +55,19 @@ def test_the_task_names_stage_tools_and_time() -> None:
 )
 def test_how_long_a_program_has(limit: float, told: str) -> None:
     assert f"You are stopped after {told}." in task_text(assignment(limit))
+
+
+def test_folders_three_thousand_deep_are_removed(tmp_path: Path) -> None:
+    made = tmp_path / "made"
+    made.mkdir()
+    inner = os.open(made, os.O_RDONLY)
+    for _ in range(3000):
+        os.close(os.open("file", os.O_CREAT | os.O_WRONLY, dir_fd=inner))
+        os.mkdir("in", dir_fd=inner)
+        outer, inner = inner, os.open("in", os.O_RDONLY, dir_fd=inner)
+        os.close(outer)
+    os.close(inner)
+    (made / "link").symlink_to(tmp_path)
+    (made / "closed").mkdir(mode=0)
+    remove_folder(made)
+    assert list(tmp_path.iterdir()) == []

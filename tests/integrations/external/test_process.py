@@ -137,16 +137,7 @@ def test_no_child_outlives_a_program_that_is_stopped_at_its_limit(
 def test_no_child_outlives_an_interrupted_process(
     tmp_path: Path, family: list[Path], request_: signal.Signals
 ) -> None:
-    (tmp_path / "given").touch()
-    asked = command(FAMILY + WAIT)
-    code = f"""
-import asyncio, pathlib
-from agentflow.integrations.external import process
-folder = pathlib.Path({str(tmp_path)!r})
-command = process.{asked!r}
-asyncio.run(process.run_program(command, folder, folder / "given", print))
-"""
-    running = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+    running = interruptible(tmp_path, FAMILY + WAIT)
     while not (tmp_path / "ready").exists():
         assert running.poll() is None
         time.sleep(0.01)
@@ -154,6 +145,47 @@ asyncio.run(process.run_program(command, folder, folder / "given", print))
     _, told = running.communicate(timeout=60)
     assert told.rstrip().endswith("KeyboardInterrupt")
     assert [lives(file) for file in family] == [False, False, False]
+
+
+@pytest.mark.parametrize("request_", [signal.SIGTERM, signal.SIGHUP])
+def test_a_second_request_to_end_kills_at_once(tmp_path: Path, request_: signal.Signals) -> None:
+    stubborn = f"import sys; sys.argv[1:] = ['child']\n{STUBBORN}"
+    running = interruptible(tmp_path, stubborn, grace=600.0)
+    while not (tmp_path / "child").exists():
+        time.sleep(0.01)
+    for _ in range(2):
+        running.send_signal(request_)
+        time.sleep(0.2)
+    _, told = running.communicate(timeout=60)
+    assert told.rstrip().endswith("KeyboardInterrupt")
+    assert not lives(tmp_path / "child")
+
+
+def test_a_request_to_end_while_the_program_starts(tmp_path: Path) -> None:
+    begin = "open('child', 'w').write(str(os.getpid()))"
+    at_start = "asyncio.get_running_loop().call_soon(os.kill, os.getpid(), signal.SIGTERM)"
+    running = interruptible(tmp_path, f"import os; {begin}{WAIT}", before=at_start)
+    _, told = running.communicate(timeout=60)
+    assert told.rstrip().endswith("KeyboardInterrupt")
+    assert not (tmp_path / "child").exists() or not lives(tmp_path / "child")
+
+
+def interruptible(
+    folder: Path, code: str, *, grace: float = 0.3, before: str = "pass"
+) -> subprocess.Popen[str]:
+    """A process that runs a program, just after a statement."""
+    (folder / "given").touch()
+    text = f"""
+import asyncio, os, pathlib, signal
+from agentflow.integrations.external import process
+folder = pathlib.Path({str(folder)!r})
+command = process.{command(code, grace=grace)!r}
+async def run():
+    {before}
+    await process.run_program(command, folder, folder / "given", print)
+asyncio.run(run())
+"""
+    return subprocess.Popen([sys.executable, "-c", text], stderr=subprocess.PIPE, text=True)
 
 
 @pytest.mark.slow
