@@ -18,6 +18,7 @@ from agentflow.app.sessions import ClientRuns
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.integrations.mcp.addresses import HttpAddress
+from agentflow.integrations.mcp.answering import AnsweringStream
 from agentflow.integrations.mcp.http import serve_http
 from agentflow.integrations.mcp.server import build_server
 from agentflow.listening import end_is_asked_for
@@ -69,4 +70,5 @@ def serve(
 async def _serve_stdio(server: Server[Any]) -> None:
     """Serve until the client closes our stdin; other output to stdout goes to stderr meanwhile."""
     async with stdio_server() as (incoming, outgoing):
-        await serve_loop(server, incoming, outgoing, lifespan_state={})
+        answered = AnsweringStream(incoming, outgoing)
+        await serve_loop(server, answered, outgoing, lifespan_state={})

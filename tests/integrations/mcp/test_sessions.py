@@ -26,6 +26,7 @@ from tests.integrations.mcp.clients import (
     stdio_session,
     text_of,
 )
+from tests.integrations.mcp.test_answering import CALL, DEEP, MACHINE
 
 pytestmark = pytest.mark.slow
 SHORTER = "Remove 6"
@@ -212,10 +213,10 @@ async def test_a_killed_server_and_a_hostile_name_leave_a_run_that_can_be_read(
     assert await carry_out("replay", str(run)) == "identical\n"
 
 
-GARBAGE = [b"{not json", b"[" * 100_000, b"\xff\xfe\x00", b'"text"', b""]
+GARBAGE = [b"{not json", b"[" * 100_000, b"\xff\xfe\x00", b'"text"']
 
 
-async def test_garbage_on_stdin_gets_words_or_nothing(tmp_path: Path) -> None:
+async def test_every_line_on_stdin_gets_words(tmp_path: Path) -> None:
     server = await asyncio.create_subprocess_exec(
         *command("--out", str(tmp_path / "runs")),
         stdin=PIPE, stdout=PIPE, stderr=PIPE, env=ENVIRONMENT, limit=2**20
@@ -245,9 +246,12 @@ async def test_garbage_on_stdin_gets_words_or_nothing(tmp_path: Path) -> None:
     ]
     assert server.stdin is not None
     assert server.stdout is not None
-    server.stdin.write(b"\n".join([*GARBAGE, *lines, b""]))
-    told = [(await server.stdout.readline()).decode() for _ in requests]
+    unreadable = {"surrogate": MACHINE % '"\\ud800"', "deep": MACHINE % DEEP, "listed": "[1]"}
+    lines += [(CALL % (f'"{name}"', given)).encode() for name, given in unreadable.items()]
+    server.stdin.write(b"\n".join([*GARBAGE, b"", *lines, b""]))
+    told = [(await server.stdout.readline()).decode() for _ in [*GARBAGE, *lines]]
     answers = {json.loads(line)["id"]: line for line in told}
+    assert answers.keys() == {None, *range(len(requests)), *unreadable}
     for number, (_, _, words) in enumerate(requests):
         assert words in answers[number]
     rest, errors = await server.communicate(b"")  # which closes stdin

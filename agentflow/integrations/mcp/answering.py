@@ -1,0 +1,86 @@
+"""Lines over stdio that are no messages: the SDK only logs them, and their senders wait forever."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import anyio
+from mcp import types
+from mcp.shared.message import SessionMessage
+from pydantic import ValidationError
+
+Item = SessionMessage | Exception
+"""A message, or why a line is none."""
+
+
+class AnsweringStream:
+    """The messages of a client. Each line that is none is answered with an error."""
+
+    def __init__(self, incoming: Any, outgoing: Any) -> None:
+        """Read from a stream of items, and answer through a stream of messages."""
+        self._incoming, self._outgoing = incoming, outgoing
+
+    async def receive(self) -> Item:
+        """The next message.
+
+        Raises:
+            anyio.EndOfStream: The client has closed its end.
+        """
+        item: Item = await self._incoming.receive()
+        while isinstance(item, ValidationError):
+            if not _is_blank(item):
+                await self._outgoing.send(SessionMessage(answer_to(item)))
+            item = await self._incoming.receive()
+        return item
+
+    async def aclose(self) -> None:
+        """Close the stream of items."""
+        await self._incoming.aclose()
+
+    def __aiter__(self) -> AnsweringStream:
+        return self
+
+    async def __anext__(self) -> Item:
+        try:
+            return await self.receive()
+        except anyio.EndOfStream:
+            raise StopAsyncIteration from None
+
+    async def __aenter__(self) -> AnsweringStream:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.aclose()
+
+
+def answer_to(error: ValidationError) -> types.JSONRPCError:
+    """The error for a line, with the line's id where it has one."""
+    faults = error.errors(include_url=False)
+    given = [_object(fault["input"]) for fault in faults]
+    line = next((item for item in given if "jsonrpc" in item), {})
+    number = line.get("id")
+    known = isinstance(number, int | str) and not isinstance(number, bool)
+    is_json = faults[0]["type"] != "json_invalid"
+    code = types.INVALID_REQUEST if is_json else types.PARSE_ERROR
+    told = f"this line is no JSON-RPC message that can be read: {faults[0]['msg']}"
+    return types.JSONRPCError(
+        jsonrpc="2.0",
+        id=number if known else None,
+        error=types.ErrorData(code=code, message=told),
+    )
+
+
+def _is_blank(error: ValidationError) -> bool:
+    given = error.errors(include_url=False)[0]["input"]
+    return isinstance(given, str | bytes) and not given.strip()
+
+
+def _object(given: object) -> dict[str, Any]:
+    """Data that may be an object, or its text, which may hold what a strict reader refuses."""
+    if isinstance(given, str | bytes):
+        try:
+            given = json.loads(given)
+        except (ValueError, RecursionError):
+            return {}
+    return given if isinstance(given, dict) else {}
