@@ -65,7 +65,8 @@ async def serving(
     Args:
         app: Answers the requests.
         listening: Is closed at the end.
-        most: Most connections at a time; None: any number.
+        most: Most connections at a time; the oldest that asks nothing makes place for another.
+            None: any number.
     """
     config = uvicorn.Config(
         app,
@@ -76,7 +77,7 @@ async def serving(
         access_log=False,
         server_header=False,
         limit_concurrency=most,
-        timeout_graceful_shutdown=GRACE_S,
+        timeout_graceful_shutdown=2 * GRACE_S,
     )
     server = _Server(config)
     task = asyncio.create_task(server.serve(sockets=[listening]))
@@ -84,7 +85,13 @@ async def serving(
         yield
     finally:
         server.should_exit = True
-        await task
+        try:
+            await asyncio.wait({task}, timeout=GRACE_S)
+        finally:  # also at a second Ctrl-C: streams end without words if their connections do
+            state = server.server_state
+            for connection in tuple(state.connections):
+                connection.transport.close()
+            await asyncio.wait({task, *state.tasks}, timeout=GRACE_S)
 
 
 async def end_is_asked_for() -> None:
@@ -113,12 +120,22 @@ class _Server(uvicorn.Server):
 
 
 class _Impatient(H11Protocol):
-    """Closes connections that do not ask anything in time."""
+    """Closes connections that do not ask anything in time, or whose place another one needs."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        self.loop.call_later(HEAD_S, self._close_if_idle)
+        self._since = self.loop.time()
+        self.loop.call_later(HEAD_S, self._close_if_silent)
+        most = self.limit_concurrency
+        known = [each for each in self.connections if not each.transport.is_closing()]
+        if most is not None and len(known) >= most:
+            idle = [each for each in known if isinstance(each, _Impatient) and each._is_idle()]
+            for each in sorted(idle, key=lambda each: each._since)[: len(known) - most + 1]:
+                each.transport.close()
 
-    def _close_if_idle(self) -> None:
+    def _is_idle(self) -> bool:
+        return self.cycle is None or self.cycle.response_complete
+
+    def _close_if_silent(self) -> None:
         if self.cycle is None and not self.transport.is_closing():
             self.transport.close()
