@@ -37,7 +37,7 @@ class _Frozen(BaseModel, frozen=True, extra="forbid"):
     pass
 
 
-class _Recorded(_Frozen):
+class Recorded(_Frozen):
     """A part of a call on record, without optional fields that have their default value."""
 
     optional_fields: ClassVar[frozenset[str]]
@@ -68,7 +68,7 @@ class NamedTool(_Frozen):
     name: str
 
 
-class ToolCall(_Recorded):
+class ToolCall(Recorded):
     """A tool call as a model wrote it: data that may be anything."""
 
     optional_fields = frozenset({"extra_content"})
@@ -82,7 +82,7 @@ class ToolCall(_Recorded):
     """JSON that some endpoints add and want back with the call, such as a signature."""
 
 
-class Message(_Recorded):
+class Message(Recorded):
     """One message of a conversation.
 
     A reply with tool calls is followed by one `tool` message for each of them, in their order.
@@ -130,7 +130,7 @@ class Sampling(_Frozen):
     )
 
 
-class Request(_Recorded):
+class Request(Recorded):
     """One call to a model.
 
     `label` identifies the call within the run ("refiner/traj-3/node-12/attempt-2"). Two calls with
@@ -193,7 +193,7 @@ class Usage(_Frozen):
         )
 
 
-class Reply(_Recorded):
+class Reply(Recorded):
     """One reply. Roles parse `text`; reasoning is kept separately."""
 
     optional_fields = frozenset({"tool_calls", "reasoning_field"})

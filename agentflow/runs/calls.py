@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field, NonNegativeInt, ValidationError
 
+from agentflow.files.chains import Chains
 from agentflow.files.lines import parse_object, read_lines
 from agentflow.runs.reading import CALLS
 
@@ -27,6 +28,7 @@ class _Request(BaseModel):
     role: str
     label: str
     messages: list[_Message] = []
+    tools: list[dict[str, Any]] = []
 
 
 class _Usage(BaseModel):
@@ -39,6 +41,7 @@ class _Usage(BaseModel):
 class _Reply(BaseModel):
     text: str
     reasoning: str = ""
+    reasoning_field: str = ""
     tool_calls: list[_ToolCall] = []
     usage: _Usage
     latency_s: float = Field(ge=0, allow_inf_nan=False)
@@ -48,27 +51,50 @@ class _Reply(BaseModel):
 class _Call(BaseModel):
     """What readers of calls rely on; lines may hold more."""
 
+    key: str = ""
     model: str
     request: _Request
     reply: _Reply
+    after: str = ""
+    shared: NonNegativeInt = 0
 
 
 def read_calls(path: Path) -> Iterator[dict[str, Any]]:
     """The lines of calls.jsonl as data: `key`, `model`, `request`, `reply`.
 
+    Each has all its messages; in the file, a line of a conversation holds only those that are new.
+
     Raises:
         RunError: A line before the last is damaged.
     """
-    return read_lines(path / CALLS, _parse_call)
+    conversations = Chains[Any]()
+    return read_lines(path / CALLS, lambda line: _parse_call(line, conversations))
 
 
-def _parse_call(line: bytes) -> dict[str, Any]:
+def _parse_call(line: bytes, conversations: Chains[Any]) -> dict[str, Any]:
     item = parse_object(line)
     try:
-        _Call.model_validate(item, strict=True)
+        call = _Call.model_validate(item, strict=True)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"])) or "the line"
         raise ValueError(f"{where}: {first['msg']}") from None
     assert item is not None
+    request = item["request"]
+    if call.after:
+        own = request.get("messages", ())
+        request["messages"] = list(conversations.whole(call.after, call.shared, own))
+        del item["after"], item["shared"]
+    if call.request.tools:
+        conversations.add(call.key, [*request.get("messages", ()), _message_of(item["reply"])])
     return item
+
+
+def _message_of(reply: dict[str, Any]) -> dict[str, Any]:
+    """A reply as the message of a conversation, as requests hold it."""
+    said = {"role": "assistant", "text": reply["text"], "images": []}
+    if reply.get("tool_calls"):
+        said["tool_calls"] = reply["tool_calls"]
+    if field := reply.get("reasoning_field"):
+        said["extra"] = {field: reply.get("reasoning", "")}
+    return said

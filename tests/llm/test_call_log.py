@@ -22,6 +22,7 @@ from agentflow.llm.messages import (
     ToolCall,
 )
 from agentflow.llm.wrappers.call_log import CallLog, RecordedCall, key_of
+from agentflow.runs import read_calls
 from tests.llm.helpers import ask
 
 CHECK = Tool(name="check", description="Check a machine.", parameters={"type": "object"})
@@ -233,3 +234,72 @@ def test_the_key_stays_the_same_over_versions() -> None:
     assert key_of("m", request) == (
         "25d942e9f3d00f384d83eb2e3f2043e1666477bb9023030c80660ea39d5ae05a"
     )
+
+
+def conversation(turns: int, size: int = 10) -> list[RecordedCall]:
+    """Calls of a conversation with tools, in which each reply and each result has this size."""
+    messages = [Message(role="system", text="design"), Message(role="user", text="task")]
+    calls = []
+    for turn in range(turns):
+        request = Request(role="agent", label=f"a/{turn}", messages=tuple(messages), tools=(CHECK,))
+        call = CALL.model_copy(update={"id": f"c{turn}", "arguments": str(turn) * size})
+        reply = Reply(
+            text=" said " if turn % 2 else "", tool_calls=(call,), reasoning_field="thought"
+        )
+        calls.append(
+            RecordedCall(key=key_of("m", request), model="m", request=request, reply=reply)
+        )
+        messages.append(reply.message.model_copy(update={"text": reply.text.strip()}))
+        messages.append(Message(role="tool", text="x" * size, tool_call_id=call.id))
+    return calls
+
+
+def test_a_conversation_is_recorded_once(tmp_path: Path) -> None:
+    path = tmp_path / "calls.jsonl"
+    calls = conversation(14, 100_000)
+    with CallLog(path, no_notice) as call_log:
+        for call in calls[:7]:
+            call_log.append(call)
+    with CallLog(path, no_notice) as resumed:
+        for call in calls[7:]:
+            resumed.append(call)
+        assert list(resumed.calls()) == calls
+        assert [resumed.find(call.key) for call in calls] == [call.reply for call in calls]
+    assert path.stat().st_size < 14 * 350_000  # alone, replies and results have 200,000 a turn
+    told = [call.model_dump(mode="json") for call in calls]
+    assert list(read_calls(tmp_path)) == told
+
+
+def test_two_conversations_do_not_disturb_each_other(tmp_path: Path) -> None:
+    first, second = conversation(4), conversation(4, 20)
+    other = [call.model_copy(update={"key": f"other-{call.key}"}) for call in second]
+    mixed = [call for pair in zip(first, other, strict=True) for call in pair]
+    with CallLog(tmp_path / "calls.jsonl", no_notice) as call_log:
+        for call in mixed:
+            call_log.append(call)
+        assert list(call_log.calls()) == mixed
+    assert [call["request"]["label"] for call in read_calls(tmp_path)] == [
+        call.request.label for call in mixed
+    ]
+
+
+def test_records_of_earlier_versions_hold_every_message_and_are_read(tmp_path: Path) -> None:
+    path, calls = tmp_path / "calls.jsonl", conversation(3)
+    path.write_text("".join(f"{call.model_dump_json()}\n" for call in calls))
+    with CallLog(path, no_notice, writable=False) as call_log:
+        assert list(call_log.calls()) == calls
+    assert list(read_calls(tmp_path)) == [call.model_dump(mode="json") for call in calls]
+
+
+@pytest.mark.parametrize("change", [{"after": "nothing"}, {"shared": 99}])
+def test_a_call_that_continues_none_is_damage(tmp_path: Path, change: dict[str, object]) -> None:
+    path = tmp_path / "calls.jsonl"
+    with CallLog(path, no_notice) as call_log:
+        for call in conversation(2):
+            call_log.append(call)
+    first, second = map(json.loads, path.read_text().splitlines())
+    path.write_text(f"{json.dumps(first)}\n{json.dumps(second | change)}\n")
+    with pytest.raises(RunError, match=r"line 2 is damaged \(it continues a call that"):
+        CallLog(path, no_notice, writable=False)
+    with pytest.raises(RunError, match="damaged in line 2: it continues a call that is not before"):
+        list(read_calls(tmp_path))

@@ -1,0 +1,45 @@
+"""Growing lists, such as the messages of a conversation, of which a file holds every item once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import takewhile
+from typing import Generic, TypeVar
+
+_T = TypeVar("_T")
+
+
+class Chains(Generic[_T]):
+    """The lists so far, by key. A list that continues another one takes its place."""
+
+    def __init__(self) -> None:
+        self._lists: dict[str, tuple[_T, ...]] = {}
+
+    def add(self, key: str, items: Sequence[_T]) -> None:
+        """Remember a list, which others may continue."""
+        self._lists[key] = tuple(items)
+
+    def longest(self, items: Sequence[_T]) -> tuple[str, int]:
+        """The list that begins like this one for longest, and how many items they share; ("", 0)
+        without one."""
+        shared = {key: _common(known, items) for key, known in self._lists.items()}
+        key = max(shared, key=shared.__getitem__, default="")
+        return (key, shared[key]) if key and shared[key] else ("", 0)
+
+    def whole(self, after: str, shared: int, items: Sequence[_T]) -> tuple[_T, ...]:
+        """A list from its own items and what it shares with the one that it continues.
+
+        Raises:
+            ValueError: There is no such list.
+        """
+        if not after:
+            return tuple(items)
+        if not 0 <= shared <= len(self._lists.get(after, ())) or after not in self._lists:
+            raise ValueError("it continues a call that is not before it")
+        return (*self._lists.pop(after)[:shared], *items)
+
+
+def _common(known: Sequence[_T], items: Sequence[_T]) -> int:
+    return sum(
+        1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(known, items, strict=False))
+    )
