@@ -4,7 +4,8 @@
     ├── UsageError              the request cannot be carried out             exit 2
     │   ├── UnknownNameError    no task, workflow, block ... has that name
     │   ├── ConfigError         a configuration key is invalid
-    │   ├── RunError            a run directory is busy, damaged or unwritable
+    │   ├── RunError            a run directory is busy or unwritable
+    │   │   └── DamagedError    a record is not as it was written
     │   ├── PromptError         a prompt template is invalid or lacks a variable
     │   └── PluginError         a part of another distribution failed
     ├── EndpointError           the model endpoint cannot be used             exit 4
@@ -62,6 +63,10 @@ class ConfigError(UsageError):
 
 class RunError(UsageError):
     """A run directory is busy, damaged, unwritable or has an unsupported schema."""
+
+
+class DamagedError(RunError):
+    """A part of a record is not as it was written; trying again does not help."""
 
 
 class PluginError(UsageError):

@@ -1,38 +1,87 @@
-"""Gives damaged and forged run directories to every reader of runs and reports the outcomes.
+"""Gives damaged and forged files of every kind to all that reads them, and reports the outcomes.
 
-    python benchmarks/forged.py [--count 2000] [--seed 1]
+    python benchmarks/forged.py [--count 10000] [--seed 1] [--seconds 1800] [--state forged]
 
-Exits with status 1 if any outcome is a traceback, a control character or a file outside the run.
+It ends after the given time at the latest, and the same command goes on from there. Exits with
+status 1 if any outcome is a traceback, a signal, a control character or a file outside the run.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import multiprocessing
 import sys
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from tests.runs.fuzz import make_source, summary
+from tests.runs.fuzz import outcomes
+from tests.runs.sources import make_sources
+
+CHUNK = 500
+"""Mutations of one process, which may die of one."""
+
+
+def carry_out(state: Path, first: int, end: int, seed: int) -> None:
+    """Try mutations in a process of their own; a line of JSON for each reader."""
+    sources = make_sources(state / "sources")
+    with tempfile.TemporaryDirectory() as folder, (state / "outcomes.jsonl").open("a") as file:
+        for item in outcomes(sources, Path(folder), range(first, end), seed):
+            file.write(json.dumps(item) + "\n")
+            file.flush()
+
+
+def read_outcomes(state: Path) -> list[tuple[int, str, str, str]]:
+    """What is known so far, without a half-written last line."""
+    file = state / "outcomes.jsonl"
+    lines = file.read_text().split("\n")[:-1] if file.exists() else []
+    return [json.loads(line) for line in lines]
 
 
 def main() -> int:
     """Run and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=2000)
+    parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=1800)
+    parser.add_argument("--state", type=Path, default=Path("forged"))
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as kept, tempfile.TemporaryDirectory() as folder:
-        source = make_source(Path(kept))
-        began = time.process_time()
-        counts, faults = summary(source, Path(folder), options.count, options.seed)
-    for name, number in sorted(counts.items()):
-        print(f"{name:<24} {number}")
-    seconds = time.process_time() - began
-    print(f"{options.count} directories in {seconds:.0f} s of CPU time")
-    print(f"{len(faults)} faults", *faults, sep="\n")
+    options.state.mkdir(exist_ok=True)
+    make_sources(options.state / "sources")
+    until = time.monotonic() + options.seconds
+    done = max((number for number, *_ in read_outcomes(options.state)), default=-1) + 1
+    while done < options.count and time.monotonic() < until:
+        end = min(done + CHUNK, options.count)
+        given = (options.state, done, end, options.seed)
+        process = multiprocessing.get_context("fork").Process(target=carry_out, args=given)
+        process.start()
+        process.join(max(0.0, until - time.monotonic()))
+        if process.is_alive():  # out of time
+            process.kill()
+            process.join()
+        elif process.exitcode:
+            reached = max((number for number, *_ in read_outcomes(options.state)), default=-1)
+            told = [reached + 1, "", "one of its readers", f"it died: status {process.exitcode}"]
+            with (options.state / "outcomes.jsonl").open("a") as file:
+                file.write(json.dumps(told) + "\n")
+        done = max((number for number, *_ in read_outcomes(options.state)), default=-1) + 1
+    found = read_outcomes(options.state)
+    counts: Counter[str] = Counter()
+    faults = []
+    for number, changed, reader, outcome in found:
+        kind = outcome if outcome in ("ok", "refused") else "fault"
+        counts[f"{reader}: {kind}"] += 1
+        if kind == "fault":
+            faults.append((number, f"{changed}: {reader}: {outcome}"))
+    for name, times in sorted(counts.items()):
+        print(f"{name:<40} {times}")
+    print(*(text for _, text in faults), sep="\n")
+    failed = len({number for number, _ in faults})
+    print(f"{done} of {options.count} mutations, {len(found)} readings: {done - failed} held")
     return 1 if faults else 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,13 +11,19 @@ from pathlib import Path
 from agentflow.errors import RunError, UsageError
 
 
+def is_full(error: OSError) -> bool:
+    """Whether the disk has no space left, or the user may use no more of it."""
+    return error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
+
+
 @contextmanager
 def os_errors(what: str, error_type: type[UsageError] = RunError) -> Iterator[None]:
     """Turn errors of the system into `error_type`, with a text such as "cannot read FILE: why"."""
     try:
         yield
     except OSError as error:
-        raise error_type(f"{what}: {error.strerror}") from None
+        free = "; free some space" * is_full(error)
+        raise error_type(f"{what}: {error.strerror}{free}") from None
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import AfterValidator, BaseModel, ValidationError
 
 from agentflow.errors import RunError
 from agentflow.files.atomic import os_errors, remove_partial_files, write_text
@@ -29,6 +29,17 @@ _Model = TypeVar("_Model", bound=BaseModel)
 _SEAL = "seal"
 _MOST_BYTES = 64 * 2**20
 """Largest YAML document that is read."""
+
+
+def holds(*keys: str) -> AfterValidator:
+    """The check that a field, a mapping, has these keys."""
+
+    def require(given: Mapping[str, Any]) -> Mapping[str, Any]:
+        if lacking := [key for key in keys if key not in given]:
+            raise ValueError(f"it lacks {', '.join(lacking)}")
+        return given
+
+    return AfterValidator(require)
 
 
 @dataclass(frozen=True)

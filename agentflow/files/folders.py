@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from agentflow.errors import RunError
-from agentflow.files.atomic import os_errors
+from agentflow.files.atomic import is_full, os_errors
 
 if sys.platform == "win32":
     import msvcrt
@@ -98,7 +98,8 @@ def out_errors(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise RunError(
-            f"cannot write to {folder}: {error.strerror}; choose another folder with --out"
+            f"cannot write to {folder}: {error.strerror}; {'free some space, or ' * is_full(error)}"
+            "choose another folder with --out"
         ) from None
 
 

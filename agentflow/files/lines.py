@@ -10,7 +10,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
-from agentflow.errors import AgentflowError, RunError
+from agentflow.errors import AgentflowError, DamagedError, RunError
 from agentflow.files.atomic import os_errors
 from agentflow.files.faults import tell_fault
 from agentflow.files.regular import open_regular
@@ -78,10 +78,10 @@ class LineFile:
         return end
 
 
-def damaged_line(file: Path, number: int, why: ValueError) -> RunError:
+def damaged_line(file: Path, number: int, why: ValueError) -> DamagedError:
     """The error of a line that cannot be read; it says why if that is known in words."""
     told = tell_fault(why, "the line")
-    return RunError(f"{file} is damaged in line {number}{': ' * bool(told)}{told}")
+    return DamagedError(f"{file} is damaged in line {number}{': ' * bool(told)}{told}")
 
 
 def read_lines(

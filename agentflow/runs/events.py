@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
-from agentflow.errors import RunError
+from agentflow.errors import DamagedError
 from agentflow.files.lines import damaged_line
 from agentflow.holding import Holding
 from agentflow.runs.locations import Location
@@ -583,7 +583,7 @@ def _typed(event: Event, path: Path) -> RunEvent | Event:
         return typed_event(event)
     except ValueError as error:
         if not event.line:  # read from the middle of the file
-            raise RunError(f"{path / EVENTS} is damaged: {error}") from None
+            raise DamagedError(f"{path / EVENTS} is damaged: {error}") from None
         raise damaged_line(path / EVENTS, event.line, error) from None
 
 

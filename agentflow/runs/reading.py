@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import yaml
 
-from agentflow.errors import RunError
+from agentflow.errors import DamagedError, RunError
 from agentflow.files.atomic import os_errors
 from agentflow.files.documents import break_seal, read_yaml_document, sealed
 from agentflow.files.folders import lock_file
@@ -102,7 +102,9 @@ def read_machine_text(path: Path, digest: str) -> str:
     try:
         return (path / MACHINES / f"{digest}.json").read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
-        raise RunError(f"{path} is damaged: it has no readable {MACHINES}/{digest}.json") from None
+        raise DamagedError(
+            f"{path} is damaged: it has no readable {MACHINES}/{digest}.json"
+        ) from None
 
 
 def state_of(path: Path) -> State:

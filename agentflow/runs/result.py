@@ -40,6 +40,13 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, strict=True, extra="allow")
 
 
+class ToolUse(_Part):
+    """How often a tool was called in a stage."""
+
+    calls: Count
+    refused: Count
+
+
 class StageResult(_Part):
     """A row of the stage table; see `workflows.statistics.stage_row`."""
 
@@ -59,6 +66,8 @@ class StageResult(_Part):
     expansions: Count | None = None
     attempts: Count
     children: Count
+    tools: Mapping[str, ToolUse] | None = None
+    """By name; None if none was called."""
 
 
 class PassRate(_Part):

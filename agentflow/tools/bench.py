@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import isfinite
 from typing import Any
 
-from agentflow.errors import RunError
+from agentflow.errors import DamagedError
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import EvaluationEvent, QueryEvent, RunEvent, ToolEvent
 from agentflow.runs.locations import Location, StageName
@@ -186,7 +186,7 @@ class Bench:
             load: Content hash -> machine.
 
         Raises:
-            RunError: The recorded call is none that a bench could have answered.
+            DamagedError: The recorded call is none that a bench could have answered.
         """
         self._calls = max(self._calls, event.location.call)
         workspace, location = self._workspace, event.location
@@ -200,7 +200,9 @@ class Bench:
                 try:
                     self._take_over(event, machine)
                 except RefusedCall as error:
-                    raise RunError(f"the recorded call {event.label} is damaged: {error}") from None
+                    raise DamagedError(
+                        f"the recorded call {event.label} is damaged: {error}"
+                    ) from None
             workspace.host.note(event)
 
     def _take_over(self, event: ToolEvent, machine: Machine) -> None:

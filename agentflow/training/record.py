@@ -30,7 +30,7 @@ from agentflow.files.atomic import remove_partial_files, write_text
 from agentflow.files.documents import Document, first_difference, read_object, read_part
 from agentflow.files.folders import hold_folder
 from agentflow.files.lines import LineFile, parse_object, read_lines
-from agentflow.files.yaml import NOT_YAML, read_yaml
+from agentflow.files.yaml import NOT_YAML, read_yaml, yaml_problem
 from agentflow.models.local.folder import MODEL
 
 ABOUT, CONFIG, CURVES, RESULT = "training.json", "config.yaml", "curves.jsonl", "result.json"
@@ -84,7 +84,7 @@ def read_training(path: Path) -> TrainingRecord:
     try:
         config = read_yaml(read_part(path / CONFIG, DOCUMENT.what).decode())
     except NOT_YAML as error:
-        raise RunError(f"{path / CONFIG} is damaged: {error}") from None
+        raise RunError(f"{path / CONFIG} is damaged: {yaml_problem(error)}") from None
     if not isinstance(config, dict):
         raise RunError(f"{path / CONFIG} is damaged: expected a mapping of keys")
     return TrainingRecord(

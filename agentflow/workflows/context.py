@@ -12,7 +12,7 @@ from agentflow.agents.base import AskContext, Role, RoleAttempt, RoleOutcome, as
 from agentflow.agents.refiner import Refinement
 from agentflow.agents.registry import ROLES
 from agentflow.agents.tool_agent import Agent, take_turn
-from agentflow.errors import BudgetSpentError, RunError
+from agentflow.errors import BudgetSpentError, DamagedError
 from agentflow.llm.messages import Message, Tool
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
@@ -237,7 +237,7 @@ class WorkflowContext:
         """A machine that an earlier process stored."""
         machine = read_machine(self._record.load_machine(digest), tuple(library())).machine
         if machine is None or machine.digest != digest:
-            raise RunError(f"machines/{digest}.json of the run is damaged: restore it")
+            raise DamagedError(f"machines/{digest}.json of the run is damaged")
         return machine
 
     @property

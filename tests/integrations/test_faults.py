@@ -13,6 +13,7 @@ import pytest
 from tests.integrations.foreign import CAR, PLUGINS
 from tests.llm.foreign import ROOT
 
+MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"
 SCRIPT = """
 import json, sys
 from agentflow.errors import NoScoreError
@@ -58,3 +59,18 @@ def test_a_crash_is_no_score(tmp_path: Path) -> None:
         "No score: the simulation was cut off, its process died 3 times.\n"
     )
     assert seen == [True, "crashed", 0.0, True]
+
+
+@pytest.mark.slow
+def test_a_family_that_crashes_or_hangs_does_so_in_a_worker(tmp_path: Path) -> None:
+    (tmp_path / "car.json").write_text(CAR)
+    done = subprocess.run(
+        [sys.executable, "-c", MAIN, "simulate", "car.json", "--task", "faulty/2", "--json"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{PLUGINS}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)["status"] == "crashed"

@@ -1,124 +1,110 @@
-"""Damaged and forged run directories, and what every reader of runs does with them."""
+"""Damaged and forged files of every kind, and what everything that reads them does with them."""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import json
+import os
 import random
 import shutil
+import signal
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from agentflow.app.design.replay import replay
-from agentflow.app.design.run import RunOptions, resume
-from agentflow.app.subjects.rescore import rescore
-from agentflow.cli import main
-from agentflow.cli.display.live import watch
-from agentflow.cli.display.show_runs import show_rescored, show_result
-from agentflow.env.pool.pool import RolloutPool
-from agentflow.env.rollout import Rollout
-from agentflow.env.simulation.simulate import simulate
-from agentflow.env.tasks.base import Task
 from agentflow.errors import AgentflowError
-from agentflow.machine import Machine
-from agentflow.runs.reading import document_text, read_document
+from agentflow.files.documents import sealed
+from agentflow.files.yaml import FAST_LOADER
+from tests.runs.sources import InProcess, Reader, Source
 
 VALUES: tuple[Any, ...] = (
-    *(None, True, False, -1, 0, 1, 2, 0.5, -7.25, float("nan"), float("inf"), 10**30),
+    *(None, True, False, -1, 0, 1, 2, 0.5, -7.25, float("nan"), float("inf"), 10**30, 10**400),
     *("", "x", "1", "movement", "../../own.txt", "/dev/zero", "\x1b[31mred\x07", "\ud800", "ok"),
     *([], {}, [None], [[]], {"x": 1}, [1, 2], ["a"], {"": None}),
 )
-SAFE = (None, True, -1, 0, 1, 2, 0.5, "", "x", "\x1b[31m", [], {}, [None], {"x": 1}, "movement/2")
-"""Values for run.yaml: huge numbers there are long runs, not damage."""
+SAFE: tuple[Any, ...] = (
+    None,
+    True,
+    -1,
+    0,
+    1,
+    2,
+    0.5,
+    "",
+    "x",
+    "\x1b[31m",
+    [],
+    {},
+    [None],
+    {"x": 1},
+    "movement/2",
+)
+"""Values for YAML: huge numbers there are long runs, not damage."""
+MOST_SECONDS = 120
+"""Longest time of a reader, which most need less than a second for."""
+READERS = 2
+"""Readers that a mutation is shown to, drawn at random."""
 Mutation = Callable[[Path, random.Random], None]
 
 
-def make_source(folder: Path) -> Path:
-    """A small finished run, as a member of a sweep; the folder of the sweep."""
-    sweep = {
-        "title": "Fuzz",
-        "base": {
-            "task": "movement",
-            "knobs": {"window": 1},
-            "workflow": "iterative",
-            "settings": {"trajectories": 2, "search": {"rounds": 1, "width": 1}},
-        },
-        "seeds": [0],
-        "table": {"metrics": ["max"]},
-    }
-    (folder / "fuzz.yaml").write_text(yaml.safe_dump(sweep))
-    assert main(["sweep", str(folder / "fuzz.yaml"), "--out", str(folder), "--quiet"]) == 0
-    return folder / "fuzz"
-
-
 def _paths(item: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    pairs = item.items() if isinstance(item, dict) else enumerate(item)
+    pairs: Iterable[tuple[Any, Any]] = ()
+    if isinstance(item, dict | list):
+        pairs = item.items() if isinstance(item, dict) else enumerate(item)
     for key, value in pairs:
         yield (*at, key)
-        if isinstance(value, dict | list):
-            yield from _paths(value, (*at, key))
+        yield from _paths(value, (*at, key))
+
+
+def _place(document: Any, path: tuple[Any, ...]) -> tuple[Any, Any]:
+    *above, last = path
+    for key in above:
+        document = document[key]
+    return document, last
 
 
 def _change_value(document: Any, values: tuple[Any, ...], rng: random.Random) -> None:
-    """Replace or remove one value of JSON data, anywhere in it."""
+    """Replace or remove one value of JSON data, anywhere in it, or copy another one there."""
     paths = list(_paths(document))
-    if not paths:
-        return
-    *above, last = rng.choice(paths)
-    for key in above:
-        document = document[key]
-    if rng.random() < 0.2:
-        del document[last]
+    group, last = _place(document, rng.choice(paths))
+    change = rng.random()
+    if change < 0.2:
+        del group[last]
+    elif change < 0.3:
+        other, key = _place(document, rng.choice(paths))
+        group[last] = json.loads(json.dumps(other[key], default=str))
     else:
-        document[last] = rng.choice(values)
+        group[last] = rng.choice(values)
 
 
-def _change_line(file: Path, rng: random.Random) -> None:
-    lines = file.read_text().splitlines()
+def _resealed(document: Any, was_sealed: bool) -> Any:
+    return sealed(document) if was_sealed else document
+
+
+def change_value(file: Path, rng: random.Random) -> None:
+    """Change a value of JSON lines, JSON or YAML, of which a seal then fits."""
+    if file.suffix == ".yaml":
+        document = yaml.load(file.read_text(), FAST_LOADER)
+        was_sealed = isinstance(document, dict) and "seal" in document
+        _change_value(document, SAFE, rng)
+        file.write_text(yaml.safe_dump(_resealed(document, was_sealed), sort_keys=False))
+        return
+    lines = file.read_text().splitlines() if file.suffix == ".jsonl" else [file.read_text()]
     number = rng.randrange(len(lines))
     item = json.loads(lines[number])
+    was_sealed = isinstance(item, dict) and "seal" in item
     _change_value(item, VALUES, rng)
-    lines[number] = json.dumps(item)
+    lines[number] = json.dumps(_resealed(item, was_sealed))
     file.write_text("\n".join(lines) + "\n")
 
 
-def change_event(run: Path, rng: random.Random) -> None:
-    _change_line(run / "events.jsonl", rng)
-
-
-def change_call(run: Path, rng: random.Random) -> None:
-    _change_line(run / "calls.jsonl", rng)
-
-
-def change_result(run: Path, rng: random.Random) -> None:
-    item = json.loads((run / "result.json").read_text())
-    _change_value(item, VALUES, rng)
-    (run / "result.json").write_text(json.dumps(item))
-
-
-def change_document(run: Path, rng: random.Random) -> None:
-    """Forge run.yaml, with a seal that fits."""
-    document = read_document(run)
-    _change_value(document, SAFE, rng)
-    (run / "run.yaml").write_text(document_text(document))
-
-
-def change_machine(run: Path, rng: random.Random) -> None:
-    file = rng.choice(sorted((run / "machines").iterdir()))
-    item = json.loads(file.read_text())
-    _change_value(item, VALUES, rng)
-    file.write_text(json.dumps(item))
-
-
-def change_lines(run: Path, rng: random.Random) -> None:
+def change_lines(file: Path, rng: random.Random) -> None:
     """Drop, repeat or swap lines."""
-    file = run / rng.choice(("events.jsonl", "calls.jsonl", "run.yaml"))
     lines = file.read_bytes().splitlines(keepends=True)
     one, other = rng.randrange(len(lines)), rng.randrange(len(lines))
     change = rng.randrange(3)
@@ -131,9 +117,8 @@ def change_lines(run: Path, rng: random.Random) -> None:
     file.write_bytes(b"".join(lines))
 
 
-def change_bytes(run: Path, rng: random.Random) -> None:
+def change_bytes(file: Path, rng: random.Random) -> None:
     """Cut a file off, or overwrite some of its bytes."""
-    file = rng.choice(sorted(path for path in run.rglob("*") if path.is_file()))
     content = bytearray(file.read_bytes())
     at = rng.randrange(len(content) + 1)
     if rng.random() < 0.5:
@@ -143,74 +128,47 @@ def change_bytes(run: Path, rng: random.Random) -> None:
     file.write_bytes(content)
 
 
-def change_files(run: Path, rng: random.Random) -> None:
-    """Remove a file, put a folder in its place, or a link to a file outside."""
-    file = rng.choice(sorted(path for path in run.rglob("*") if path.is_file()))
+def change_depth(file: Path, rng: random.Random) -> None:
+    """Put groups inside each other in place of a line, deeper than a stack can hold."""
+    lines = file.read_bytes().splitlines(keepends=True)
+    deep = rng.choice((b"[", b'{"a":', b"- ", b"<a>")) * 100_000
+    lines[rng.randrange(len(lines))] = deep + b"\n"
+    file.write_bytes(b"".join(lines))
+
+
+def change_files(file: Path, rng: random.Random) -> None:
+    """Remove a file, or put a folder, a pipe or a link to a file outside in its place."""
+    own = next(above / "own.txt" for above in file.parents if (above / "own.txt").is_file())
     file.unlink()
-    if (change := rng.randrange(3)) == 1:
+    if (change := rng.randrange(4)) == 1:
         file.mkdir()
     elif change == 2:
-        file.symlink_to(run.parents[2] / "own.txt")
+        file.symlink_to(own)
+    elif change == 3 and not NAMED.intersection((file.name, file.parent.name)):
+        os.mkfifo(file)
 
 
+NAMED = {"copy", "set", "card.json"}
+"""Names of files, or of their folder, that users name: a pipe there is no damage."""
 MUTATIONS: tuple[Mutation, ...] = (
-    *(change_event, change_event, change_call, change_call, change_result, change_result),
-    *(change_document, change_document, change_machine, change_lines, change_bytes, change_files),
+    *(change_value,) * 8,
+    *(change_lines, change_bytes, change_depth, change_files),
 )
 
 
-class InProcess(RolloutPool):
-    """Simulates in this process, each machine once; workers take a second to start."""
-
-    def __init__(self) -> None:
-        super().__init__(1)
-        self._known: dict[str, Rollout] = {}
-
-    async def run(self, machine: Machine, task: Task, *, seed: int = 0, **_: Any) -> Rollout:
-        key = f"{machine.digest} {task!r} {seed}"
-        if key not in self._known:
-            self._known[key] = simulate(machine, task, seed=seed)
-        return self._known[key]
-
-
-def readers(sweep: Path, run: Path, pool: InProcess) -> dict[str, Callable[[], object]]:
-    """Every reader of runs, by name; resuming comes last because it writes."""
-
-    def command(*words: str) -> Callable[[], object]:
-        return lambda: main([*words])
-
-    def resume_run() -> None:
-        with watch(quiet=False) as (listener, notify):
-            found = resume(run, RunOptions(notify, listener, pool=pool))
-            show_result(found.to_json(), {})
-
-    page = str(sweep.parent / "page.html")
-    return {
-        "show": command("show", str(run)),
-        "show --json": command("show", str(run), "--json"),
-        "failures": command("failures", str(run)),
-        "runs": command("runs", str(sweep)),
-        "table": command("table", str(sweep)),
-        "table usage": command("table", str(sweep), "--show", "usage"),
-        "check": command("check", str(run)),
-        "report": command("report", str(run), "--films", "0", "--out", page),
-        "rescore": lambda: show_rescored(rescore(run, pool=pool)),
-        "replay": lambda: replay(run, print, pool=pool),
-        "resume": resume_run,
-        "show resumed": command("show", str(run)),
-    }
-
-
-def _outcome(read: Callable[[], object]) -> str:
+def _outcome(read: Reader) -> str:
     """What a reader did: "ok", "refused", or the traceback or output that it should not have."""
     out, err = io.StringIO(), io.StringIO()
+    signal.alarm(MOST_SECONDS)
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             status = read()
     except AgentflowError as error:
         return "refused" if "\n" not in str(error) else f"several lines: {error}"
-    except Exception:  # noqa: BLE001 - this is what is looked for
+    except (Exception, _TooSlow):  # noqa: BLE001 - this is what is looked for
         return traceback.format_exc()
+    finally:
+        signal.alarm(0)
     shown = out.getvalue() + err.getvalue()
     if "Traceback" in shown:
         return shown
@@ -221,42 +179,74 @@ def _outcome(read: Callable[[], object]) -> str:
     return "refused" if status == 2 else "ok"
 
 
-def outcomes(source: Path, folder: Path, count: int, seed: int) -> Iterator[tuple[str, str, str]]:
-    """(mutations, reader, outcome) for `count` mutated copies of the sweep `source`.
+class _TooSlow(BaseException):
+    """A reader has not ended in time; no reader may handle it."""
+
+
+def _too_slow(*_: object) -> None:
+    raise _TooSlow(f"it has not ended after {MOST_SECONDS} s")
+
+
+FAULTS = (OSError, ValueError, LookupError, TypeError, RecursionError)
+"""What a mutation raises where an earlier one has left nothing that it can change."""
+
+
+def outcomes(
+    sources: Mapping[str, Source], folder: Path, numbers: Iterable[int], seed: int
+) -> Iterator[tuple[int, str, str, str]]:
+    """(number, mutations, reader, outcome) for mutated copies of the sources.
 
     Outcomes other than "ok" and "refused" are faults; "written outside" is one of them.
+
+    Args:
+        sources: Name -> source, each in a folder of its own.
+        folder: An empty folder, for the copies.
+        numbers: Which mutations; each is drawn from the seed and its number.
+        seed: Of the mutations.
     """
     pool = InProcess()
     own = folder / "own.txt"
     own.write_text("own\n")
-    for number in range(count):
+    signal.signal(signal.SIGALRM, _too_slow)
+    for number in numbers:
         rng = random.Random(f"{seed} {number}")
-        sweep = folder / "copy"
-        shutil.copytree(source, sweep)
-        (run,) = (sweep / "runs").iterdir()
-        names = [f"{number}:"]
-        if rng.random() < 0.3:
-            (run / "result.json").unlink()
+        name = rng.choice(list(sources))
+        copy = folder / "copy"
+        shutil.copytree(sources[name].folder, copy)
+        files = sorted(path for path in copy.rglob("*") if path.is_file() and path.name != "lock")
+        if rng.random() < 0.3 and (results := [f for f in files if f.name == "result.json"]):
+            results[0].unlink()
+            files.remove(results[0])
+        changed, places = [f"{number}: {name}"], set[str]()
         for mutate in rng.choices(MUTATIONS, k=rng.choice((1, 1, 2, 3))):
-            # an earlier mutation may have left nothing that this one can change
-            with contextlib.suppress(OSError, ValueError, LookupError, AgentflowError, TypeError):
-                mutate(run, rng)
-                names.append(mutate.__name__)
-        for name, read in readers(sweep, run, pool).items():
-            yield " ".join(names), name, _outcome(read)
-        (folder / "page.html").unlink(missing_ok=True)
-        shutil.rmtree(sweep)
+            kind = rng.choice(sorted({(path.parent, path.suffix) for path in files}))
+            file = rng.choice([path for path in files if (path.parent, path.suffix) == kind])
+            with contextlib.suppress(*FAULTS, yaml.YAMLError):
+                if file.is_file() and not file.is_symlink():
+                    mutate(file, rng)
+                    changed.append(f"{mutate.__name__} {file.relative_to(copy)}")
+                    places |= {*file.relative_to(copy).parts} - {"runs"}
+        (folder / "out").mkdir()
+        readers = sources[name].readers(copy, pool)
+        fitting = [each for each in readers if any(place in each for place in places)]
+        fitting = fitting or list(readers)
+        for reader in sorted(rng.sample(fitting, min(READERS, len(fitting)))):
+            yield number, "; ".join(changed), f"{name}: {reader}", _outcome(readers[reader])
+        shutil.rmtree(copy)
+        shutil.rmtree(folder / "out")
         if own.read_text() != "own\n" or sorted(p.name for p in folder.iterdir()) != ["own.txt"]:
-            yield " ".join(names), "all", f"written outside: {sorted(folder.iterdir())}"
+            yield number, "; ".join(changed), "all", f"written outside: {sorted(folder.iterdir())}"
 
 
-def summary(source: Path, folder: Path, count: int, seed: int) -> tuple[Counter[str], list[str]]:
-    """Numbers of outcomes by reader, and the faults."""
+def summary(
+    sources: Mapping[str, Source], folder: Path, numbers: Iterable[int], seed: int
+) -> tuple[Counter[str], list[str]]:
+    """Numbers of outcomes by source and reader, and the faults."""
     counts: Counter[str] = Counter()
     faults = []
-    for names, reader, outcome in outcomes(source, folder, count, seed):
+    for _, changed, reader, outcome in outcomes(sources, folder, numbers, seed):
         kind = outcome if outcome in ("ok", "refused") else "fault"
         counts[f"{reader}: {kind}"] += 1
         if kind == "fault":
-            faults.append(f"{names}: {reader}: {outcome}")
+            faults.append(f"{changed}: {reader}: {outcome}")
     return counts, faults

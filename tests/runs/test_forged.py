@@ -9,21 +9,22 @@ from pathlib import Path
 import pytest
 
 from agentflow.cli import main
-from tests.runs.fuzz import make_source, summary
+from tests.runs.fuzz import summary
+from tests.runs.sources import make_sources
 
 RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
 
 
 @pytest.mark.slow
-def test_mutated_runs(tmp_path: Path) -> None:
-    """`benchmarks/forged.py` tries two thousand."""
-    (tmp_path / "source").mkdir()
+def test_mutated_files(tmp_path: Path) -> None:
+    """`benchmarks/forged.py` tries ten thousand, of more kinds."""
     (tmp_path / "copies").mkdir()
-    counts, faults = summary(make_source(tmp_path / "source"), tmp_path / "copies", 60, seed=3)
+    sources = make_sources(tmp_path / "sources", ("sweep", "session", "files", "study"))
+    counts, faults = summary(sources, tmp_path / "copies", range(120), seed=3)
     assert faults == []
-    for reader in ("show", "failures", "report", "rescore", "replay", "resume", "table usage"):
-        assert counts[f"{reader}: ok"] > 6, reader
-        assert counts[f"{reader}: refused"] > 6, reader
+    for kind in sources:
+        for outcome in ("ok", "refused"):
+            assert sum(counts[n] for n in counts if n.startswith(kind) and n.endswith(outcome)) > 9
 
 
 FORGED = {
@@ -35,6 +36,12 @@ FORGED = {
     "a time": ("events.jsonl", "at", "now", "line 1"),
     "a score": ("result.json", "score", "9", "its score is '9'"),
     "a stage": ("result.json", "stages", [{}], "it lacks stages.0.name, stages.0.trajectories"),
+    "a count of tools": (
+        "result.json",
+        "stages.0.tools",
+        {"check": 1},
+        "its stages.0.tools.check is '1'",
+    ),
     "no machine": ("result.json", "machine", None, "it is valid without a machine"),
     "no stages": ("result.json", "stages", [], "it is valid without a stage"),
 }
@@ -53,7 +60,7 @@ def test_a_forged_value_is_named(
     item = group = json.loads(first)
     *above, last = place.split(".")
     for key in above:
-        group = group[key]
+        group = group[int(key) if key.isdigit() else key]
     group[last] = value
     (run / file).write_text("\n".join([json.dumps(item), *lines]))
     assert main(["show", str(run)]) == 2

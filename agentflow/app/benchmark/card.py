@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from agentflow.errors import RunError
 from agentflow.files.atomic import os_errors, write_output
-from agentflow.files.documents import break_seal, require_schema, sealed
+from agentflow.files.documents import break_seal, holds, require_schema, sealed
 from agentflow.files.faults import locate_fault
 from agentflow.files.lines import parse_object
 from agentflow.metrics.intervals import bootstrap_mean
@@ -109,7 +109,7 @@ class Scorecard(_Part, populate_by_name=True):
 
     schema_version: int = Field(SCHEMA, alias="schema")
     agentflow: str
-    conditions: dict[str, Any]
+    conditions: Annotated[dict[str, Any], holds("version", "lite", "engine")]
     """What cards must share to be comparable; see `plan.conditions`."""
     digest: str
     """Hash of the conditions."""

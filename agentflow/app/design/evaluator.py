@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -72,6 +73,8 @@ class PhysicsEvaluator:
         self._seed = seed
         self.rollouts = Rollouts()
         """Every finished rollout under the default conditions, by machine digest."""
+        self.statuses = Counter[str]()
+        """How many of them ended how."""
         self._again = Rollouts()
         """Rollouts that were looked at again: single trials, and those with finer samples."""
         self.simulated_seconds = 0.0
@@ -86,6 +89,7 @@ class PhysicsEvaluator:
         """Simulate a machine."""
         rollout = await self._simulate(machine)
         self.rollouts.put(machine.digest, rollout)
+        self.statuses[rollout.status] += 1
         mechanism = classify(machine, rollout)
         summary = SimulationSummary(
             score=rollout.score,

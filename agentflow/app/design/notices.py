@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 from agentflow.llm.client import Client, ClientWrapper
@@ -15,6 +15,10 @@ from agentflow.runs.reading import EVENTS
 
 REMARK = RemarkEvent.kind
 """Kind of the events that `Remarks` records; replays ignore them."""
+FAILED = {"diverged", "timeout", "crashed"}
+"""Statuses of rollouts without a measured score."""
+SEVERAL = 3
+"""Rollouts that have failed, from which on it may be the task's fault."""
 WHY = "a rollout had been cut off, a file was edited, or agentflow has changed"
 
 
@@ -39,6 +43,20 @@ class Remarks:
         """Report any differences between this process and the record of an earlier one."""
         for line in _differences(self._run):
             self.tell(line)
+
+
+def tell_unusable(remarks: Remarks, task: str, statuses: Mapping[str, int]) -> None:
+    """Say so if no simulation of a run went through, which scores and pictures do not show.
+
+    `statuses` counts the rollouts by status; a single machine may well be to blame for its own.
+    """
+    count = sum(statuses.values())
+    if count >= SEVERAL and statuses.keys() <= FAILED:
+        remarks.tell(
+            f"all {count} simulations failed ({', '.join(sorted(statuses))}), so the scores say "
+            "nothing about the machines: if other machines fare no better, the level or the family "
+            f"of {task} needs repair"
+        )
 
 
 def _differences(run: RunDirectory) -> Iterator[str]:

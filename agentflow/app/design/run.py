@@ -10,7 +10,7 @@ from shlex import quote
 from typing import Any
 
 from agentflow.app.design.execution import Execution, execute
-from agentflow.app.design.notices import REMARK, Remarks, watch_calls
+from agentflow.app.design.notices import REMARK, Remarks, tell_unusable, watch_calls
 from agentflow.app.design.plan import AUTHOR, RunPlan, level_note, repetition
 from agentflow.app.design.rationales import with_rationales
 from agentflow.app.design.results import finding_of, save_rollouts
@@ -19,7 +19,13 @@ from agentflow.app.lessons import extend_book, with_lessons
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.base import OpenPool, Simulator
 from agentflow.env.pool.pool import RolloutPool
-from agentflow.errors import ConfigError, EndpointError, InterruptedRunError, RunError
+from agentflow.errors import (
+    ConfigError,
+    DamagedError,
+    EndpointError,
+    InterruptedRunError,
+    RunError,
+)
 from agentflow.llm.client import Client
 from agentflow.llm.function import FunctionClient
 from agentflow.llm.wrappers.call_log import CallLog
@@ -208,8 +214,13 @@ class DesignRun:
                     if not self._worth_keeping(call_log):
                         self.directory.discard()
                     raise
+                except DamagedError:
+                    raise
                 except RunError as error:
                     raise RunError(f"{error}; {self._resume_hint}") from error
+        except DamagedError as error:
+            again = "restore it from a copy, or begin a new run"
+            raise DamagedError(f"{error}; {again}") from error
         finally:
             self.directory.close()
 
@@ -223,6 +234,7 @@ class DesignRun:
             plan, models, directory, options.pool, options.workflow, options.open_pool
         )
         remarks.tell_differences()
+        tell_unusable(remarks, plan.task.name, execution.evaluator.statuses)
         self._extend_lessons(execution)
         save_rollouts(directory.path, plan.config, execution)
         result = RunResult(

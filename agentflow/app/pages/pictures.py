@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
+from shlex import quote
 
 from agentflow.app.design.plan import task_of_run
 from agentflow.app.design.results import best_machine
@@ -18,7 +19,7 @@ from agentflow.env.drawing.stills import render_png
 from agentflow.env.physics.engines import choose_engine
 from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
-from agentflow.errors import RunError, UnknownNameError, UsageError
+from agentflow.errors import AgentflowError, RunError, UnknownNameError, UsageError
 from agentflow.files.atomic import write_output
 from agentflow.machine import Machine, check, library
 from agentflow.progress import Progress, silent
@@ -51,6 +52,26 @@ def render_run(
     task = replace(task, engine=engine or task.engine)
     subject = Subject(machine, task, seed, str(path), recorded=True)
     return _Drawing(machine, subject, view, say).save(out or path / "best")
+
+
+def draw_missing(path: Path) -> dict[str, str]:
+    """The picture and the film of a finished run, of which those that are there are not drawn
+    again: kind -> path of each.
+
+    Raises:
+        RunError: They cannot be drawn or written.
+    """
+    files = [path / f"best{suffix}" for suffix in (STILL, GIF)]
+    try:
+        for file in files:
+            if not file.exists():
+                render_run(path, file)
+    except AgentflowError as error:
+        raise RunError(
+            f"{error}; the run is complete, and once this is mended its pictures are drawn with: "
+            f"agentflow design --resume {quote(str(path))}"
+        ) from error
+    return {NAMES[file.suffix]: str(file) for file in files}
 
 
 def render_file(

@@ -19,6 +19,7 @@ from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.guard import is_ours
 from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
 from agentflow.progress import Progress, counter
@@ -30,17 +31,20 @@ WORKERS = 2
 def simulate_in_parallel(
     subject: Subject, *, workers: int, say: Progress, **options: Any
 ) -> Rollout:
-    """Simulate a machine, with several trials in worker processes; same result as `simulate`.
+    """Simulate a machine; same result as `simulate`.
+
+    Several trials run in worker processes, and so does every trial of a family of another
+    distribution: where that hangs or crashes, the rollout says so.
 
     Args:
         subject: A machine that can be built, and its task.
-        workers: Worker processes; a single trial needs none.
+        workers: Worker processes, at most.
         say: Receives the number of finished trials.
         options: Further arguments of `simulate`.
     """
     machine, trials = subject.machine, subject.task.trials(subject.seed)
     assert machine is not None
-    if len(trials) == 1:
+    if len(trials) == 1 and is_ours(type(subject.task)):
         return simulate(
             machine, subject.task, seed=subject.seed, recorded=subject.recorded, **options
         )

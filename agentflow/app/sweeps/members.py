@@ -82,7 +82,9 @@ async def _carry_out(
         result = await _run(run, folder / RUNS, options)
         store.share(folder / RUNS / run.name, RunPlan.of(run.config).task, run.config.seed)
     except AgentflowError as error:
-        return Failure(str(error), endpoint=isinstance(error, EndpointError))
+        # A run says how to resume it alone; here, the sweep is resumed.
+        own = error.__cause__ if isinstance(error.__cause__, type(error)) else error
+        return Failure(str(own), endpoint=isinstance(error, EndpointError))
     except Exception as error:  # noqa: BLE001 - logged in full; other runs continue
         return Failure(f"{type(error).__name__}: {error}", traceback.format_exc())
     return result

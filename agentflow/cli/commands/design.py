@@ -11,7 +11,7 @@ import typer
 
 from agentflow.cli import options
 from agentflow.cli.root import PARTLY, allow, approve, commands, print_json, print_result
-from agentflow.errors import EndpointError, UsageError
+from agentflow.errors import EndpointError, RunError, UsageError
 from agentflow.workflows.registry import WORKFLOWS
 
 LONGEST_NAME = 255
@@ -102,7 +102,7 @@ def design(
     from agentflow.app.design.trust import require_trusted_run
     from agentflow.app.inspect.overview import reached
     from agentflow.app.machines.files import read_one
-    from agentflow.app.pages.pictures import render_run
+    from agentflow.app.pages.pictures import draw_missing
     from agentflow.app.pools import pools_on
     from agentflow.app.sweeps.estimates import estimate
     from agentflow.cli.display.live import watch
@@ -161,10 +161,16 @@ def design(
         ways = run.RunOptions(notify, listener, approve=allow, open_pool=open_pool, lessons=lessons)
         found = carry_out(ways)
         best, rows = (found.best, found.rows) if isinstance(found, SeedsResult) else (found, ())
-        drawn = best.valid and not finished
-        if drawn and listener is not None:
-            listener(DrawingEvent())
-        pictures = render_run(Path(best.run)) if drawn else {}
+        pictures: dict[str, str] = {}
+        if best.valid:
+            if listener is not None:
+                listener(DrawingEvent())
+            try:
+                pictures = draw_missing(Path(best.run))
+            except RunError as error:
+                if not finished:
+                    raise
+                notify(str(error))
     data = found.to_json()
     data = {**data, "verified": with_holding(data.get("verified"))}
     if as_json:

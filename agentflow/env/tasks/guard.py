@@ -18,9 +18,14 @@ from agentflow.machine.brief import Brief
 OURS = "agentflow."
 
 
+def is_ours(family: type) -> bool:
+    """Whether a class is of this distribution."""
+    return family.__module__.startswith(OURS)
+
+
 def guard_family(family: type) -> None:
     """Make the methods that a class defines raise PluginError for exceptions and wrong results."""
-    if family.__module__.startswith(OURS):
+    if is_ours(family):
         return
     for name, (expected, fits) in _RESULTS.items():
         method = vars(family).get(name)

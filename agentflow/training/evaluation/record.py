@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ValidationError
 
 from agentflow.errors import RunError
-from agentflow.files.documents import Difference, Document
+from agentflow.files.documents import Difference, Document, holds
 from agentflow.files.faults import locate_fault
 from agentflow.files.folders import hold_folder
 from agentflow.files.lines import LineFile, open_lines, read_lines
@@ -50,7 +50,7 @@ class EvaluationRecord(BaseModel, frozen=True, extra="forbid"):
     prompts: str
     """Prompt set with its digest."""
     knobs: Mapping[str, Any] = {}
-    conditions: Mapping[str, str]
+    conditions: Annotated[Mapping[str, str], holds("engine")]
     """Constants, blocks and physics engine of the simulations."""
     results: Mapping[str, Mapping[str, Any]] | None = None
     """Task -> its numbers; None until the evaluation is finished."""

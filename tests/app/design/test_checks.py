@@ -16,7 +16,7 @@ from agentflow.app.design.run import RunOptions, design
 from agentflow.config.run import build_config
 from agentflow.machine import validity
 from agentflow.runs.events import AttemptEvent, read_typed_events
-from tests.runs.fuzz import InProcess
+from tests.runs.sources import InProcess
 
 PACKAGE = Path(validity.__file__).parents[1]
 CONFIG = {

@@ -6,14 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design.notices import REMARK, Remarks
+from agentflow.app.design.notices import REMARK, Remarks, tell_unusable
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.run import RunOptions, design, resume
 from agentflow.config.run import build_config
-from agentflow.errors import UnreachableError
+from agentflow.errors import DamagedError, UnreachableError
 from agentflow.llm.messages import Request
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.runs import Event, RunDirectory, read_events
+from tests.runs.sources import InProcess
 
 CONFIG = build_config({"task": "movement", "workflow": "single", "workers": 1})
 
@@ -79,3 +80,31 @@ def test_without_a_reply_a_new_run_is_removed_and_a_resumed_one_kept(tmp_path: P
         f"nobody answers; continue in Python: agentflow.resume({str(run.path)!r}, answer=...)"
     )
     assert (run.path / "machines" / "ab.json").read_text() == "[]\n"
+
+
+def test_a_task_at_which_every_simulation_fails_is_named(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "run", {})
+    said: list[str] = []
+    remarks = Remarks(run, said.append)
+    for statuses in ({"diverged": 2}, {"diverged": 9, "ok": 1}, {"invalid": 9}, {}):
+        tell_unusable(remarks, "wild/2", statuses)
+    assert said == []
+    tell_unusable(remarks, "wild/2", {"diverged": 7, "timeout": 1})
+    run.close()
+    assert said == [
+        "all 8 simulations failed (diverged, timeout), so the scores say nothing about the "
+        "machines: if other machines fare no better, the level or the family of wild/2 needs repair"
+    ]
+
+
+@pytest.mark.slow
+def test_a_damaged_run_does_not_advise_to_resume_it_again(tmp_path: Path) -> None:
+    started = design(CONFIG, tmp_path, RunOptions(pool=InProcess()), "run").run
+    run = Path(started)
+    (run / "result.json").unlink()
+    calls = (run / "calls.jsonl").read_bytes().splitlines(keepends=True)
+    (run / "calls.jsonl").write_bytes(b"{}\n" + b"".join(calls))
+    with pytest.raises(DamagedError) as error:
+        resume(run, RunOptions(pool=InProcess()))
+    assert str(error.value).startswith(f"{run / 'calls.jsonl'}, line 1 is damaged")
+    assert str(error.value).endswith("; restore it from a copy, or begin a new run")

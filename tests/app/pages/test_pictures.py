@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image, features
 
+from agentflow.app.pages.pictures import draw_missing
 from agentflow.cli import main
 from agentflow.env.drawing.gltf import machine_glb
 from agentflow.env.drawing.solids import BROKEN
+from agentflow.errors import RunError
 from tests.env.machines import CAR
 from tests.machine.builders import build
 
+RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
 SHORT = ["--task", "movement", "--set", "window=1"]
 
 
@@ -134,3 +138,27 @@ def test_overlaps_of_an_invalid_machine_are_drawn_in_red(
 def test_a_machine_is_converted_to_glb(car: str, tmp_path: Path) -> None:
     assert main(["convert", car, str(tmp_path / "car.glb")]) == 0
     assert (tmp_path / "car.glb").read_bytes() == machine_glb(CAR)
+
+
+@pytest.mark.slow
+def test_pictures_that_a_kill_or_a_full_disk_has_cost_are_drawn_on_resume(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = ["--set", "window=1", "--set", "trajectories=1", "--set", "search.rounds=0"]
+    job = ["design", "--task", "movement", "--workflow", "single", *few, "--quiet"]
+    assert main([*job, "--set", "verify=false", "--out", str(tmp_path), "--name", "run"]) == 0
+    picture, film = tmp_path / "run" / "best.png", tmp_path / "run" / "best.gif"
+    before, drawn_at = picture.read_bytes(), film.stat().st_mtime_ns
+    picture.unlink()
+    assert main(["design", "--resume", str(tmp_path / "run"), "--quiet"]) == 0
+    assert str(picture) in capsys.readouterr().out
+    assert (picture.read_bytes(), film.stat().st_mtime_ns) == (before, drawn_at)
+
+
+def test_pictures_that_cannot_be_drawn_say_how_to_draw_them_later(tmp_path: Path) -> None:
+    shutil.copytree(RECORDED, tmp_path / "run")
+    result = tmp_path / "run" / "result.json"
+    content = json.loads(result.read_text()) | {"machine": None, "valid": False, "reason": "none"}
+    result.write_text(json.dumps(content))
+    with pytest.raises(RunError, match=r"drawn with: agentflow design --resume .*run$"):
+        draw_missing(tmp_path / "run")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -21,6 +22,7 @@ from agentflow.app.sweeps.run import SweepOutcome, run_sweep
 from agentflow.app.sweeps.views import view
 from agentflow.env.physics.engines import default_engine
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
+from agentflow.files.atomic import os_errors
 from agentflow.metrics.intervals import Rate
 from agentflow.runs import Event, RunResult, read_result
 from agentflow.runs.reading import document_text
@@ -386,3 +388,21 @@ def test_credentials_in_axes_are_refused(tmp_path: Path, url: str, keys: list[st
         "and would be written to files; put the key in an environment variable and name that "
         "variable in model.key_variable"
     )
+
+
+class Full(Notes):
+    """A disk without space, from the first event of one run on."""
+
+    def event(self, run: str, event: Event) -> None:
+        with os_errors("cannot write events.jsonl"):
+            if run == "one.seed-0":
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        super().event(run, event)
+
+
+@pytest.mark.slow
+def test_a_full_disk_says_what_to_free_and_leaves_resuming_to_the_sweep(tmp_path: Path) -> None:
+    outcome = carry_out(write(tmp_path, seeds=[0]), tmp_path / "out", Full())
+    assert outcome.failed == {
+        "one.seed-0": "cannot write events.jsonl: No space left on device; free some space"
+    }
