@@ -107,6 +107,8 @@ def _run(run: Run) -> str:
     """The page of the run: its tree, curve, conversations, and machines as built."""
     try:
         title, data = _wait(run_page(run.path, films=0, workers=1, say=silent))
+        for machine in data["machines"].values():
+            machine["remark"] = "Shown as built; agentflow report makes films."
         return _frame("run", title, data)
     except UsageError as error:
         return f"<p>{escape(repr(run))}: {escape(str(error))}</p>"
