@@ -190,7 +190,9 @@ def test_a_metric_in_a_table(tmp_path: Path) -> None:
     python(MAIN, "sweep", str(path), "--quiet", cwd=tmp_path)
     table = python(MAIN, "table", "sweeps/toys", "--format", "json", cwd=tmp_path)
     assert '"run_count"' in table
-    assert "run_count: number of runs" in python(MAIN, "table", "sweeps/toys", cwd=tmp_path)
+    text = python(MAIN, "table", "sweeps/toys", cwd=tmp_path)
+    assert "run_count: number of runs" in text
+    assert re.search(r"^run_count is computed by toybox 1\.0 source \w{16}\.$", text, re.MULTILINE)
 
 
 @pytest.mark.slow

@@ -6,7 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 
-from agentflow.app.sweeps.tables import FinishedRun, SweepResult, conditions, task_of
+from agentflow.app.sweeps.tables import (
+    FinishedRun,
+    SweepResult,
+    conditions,
+    identity_notes,
+    task_of,
+)
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.metrics.cells import METRICS, Cell
 from agentflow.metrics.intervals import Rate, bootstrap_mean, missing_scipy, seeds_needed
@@ -82,6 +88,7 @@ def against_table(result: SweepResult, baseline: str) -> Table:
         notes=(
             *result.notes[1:],
             MEANING,
+            *identity_notes(dict.fromkeys(row.labels[2] for row in rows)),
             *([f"Intervals of fewer than {FEW} pairs are too narrow."] * (0 < fewest < FEW)),
             *(["Runs of different engines are no pair."] * apart),
             *filter(None, [missing_scipy()]),

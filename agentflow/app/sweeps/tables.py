@@ -142,6 +142,15 @@ def require_same_engine(path: Path, runs: Iterable[FinishedRun]) -> None:
             )
 
 
+def identity_notes(metrics: Iterable[str]) -> list[str]:
+    """Where the metrics that other distributions compute are from, one note each.
+
+    They are computed when a table is made, so that no run depends on them.
+    """
+    found = {name: METRICS.identity(name) for name in metrics}
+    return [f"{name} is computed by {identity}." for name, identity in found.items() if identity]
+
+
 def record_note(result: SweepResult) -> tuple[str, ...]:
     """A note on shares of records that another engine simulated than the runs; else ()."""
     others = other_recorders(result.engines)
@@ -181,6 +190,7 @@ def layout_table(result: SweepResult, *, published: bool = False) -> Table:
         (
             *result.notes,
             f"{about}.",
+            *identity_notes(used),
             *(record_note(result) if "share" in used else ()),
             *(filter(None, sources) if published_rows else ()),
         ),

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from agentflow.app.pages.sweeps import sweep_report
 from agentflow.app.sweeps.unread import UNREAD, unread_note
 from agentflow.app.sweeps.views import view
 from agentflow.cli import main
@@ -27,6 +28,9 @@ OTHERS = {
     "refinement": "whole_machine",
     "rationales": ["Like a bow."],
     "drafts": True,
+    "inspirations": 1,
+    "lessons": True,
+    "known_lessons": ["Wheels turn."],
     "simulate_first": True,
     "vision": True,
     "model.sampling.temperature": 0.1,
@@ -39,6 +43,8 @@ OTHERS = {
 def test_dry_run_and_tables_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = sweep(tmp_path, {"a.default.seed-0": [candidate("initial", 1, 2.0)]}, axes=AXES)
     assert NOTE in view(path).notes
+    page = sweep_report(path, tmp_path / "page.html").read_text(encoding="utf-8")
+    assert page.count(NOTE) == 1
     assert main(["sweep", str(tmp_path / "hand.yaml"), "--dry-run"]) == 0
     assert capsys.readouterr().out.endswith(f"\n{NOTE}\n")
     model = ("--model", "any", "--base-url", "http://localhost:1/v1")
