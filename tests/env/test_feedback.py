@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.orientation import orientation_runs, settled_lines
+from agentflow.env.feedback.release import describe_release
 from agentflow.env.feedback.stalls import stall_lines, stalled_motors
 from agentflow.env.feedback.text import MAX_SAMPLES, number, sample_indices, series
-from agentflow.env.rollout import RolloutEvent, Verdict
+from agentflow.env.rollout import Moment, RolloutEvent, Verdict
 from agentflow.env.tasks.base import Schedule
 from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import make_trace
@@ -71,6 +72,15 @@ def test_the_angle_at_which_an_arm_has_settled_is_told() -> None:
     assert settled_lines(arm, down)[0] in text
     rotation[:, 1:3] = (0.0, 0.0, 0.0, 1.0)
     assert settled_lines(arm, make_trace(4, 4, rotation=rotation)) == []
+
+
+def test_springs_are_told_with_their_lengths_at_the_start_and_now() -> None:
+    """Their law gives the work of each; those that shortened alike share an item."""
+    tied = Machine((ROOT, Step(1, 63, 0, 0), *(Step(n, 9, 0, n, 1, 1) for n in (2, 3, 4))))
+    length = np.array([[3.0, 3.0, 2.5], [3.0, 3.0, 2.5], [1.2, 1.2, 1.0]])
+    trace = make_trace(5, 3, length=length, linear=(2, 3, 4))
+    (line,), _ = describe_release(tied, trace, Moment(0.4, "release"), np.ones((3, 3)))
+    assert line.endswith("lengths of springs since t = 0: 2.5 to 1.0 m (4), 3.0 to 1.2 m (2, 3)")
 
 
 def test_a_motor_that_stands_for_over_a_second_is_told() -> None:

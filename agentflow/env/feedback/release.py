@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import groupby
 from math import atan2, degrees, hypot
 from typing import Any
 
@@ -72,19 +71,21 @@ def _arm_text(machine: Machine, trace: Trace, block: int, index: int) -> str:
 
 
 def _lengths(machine: Machine, trace: Trace, index: int) -> list[str]:
-    """Lengths of springs and winches; equal ones together."""
-    found = []
+    """Lengths of springs and winches at t = 0 and now, which tell the work of each by its law;
+    equal ones together."""
+    found: dict[tuple[str, str], list[int]] = {}
     for column, block in enumerate(trace.linear):
         connector = library()[machine[block].type].connector
         if connector in PULLING and trace.alive[index, block]:
-            found.append((number(trace.length[index, column], 1), block))
+            first, now = (number(trace.length[row, column], 1) for row in (0, index))
+            found.setdefault((now, first), []).append(block)
     if not found:
         return []
-    found.sort(key=lambda item: float(item[0]))
+    rows = sorted(found, key=lambda pair: tuple(map(float, pair)))
     texts = [
-        f"{length} m ({', '.join(str(block) for _, block in group)})"
-        for length, group in groupby(found, key=lambda item: item[0])
+        f"{first} to {now} m ({', '.join(map(str, found[now, first]))})" for now, first in rows
     ]
     if len(texts) > MOST_LENGTHS:
-        texts = [f"{found[0][0]} to {found[-1][0]} m"]
-    return [f"lengths of springs {', '.join(texts)}"]
+        nows, firsts = (sorted(column, key=float) for column in zip(*rows, strict=True))
+        texts = [f"{firsts[0]}-{firsts[-1]} to {nows[0]}-{nows[-1]} m"]
+    return [f"lengths of springs since t = 0: {', '.join(texts)}"]
