@@ -85,6 +85,7 @@ class RunStory:
             "progress": score_curve(self.events),
             "archive": archive_of(self.events),
             "front": self._result_data.get("front"),
+            "makers": self._result_data.get("makers"),
             "stages": [stage.data for stage in record.stages],
             "validity": validity(attempts),
             "reasons": rejection_reasons(attempts),

@@ -93,6 +93,16 @@ class FrontMember(_Part):
     """kg."""
 
 
+class MakerResult(_Part):
+    """What one of those who make machines in a search has made; see `workflows.base.Maker`."""
+
+    maker: str
+    machines: Count
+    share: Number
+    better: Count
+    gain: Number
+
+
 class VariationScore(_Part):
     """The score of the best machine under one variation of the simulation."""
 
@@ -156,6 +166,8 @@ class RunFinding(_Part):
     """Robust score of the best machine, if the run compared it."""
     front: Sequence[FrontMember] | None = None
     """The Pareto front, if the run kept one."""
+    makers: Sequence[MakerResult] | None = None
+    """Only of searches over the whole run."""
 
     @property
     def verified_score(self) -> float | None:

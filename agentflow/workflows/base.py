@@ -163,6 +163,22 @@ class Stage:
 
 
 @dataclass(frozen=True)
+class Maker:
+    """What one of those who make machines in a search over the whole run has made."""
+
+    maker: str
+    """A role, or another emitter."""
+    machines: int
+    share: float
+    """Of the machines of the search, from 0 to 1."""
+    better: int
+    """How many scored higher than the machine that they were made from, or, as first machines,
+    than all earlier first ones."""
+    gain: float
+    """By how much, in total."""
+
+
+@dataclass(frozen=True)
 class WorkflowResult:
     """The result of a workflow, with or without a valid machine."""
 
@@ -180,3 +196,5 @@ class WorkflowResult:
     objective is `pareto`."""
     lessons: tuple[str, ...] = ()
     """What the search found out, one sentence each, for other runs at the task."""
+    makers: tuple[Maker, ...] = ()
+    """Empty unless one search dealt the budget of the whole run."""

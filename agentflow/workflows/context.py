@@ -42,6 +42,7 @@ from agentflow.workflows.base import (
     AskContexts,
     Candidate,
     Evaluator,
+    Maker,
     Record,
     SimulationSummary,
     Stage,
@@ -90,6 +91,8 @@ class WorkflowContext:
         """Set once the budget has run out; no further question will be answered."""
         self.reached_greatest = False
         """Set once a search has ended because no machine can score higher than its best."""
+        self.makers: tuple[Maker, ...] = ()
+        """Set by a search over the whole run."""
         self._workflow, self._contexts, self._seed = workflow, contexts, seed
         self._evaluator, self._record = evaluator, record
         self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
@@ -349,6 +352,7 @@ class WorkflowContext:
             reason=reason,
             front=pareto_front(self._simulate.finished),
             lessons=self.memory.findings,
+            makers=self.makers,
         )
         found = _fields(best) if best else {"reason": reason}
         location, stopped = Location(self._workflow), result.stopped

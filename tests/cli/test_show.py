@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from agentflow.cli.display.show_machines import marginal_line, show_rollout
-from agentflow.cli.display.show_runs import ending_of, show_result, show_tools
+from agentflow.cli.display.show_runs import ending_of, show_makers, show_result, show_tools
 
 
 def _stage(name: str, valid: int, attempts: int = 0, children: int = 0) -> dict[str, Any]:
@@ -110,3 +110,12 @@ def test_a_connection_that_is_marginal_in_several_trials_is_told_once() -> None:
     ]
     told = "marginal: block 3 off block 1 nearly broke (99 % of its strength, 0.60 s)"
     assert marginal_line(found) == told
+
+
+def test_who_made_the_machines_of_a_search(capsys: pytest.CaptureFixture[str]) -> None:
+    made = {"maker": "refiner", "machines": 20, "share": 0.25, "better": 4, "gain": 12.345}
+    show_makers({"makers": [made]})
+    show_makers({})
+    head, row = capsys.readouterr().out.splitlines()
+    assert head.split() == ["made", "by", "machines", "share", "better", "gain"]
+    assert row.split() == ["refiner", "20", "25%", "4", "12.35"]

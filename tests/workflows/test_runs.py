@@ -403,6 +403,15 @@ async def test_a_search_over_the_whole_run_uses_all_simulations(name: str, strat
     result = await run(name)
     initial, refined = result.stages
     assert initial.rollouts + refined.rollouts == machines_of(run)
+    made = {maker.maker: maker for maker in result.makers}
+    assert set(made) == {"designer"} | set(run.settings.arms)
+    assert made["designer"].machines == sum(c.valid for c in initial.candidates)
+    assert sum(maker.share for maker in made.values()) == pytest.approx(1)
+    assert all(0 <= maker.better <= maker.machines for maker in made.values())
+    assert result.best is not None
+    assert result.best.score is not None
+    first = next(c.score for c in initial.candidates if c.score is not None)
+    assert 0 <= result.best.score - first <= sum(maker.gain for maker in made.values()) + 1e-9
     assert len(initial.candidates) == len(refined.candidates)
     if strategy == "independent":  # the author of these tests has few different designs
         assert refined.rollouts == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,7 @@ def finding_of(plan: RunPlan, execution: Execution) -> RunFinding:
         "reason": result.reason,
         **({"attempts": _pass_rate(result)} if counts_passes else {}),
         **_objective_json(plan.config, result),
+        **({"makers": [asdict(maker) for maker in result.makers]} if result.makers else {}),
     }
     return RunFinding.model_validate(found)
 

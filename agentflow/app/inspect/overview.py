@@ -79,14 +79,18 @@ def _result_so_far(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+SHOWN = ("most_blocks", "best_stage", "robust", "front", "makers")
+"""Keys of result.json that the details of a run have."""
+
+
 def run_details(path: Path) -> dict[str, Any]:
     """One run in detail.
 
-    The keys of `run_list` and `blocks`, `most_blocks`, `best_stage`, `robust` and `front` (as in
-    result.json; None unless the objective needs them), `marginal` (connections of the best machine
-    as in `rollout_json`; None if its rollout was not saved), `record` (see `record_json`, with the
-    share that the run reached), `stages` (rows of the stage table), `stopped`, `reason`, `spent`
-    (calls, tokens, seconds and money by role), `failures` (see
+    The keys of `run_list` and `blocks`, `most_blocks`, `best_stage`, `robust`, `front` and `makers`
+    (as in result.json; None unless the objective or the search has them), `marginal` (connections
+    of the best machine as in `rollout_json`; None if its rollout was not saved), `record` (see
+    `record_json`, with the share that the run reached), `stages` (rows of the stage table),
+    `stopped`, `reason`, `spent` (calls, tokens, seconds and money by role), `failures` (see
     `count_failures`), `remarks`, `config`, and the rest of run.yaml.
     """
     _, state, document, result = _read(path)
@@ -101,7 +105,7 @@ def run_details(path: Path) -> dict[str, Any]:
         **summary,
         "config": config_json(config),
         "blocks": known.get("blocks", len(machine) if machine else None),
-        **{key: known.get(key) for key in ("most_blocks", "best_stage", "robust", "front")},
+        **{key: known.get(key) for key in SHOWN},
         "record": reached(path, document, result.trusted_score if result else summary["score"]),
         "marginal": _marginal(path, machine),
         "stages": [stage.data for stage in record.stages],

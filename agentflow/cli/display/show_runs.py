@@ -41,6 +41,13 @@ ON_FRONT = (
     field("blocks"),
     field("mass, kg", "mass", "{:g}".format),
 )
+MADE = (
+    field("made by", "maker"),
+    field("machines"),
+    field("share", show="{:.0%}".format),
+    field("better"),
+    field("gain", show=number),
+)
 SPENT = (
     *map(field, ("role", "calls", "tokens", "reasoning")),
     field("seconds", show=partial(number, digits=1)),
@@ -71,6 +78,7 @@ def show_result(result: Data, files: Mapping[str, str]) -> None:
     if note := _lower_stage(result["stages"]):
         console.print(note)
     show_tools(result["stages"])
+    show_makers(result)
     if attempts := result.get("attempts"):
         console.print(_passes(attempts))
     console.print(
@@ -118,6 +126,12 @@ def show_objectives(result: Data) -> None:
         console.print(table(ON_FRONT, front[:MOST_OF_FRONT]))
         if len(front) > MOST_OF_FRONT:
             console.print(f"and {len(front) - MOST_OF_FRONT} more (--json)")
+
+
+def show_makers(result: Data) -> None:
+    """Print who made the machines of a search over the whole run, and what they gained."""
+    if makers := result.get("makers"):
+        output().print(table(MADE, makers))
 
 
 def _passes(attempts: Data) -> str:
@@ -225,6 +239,7 @@ def show_run(run: Data) -> None:
         console.print(why)
     console.print(table((*STAGE, field("calls"), field("rollouts")), run["stages"]))
     show_tools(run["stages"])
+    show_makers(run)
     console.print(table(SPENT, ({"role": role, **spent} for role, spent in run["spent"].items())))
     _print_failures(run["failures"], every=False)
     for remark in run["remarks"]:

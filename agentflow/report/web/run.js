@@ -5,7 +5,7 @@ import { unpackJson } from "./film.js";
 import { kindsSection } from "./kinds.js";
 import { Player } from "./player.js";
 import { frontSection, robustnessSection } from "./robustness.js";
-import { conversations, failures, header, legend, scoreCharts, settings, stages, tools, usage } from "./sections.js";
+import { conversations, failures, header, legend, makersSection, scoreCharts, settings, stages, tools, usage } from "./sections.js";
 import { STATUS, callDetails, plain, problem } from "./text.js";
 import { Tree } from "./tree.js";
 
@@ -39,6 +39,7 @@ export class RunView {
     this.put("header", [data.run, data.task], this.top, () => header(data));
     this.put("search", data.nodes, this.rest, () => this.search());
     this.put("kinds", [data.archive, data.classes], this.rest, () => kindsSection(data, (machine) => this.pick(machine)));
+    this.put("makers", data.makers, this.rest, () => makersSection(data.makers));
     this.put("front", data.front, this.rest, () => frontSection(data.front, (machine) => this.pick(machine)));
     this.put("robustness", data.robustness, this.rest, () => robustnessSection(data.robustness));
     this.put("score", data.progress, this.rest, () => scoreCharts(data));

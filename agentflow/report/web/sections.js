@@ -53,6 +53,14 @@ export function stages({ stages: rows }) {
     ...costs.map(([, key]) => row[key])])));
 }
 
+/** Who made the machines of a search over the whole run. Null without one. */
+export function makersSection(makers) {
+  if (!makers?.length) return null;
+  return section("Who made them",
+    table("Machines of the search by who made them. Better: than the machine that they were made from; first machines: than all earlier ones", ["Made by", "Machines", "Share, %", "Better", "Gain in total"],
+      makers.map(({ maker, machines, share, better, gain }) => [maker, machines, formatNumber(100 * share, 0), better, gain])));
+}
+
 /** How often an agent called each tool, by stage. */
 export function tools({ stages: rows, tools: calls }) {
   if (!calls.length) return null;

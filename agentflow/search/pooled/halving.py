@@ -15,7 +15,7 @@ from random import Random
 from typing import Any
 
 from agentflow.search.node import Node
-from agentflow.search.pooled.pool import Branch, Choice, Pool, PooledStrategy
+from agentflow.search.pooled.pool import Branch, Choice, Pool, PooledStrategy, worth
 
 BEGINNING = 0.5
 """Largest share of the budget that makes first candidates before children are made."""
@@ -68,10 +68,10 @@ class Halving(PooledStrategy):
         improve their parents is drawn from a posterior; a new branch is the best of all so many
         with a chance of one in so many.
         """
-        gains, record = gains_by_arm(pool), tail(pool)
+        gains, record = pool.gains(), tail(pool)
         drawn: list[tuple[float, float, str | None]] = []
         if not pool.is_full:
-            firsts = [_worth(_root(line)) for line in lines]
+            firsts = [worth(_root(line)) for line in lines]
             behind = _reward(lines[0]) - max(firsts)
             size = record * math.exp(-behind / record) if record else 0.0
             drawn.append((rng.betavariate(1, len(pool.branches)) * size, rng.random(), None))
@@ -96,16 +96,6 @@ class HalfAndHalf(Halving):
         return rng.choice(pool.arms)
 
 
-def gains_by_arm(pool: Pool[Any]) -> dict[str, list[float]]:
-    """Who made children -> how much higher the reward of each is than its parent's; 0 if lower."""
-    gains: dict[str, list[float]] = {}
-    for branch, node in pool.nodes:
-        if node.parent is not None and branch.tree is not None:
-            gain = _worth(node) - _worth(branch.tree.nodes[node.parent])
-            gains.setdefault(branch.arms[node.id], []).append(max(0.0, gain))
-    return gains
-
-
 def tail(pool: Pool[Any]) -> float:
     """How much better than the others the best first candidates are.
 
@@ -113,7 +103,7 @@ def tail(pool: Pool[Any]) -> float:
     is about how much a new best one is better. Equal ones count once.
     """
     roots = (_root(line) for line in pool.branches if line.tree)
-    firsts = sorted({root.candidate: _worth(root) for root in roots}.values(), reverse=True)
+    firsts = sorted({root.candidate: worth(root) for root in roots}.values(), reverse=True)
     many = math.isqrt(len(firsts))
     return sum(firsts[:many]) / many - firsts[min(many, len(firsts) - 1)]
 
@@ -129,9 +119,4 @@ def _best(branch: Branch[Any]) -> Node[Any]:
 
 
 def _reward(branch: Branch[Any]) -> float:
-    return _worth(_best(branch))
-
-
-def _worth(node: Node[Any]) -> float:
-    """The reward of a node; 0 without one."""
-    return node.evaluation.reward or 0.0
+    return worth(_best(branch))

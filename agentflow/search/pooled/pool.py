@@ -84,6 +84,28 @@ class Pool(Generic[C]):
         trees = ((branch, branch.tree) for branch in self.branches)
         return [(branch, node) for branch, tree in trees if tree for node in tree.nodes]
 
+    def gains(self) -> dict[str, list[float]]:
+        """Who made children -> by how much each is better than its parent; 0 if it is not."""
+        gains: dict[str, list[float]] = {}
+        for branch, node in self.nodes:
+            if node.parent is not None and branch.tree is not None:
+                gain = worth(node) - worth(branch.tree.nodes[node.parent])
+                gains.setdefault(branch.arms[node.id], []).append(max(0.0, gain))
+        return gains
+
+    def records(self) -> dict[str, list[float]]:
+        """Who made first candidates -> by how much each is better than all earlier ones; 0 if it is
+        not, or is the very first."""
+        gains: dict[str, list[float]] = {}
+        best: float | None = None
+        for branch in self.branches:
+            if branch.tree is not None:
+                reward = worth(branch.tree.nodes[0])
+                best = reward if best is None else best
+                gains.setdefault(branch.arm, []).append(max(0.0, reward - best))
+                best = max(reward, best)
+        return gains
+
     @property
     def is_full(self) -> bool:
         """Whether no new branch may begin."""
@@ -94,6 +116,11 @@ class Pool(Generic[C]):
         """Whether the budget of calls ran out, or no candidate can do better than the best."""
         trees = [branch.tree for branch in self.branches if branch.tree]
         return any(tree.stopped or tree.best().evaluation.perfect for tree in trees)
+
+
+def worth(node: Node[Any]) -> float:
+    """The reward of a node; 0 without one."""
+    return node.evaluation.reward or 0.0
 
 
 Open = Callable[[Branch[C]], Awaitable[SearchTree[C] | None]]

@@ -15,7 +15,7 @@ from agentflow.search.node import Attempt, Node
 from agentflow.search.pooled.pool import Branch, Choice, Pool, PooledStrategy, search_pool
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.tree import SearchTree
-from agentflow.workflows.base import Candidate, WorkflowResult
+from agentflow.workflows.base import Candidate, Maker, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.designs import try_machines
 from agentflow.workflows.stages.emitters import draw_revision
@@ -62,6 +62,16 @@ class PooledSearch:
                 preparing=self._grant,
             )
         return [self._finish(branch) for branch in self._pool.branches if branch.tree is not None]
+
+    @property
+    def makers(self) -> tuple[Maker, ...]:
+        """Who has made how many machines of the search, and what they gained."""
+        gains = {**self._pool.records(), **self._pool.gains()}
+        total = sum(map(len, gains.values()))
+        return tuple(
+            Maker(name, len(made), len(made) / total, sum(gain > 0 for gain in made), sum(made))
+            for name, made in gains.items()
+        )
 
     def _left(self) -> int:
         """The simulations that are left, as a round begins or ends; what has been learnt by then is
@@ -171,6 +181,7 @@ async def search_all(
     run.begin_stage(FEEDBACK)
     found = PooledSearch(run, design, blueprint_of)
     searched = await found.search(strategy)
+    run.makers = found.makers
     run.open_trajectories(len(found.initial))
     run.end_stage(INITIAL, found.initial)
     run.end_stage(FEEDBACK, searched)
