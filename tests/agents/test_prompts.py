@@ -181,7 +181,9 @@ BRIEFS = {"ours": THROWING, **{name: get_task(name).brief for name in task_names
 @pytest.mark.slow
 @SETS
 def test_every_role_renders_for_every_task(name: str) -> None:
-    @for_each(BRIEFS)
+    """In the default set at every level, in the others at the first of each family."""
+
+    @for_each([task for task in BRIEFS if name == "default" or "/" not in task])
     def renders(task: str) -> None:
         brief = BRIEFS[task]
         for role, given in _inputs(brief):
