@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from types import MappingProxyType
@@ -12,7 +11,7 @@ from types import MappingProxyType
 import pytest
 
 import agentflow
-from agentflow.errors import RunError, UnknownNameError
+from agentflow.errors import ConfigError, RunError, UnknownNameError
 from agentflow.machine import Machine
 from agentflow.notebook.machine_rows import COLUMNS
 from agentflow.runs import read_events
@@ -155,18 +154,15 @@ def test_a_scorecard_is_a_row_for_each_item() -> None:
     assert len(repr(card)) < 200
 
 
-def test_frames_need_pandas_and_rows_do_not() -> None:
-    code = (
-        "import sys; sys.modules['pandas'] = None\n"
-        f"import agentflow; run = agentflow.Run({str(RECORDED)!r}); print(len(run.rows()))\n"
-        "try: run.to_frame()\n"
-        "except agentflow.AgentflowError as error: print(error)\n"
+def test_frames_need_pandas_and_rows_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    run = agentflow.Run(RECORDED)
+    assert len(run.rows()) == FOUND["rollouts"]
+    with pytest.raises(ConfigError) as refused:
+        run.to_frame()
+    assert str(refused.value) == (
+        "pandas is not installed; install it with: pip install 'agentflow-machines[notebook]'"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines() == [
-        str(FOUND["rollouts"]),
-        "pandas is not installed; install it with: pip install 'agentflow-machines[notebook]'",
-    ]
 
 
 def test_labels_do_not_distinguish_runs() -> None:

@@ -121,23 +121,33 @@ def require_view(view: str) -> View:
 
 
 def _name_runs(sources: Sequence[Source]) -> list[PlottedRun]:
-    """The runs of all sources; where there are several, conditions begin with the source."""
-    named = [(_source_name(item), _runs_of(item)) for item in sources]
+    """The runs of all sources. Of several sweeps or folders, conditions begin with the source."""
+    named = list(zip(_source_names(sources), map(_runs_of, sources), strict=True))
     together = [run for _, runs in named for run in runs]
+    several = len(named) > 1 and any(len(runs) > 1 for _, runs in named)
     found = []
     for name, runs in named:
         for run in runs:
             label = _condition(run, together)
-            several = len(named) > 1 and len(runs) < len(together)
-            condition = ": ".join(filter(None, (name * several, label))) or name
+            alone = run.config.workflow if len(named) > 1 else name
+            condition = ": ".join(filter(None, (name * several, label))) or alone
             task = run.labels.get("task", run.config.task)
             found.append(PlottedRun(run, condition, task))
     return found
 
 
-def _source_name(source: Source) -> str:
-    path = source.path if isinstance(source, Run | Sweep) else Path(source)
-    return path.resolve().name
+def _source_names(sources: Sequence[Source]) -> list[str]:
+    """The names of the sources' folders, with as many folders above as tell them apart."""
+    paths = [
+        (item.path if isinstance(item, Run | Sweep) else Path(item)).resolve() for item in sources
+    ]
+    most = max(len(path.parts) for path in paths)
+    names = [path.name for path in paths]
+    for depth in range(2, most + 1):
+        if len(set(names)) == len(set(paths)):
+            break
+        names = ["/".join(path.parts[-depth:]) for path in paths]
+    return names
 
 
 def _runs_of(source: Source) -> Sequence[Run]:

@@ -140,6 +140,7 @@ def test_words_for_consoles_are_short(rollout: Rollout) -> None:
         assert len(repr(shown)) < 400
 
 
+@pytest.mark.slow
 def test_notebooks_are_told_how_to_show_things() -> None:
     code = (
         "from IPython.core.interactiveshell import InteractiveShell\n"

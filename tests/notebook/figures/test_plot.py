@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import re
 import shutil
-import subprocess
 import sys
 from itertools import groupby
 from pathlib import Path
@@ -133,6 +132,20 @@ def test_several_sources_are_named(sweep: Path, tmp_path: Path) -> None:
     assert [row.condition for row in rows][:2] == ["folder: mcts", "folder: random"]
     assert rows[-1].condition.startswith("recorded-throwing")
     assert read_rows([RECORDED], "scores", "calls")[0].condition == "recorded-throwing"
+    single = [agentflow.Run(folder / name) for name in sorted(p.name for p in folder.iterdir())]
+    assert [row.condition for row in read_rows(single, "scores", "calls")] == [
+        "mcts",
+        "random",
+        "random",
+    ]
+    rows = read_rows(single[1:], "scores", "calls")
+    assert [row.condition for row in rows] == ["hierarchical", "hierarchical"]
+    other = shutil.copytree(folder, tmp_path / "others" / "folder")
+    rows = read_rows([folder, other], "scores", "calls")
+    assert {row.condition.partition(": ")[0] for row in rows} == {
+        f"{tmp_path.name}/folder",
+        "others/folder",
+    }
 
 
 def test_what_cannot_be_plotted_is_said_in_one_sentence(sweep: Path, tmp_path: Path) -> None:
@@ -168,15 +181,12 @@ def test_what_cannot_be_plotted_is_said_in_one_sentence(sweep: Path, tmp_path: P
     assert agentflow.plot(growing) is not None
 
 
-def test_a_figure_without_matplotlib_says_what_to_install() -> None:
-    code = (
-        "import sys; sys.modules['matplotlib'] = None\n"
-        "from agentflow.cli import main\n"
-        f"sys.exit(main(['plot', {str(RECORDED)!r}]))\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr == (
+def test_a_figure_without_matplotlib_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert main(["plot", str(RECORDED)]) == 2
+    assert capsys.readouterr().err == (
         "agentflow: matplotlib is not installed; install it with: "
         "pip install 'agentflow-machines[plot]'\n"
     )
