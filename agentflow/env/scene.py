@@ -61,6 +61,18 @@ class SceneObject:
     """Red, green, blue and opacity, each from 0 to 1."""
 
 
+def _form(item: SceneObject, side: Literal[1, -1]) -> tuple[object, ...]:
+    """What an object is, or its mirror image in the plane x = 0 for side -1."""
+    (x, y, z), (i, j, k, w) = item.position, item.rotation
+    turned = (i, side * j, side * k, w)
+    sign = -1 if next((value for value in reversed(turned) if abs(value) > 1e-9), 1) < 0 else 1
+    rotation = tuple(round(sign * value, 9) + 0.0 for value in turned)
+    place = (round(side * x, 9) + 0.0, y, z)
+    balance = (side * item.balance[0] + 0.0, *item.balance[1:])
+    same = replace(item, name="", color=(0, 0, 0, 0), position=place, balance=balance)
+    return *(value for name, value in vars(same).items() if name != "rotation"), rotation
+
+
 @dataclass(frozen=True)
 class Start:
     """Where the machine starts: on a plane through (0, height, 0), rotated with the plane.
@@ -114,6 +126,13 @@ class Scene:
     def moving(self) -> tuple[SceneObject, ...]:
         """The objects that can move."""
         return tuple(item for item in self.objects if item.mass > 0)
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether it is its own mirror image in the plane x = 0, but for names and colours."""
+        objects = {_form(item, 1) for item in self.objects}
+        images = {_form(item, -1) for item in self.objects}
+        return objects == images and not self.wind[0] and not self.start.yaw
 
     def loaded(self, share: float) -> Scene:
         """The scene with this share of their loads on all objects."""

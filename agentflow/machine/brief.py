@@ -70,6 +70,10 @@ class Brief:
         it, so it stays as it is."""
         return repr(self).replace(repr(self.given), self.given.wording)
 
+    symmetric: bool = field(default=False, repr=False)
+    """Whether neither scene nor score tells left from right, so that a machine and its mirror image
+    do the same. The digest of a brief leaves it out, as its scene says the same."""
+
     @property
     def demands(self) -> tuple[object, ...]:
         """What decides whether a machine is valid for the task."""

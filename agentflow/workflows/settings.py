@@ -140,7 +140,7 @@ class WorkflowSettings(BaseModel):
     another_mechanism: bool = Field(
         False,
         description="when a search over the whole run prefers a new design to refining, ask for "
-        "another mechanism than those found (ab-mcts)",
+        "another mechanism than those found",
     )
     known_lessons: tuple[str, ...] = Field(
         (),

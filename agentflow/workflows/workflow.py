@@ -14,7 +14,7 @@ from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 
 STRATEGY = "search.strategy"
-SEARCHING = ("local_trials", "inspirations", "lessons", "another_mechanism")
+SEARCHING: tuple[str, ...] = ("local_trials", "inspirations", "lessons", "another_mechanism")
 """Settings of searches besides those of their strategies."""
 RANDOM_EDITS = "none (random edits)"
 """Author of the baselines without a model."""

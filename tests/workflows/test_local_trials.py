@@ -120,7 +120,7 @@ async def test_a_machine_in_another_order_is_not_simulated() -> None:
     (expanded,) = [d for label, d in run.notes.of("expand").items() if label.endswith("round-1")]
     assert "only in the numbers of its blocks" in expanded["attempts"][0]["note"]
     again = run.prompt(REFINER.replace("try-1", "try-3"))
-    assert "only in the numbers of its blocks: make a different change" in again
+    assert "or is its mirror image: make a different change" in again
 
 
 def test_estimates_count_them() -> None:

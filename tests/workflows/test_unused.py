@@ -25,7 +25,7 @@ POOLED: dict[str, Any] = {"search": {"strategy": "ab-mcts"}}
             ["another_mechanism"],
         ),
         ("single", {"search": {"strategy": "best_of_n"}}, ["search.strategy"]),
-        ("single", POOLED, []),
+        ("single", POOLED, ["search.strategy"]),
         ("random-dsl", POOLED | {"local_trials": 1}, ["local_trials", "search.strategy"]),
         ("tools", TRIALS, ["local_trials", "inspirations", "lessons"]),
         ("explore", POOLED, ["search.strategy"]),

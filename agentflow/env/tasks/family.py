@@ -234,6 +234,8 @@ class Family(Task):
     """Whether its machines drive along z: powered wheels must then turn about x."""
     stays: ClassVar[bool] = False
     """Whether its machines stay in place, so that one that does not move is not a failure."""
+    symmetric: ClassVar[bool] = False
+    """Whether its scores tell left from right only where the scene does."""
     performance: ClassVar[str | None] = None
     """Term of its score that is the reward of reinforcement learning; None: the score over the
     level's good score."""
@@ -285,6 +287,7 @@ class Family(Task):
             score=tuple(score),
             blocks=tuple(sorted(allowed)),
             limits=self.limits,
+            symmetric=self.symmetric and self.scene().symmetric,
         )
 
     def allow(self, blocks: Collection[int]) -> tuple[int, ...]:

@@ -17,7 +17,7 @@ from agentflow.errors import BudgetSpentError
 from agentflow.machine.edits.local import local_edits
 from agentflow.machine.edits.renumbering import matching_ids, renumbering
 from agentflow.machine.tree import Machine
-from agentflow.machine.twins import tree_key
+from agentflow.machine.twins import likeness
 from agentflow.runs.events import FirstAttempt
 from agentflow.runs.locations import FEEDBACK, Location
 from agentflow.search.concurrency import run_concurrently
@@ -36,8 +36,8 @@ from agentflow.workflows.stages.local_trials import Explored, Tried, explore
 from agentflow.workflows.stages.search_record import SearchRecorder
 
 TWIN = (
-    "this machine differs from one that was simulated only in the numbers of its blocks: make a "
-    "different change"
+    "this machine differs from one that was simulated only in the numbers of its blocks, or is its "
+    "mirror image: make a different change"
 )
 
 
@@ -66,7 +66,7 @@ class _Shown:
     history: History
     """The edits that led to it."""
     forms: dict[str, Machine]
-    """Key of a construction tree -> its machine."""
+    """Likeness -> its machine."""
     views: tuple[str, ...] = ()
     """Pictures of its machine."""
 
@@ -134,7 +134,7 @@ class Trajectory:
         self._explored: dict[int, Explored] = {}
         """Id of a node -> what the local trials of its machine showed."""
         self._forms: dict[str, Machine] = {}
-        """Key of a construction tree, whatever its ids -> the first machine that has it."""
+        """Likeness -> the first machine that has it."""
 
     def finish(self, found: SearchResult[Revision], first: FirstAttempt) -> Candidate:
         """The best machine of its search."""
@@ -215,7 +215,7 @@ class Trajectory:
             left: How many machines the trials may simulate at most.
         """
         run, machine = self._run, node.candidate.machine
-        self._forms.setdefault(tree_key(machine), machine)
+        self._forms.setdefault(likeness(machine, self._run.brief), machine)
         edited = self._draw_edits(node, left)
         shown = self._shown[node.id] = _Shown(self._history_of(node), dict(self._forms))
         await run_concurrently((self._query(node), self._explore(node, edited)))
@@ -252,8 +252,9 @@ class Trajectory:
         return local_edits(node.candidate.machine, rng, run.brief, most, is_new)
 
     def _is_new(self, machine: Machine, forms: dict[str, Machine]) -> bool:
-        """Whether a machine differs from known ones in more than its ids; then it is known."""
-        return forms.setdefault(tree_key(machine), machine) is machine
+        """Whether a machine differs from known ones in more than its ids and sides; then it is
+        known."""
+        return forms.setdefault(likeness(machine, self._run.brief), machine) is machine
 
     def _without_twins(
         self,
@@ -261,7 +262,8 @@ class Trajectory:
         earlier: Sequence[Attempt[Revision]],
         attempts: Sequence[Attempt[Revision]],
     ) -> list[Attempt[Revision]]:
-        """Refuse machines that differ from known ones only in the ids of their blocks.
+        """Refuse machines that differ from known ones only in the ids of their blocks, or that are
+        their mirror images.
 
         Known are those from before the expansion and its own, which no order of answers changes.
         """
@@ -270,12 +272,12 @@ class Trajectory:
         for attempt in (*earlier, *attempts):
             made = attempt.candidate
             if made is not None and not self._is_new(made.machine, forms):
-                twin = forms[tree_key(made.machine)]
+                twin = forms[likeness(made.machine, self._run.brief)]
                 if twin != made.machine:
                     attempt = Attempt(attempt.label, None, TWIN)
                 made = None
             if made is not None:
-                self._forms.setdefault(tree_key(made.machine), made.machine)
+                self._forms.setdefault(likeness(made.machine, self._run.brief), made.machine)
             kept.append(attempt)
         return kept[len(earlier) :]
 

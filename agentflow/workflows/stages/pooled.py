@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import replace
 
 from agentflow.agents.designer import Designer
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.refiner import Refiner
 from agentflow.machine.edits.local import local_edit
 from agentflow.machine.tree import Machine
+from agentflow.machine.twins import likeness
 from agentflow.runs.events import FLAWLESS, AnotherMechanismEvent
 from agentflow.runs.locations import FEEDBACK, INITIAL, Location
 from agentflow.search.node import Attempt, Node
@@ -42,8 +44,12 @@ class PooledSearch:
         self._pool = Pool[Revision]([Designer.name], run.settings.arms, most)
         self._refined: dict[tuple[int, int], set[str]] = {}
         """(branch, node) -> labels of the attempts that refiners made."""
-        self._proposed = set[Machine]()
-        """Machines of this search, simulated or about to be."""
+        self._proposed = set[str]()
+        """Likeness of the machines of this search, simulated or about to be."""
+        self._simulated: dict[str, Machine] = {}
+        """Likeness -> first machine, of those of earlier rounds."""
+        self._compared = set[Machine]()
+        """The machines that have been compared with these."""
 
     async def search(self, strategy: PooledStrategy) -> list[Candidate]:
         """Search until the simulations of the run are used up; the best machine of each branch."""
@@ -77,6 +83,10 @@ class PooledSearch:
         """The simulations that are left, as a round begins or ends; what has been learnt by then is
         shown in the next."""
         self._run.memory.reveal()
+        for machine in [node.candidate.machine for _, node in self._pool.nodes]:
+            if machine not in self._compared:
+                self._compared.add(machine)
+                self._simulated.setdefault(likeness(machine, self._run.brief), machine)
         return 0 if self._run.spent else self._run.simulations_left
 
     def _ask_for_another(self, number: int) -> None:
@@ -95,11 +105,14 @@ class PooledSearch:
         run, number = self._run, branch.number
         self._ask_for_another(number)
         designed = await self._design(number)
+        if designed.machine is not None:  # one that is known but for ids and sides counts as that
+            same = self._simulated.get(likeness(designed.machine, run.brief))
+            designed = replace(designed, machine=same or designed.machine)
         (candidate,) = await try_machines(run, INITIAL, [designed])
         self.initial.append(candidate)
         if not candidate.valid or candidate.machine is None or candidate.evaluation is None:
             return None
-        self._proposed.add(candidate.machine)
+        self._proposed.add(likeness(candidate.machine, run.brief))
         trajectory = Trajectory(run, number, self._blueprint_of(number))
         trajectory.granted = {}
         place = Location(FEEDBACK, trajectory=number)
@@ -153,10 +166,10 @@ class PooledSearch:
             self._run.stream(f"search/traj-{branch.number}/{label}"),
             brief,
             lambda machine, rng: local_edit(machine, rng, brief)[1],
-            lambda made: made not in self._proposed,
+            lambda made: likeness(made, brief) not in self._proposed,
         )
         if made.candidate is not None:
-            self._proposed.add(made.candidate.machine)
+            self._proposed.add(likeness(made.candidate.machine, brief))
         return made
 
     def _finish(self, branch: Branch[Revision]) -> Candidate:

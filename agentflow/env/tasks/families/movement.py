@@ -65,6 +65,7 @@ class Movement(Family):
     family: ClassVar[str] = "movement"
     knobs: ClassVar[type[CommonKnobs]] = MovementKnobs
     drives: ClassVar[bool] = True
+    symmetric: ClassVar[bool] = True
     performance: ClassVar[str] = "distance"
     ranked: ClassVar[bool] = True
     diagnosed: ClassVar[bool] = True

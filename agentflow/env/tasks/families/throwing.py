@@ -92,6 +92,7 @@ class Throwing(Family):
     knobs: ClassVar[type[CommonKnobs]] = ThrowingKnobs
     performance: ClassVar[str] = "rl"
     ranked: ClassVar[bool] = True
+    symmetric: ClassVar[bool] = True
     diagnosed: ClassVar[bool] = True
     descriptors: ClassVar[tuple[Descriptor, ...]] = (
         # falling weight does the rest of the work, so most cells of high shares of both stay empty
