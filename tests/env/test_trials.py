@@ -161,7 +161,7 @@ def test_trials_are_the_seeds_and_within_their_limits() -> None:
 def test_the_whole_is_what_its_trials_are_in_any_order() -> None:
     whole = simulate(LONE_ROOT, TASK, seed=3)
     alone = [simulate(LONE_ROOT, one) for one in reversed(TASK.trials(3))]
-    again = combine(alone[::-1])
+    again = combine_trials(alone[::-1], TASK.trials(3))
     assert (whole.score, whole.status) == (0.0, "ok")
     assert whole.digest == again.digest
     assert whole.feedback == again.feedback

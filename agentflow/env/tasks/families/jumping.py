@@ -93,10 +93,14 @@ class Jumping(TrialFamily):
         walls, trench = knobs.walls, knobs.trench
         first = {"first": walls.first + shift, "height": vary(rng, walls.height, by.height)}
         at = {"at": trench.at + shift, "depth": vary(rng, trench.depth, by.height)}
+        obstacle = (
+            {"trench": trench.model_copy(update=at)}
+            if trench.length
+            else {"walls": walls.model_copy(update=first)}
+        )
         return knobs.model_copy(
             update={
-                "walls": walls.model_copy(update=first),
-                "trench": trench.model_copy(update=at),
+                **obstacle,
                 "friction": vary(rng, knobs.friction, by.friction),
                 "yaw": knobs.yaw + round(rng.uniform(-by.yaw, by.yaw), 3),
             }
