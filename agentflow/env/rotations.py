@@ -45,8 +45,8 @@ def turn_back(rotation: Array, vectors: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Row-wise right-handed cross product of (C, 3) arrays."""
-    after, before = a.take(_NEXT, 1) * b.take(_LAST, 1), a.take(_LAST, 1) * b.take(_NEXT, 1)
+    """Row-wise right-handed cross product of (..., 3) arrays."""
+    after, before = a.take(_NEXT, -1) * b.take(_LAST, -1), a.take(_LAST, -1) * b.take(_NEXT, -1)
     return np.asarray(after - before)
 
 
@@ -71,8 +71,8 @@ def rotate(rotation: Array, vector: Sequence[float] | Array) -> Array:
     """One vector, or (..., 3) vectors, rotated by (..., 4) quaternions."""
     axis, w = rotation[..., :3], rotation[..., 3:]
     given = np.broadcast_to(np.asarray(vector, dtype=np.float64), axis.shape)
-    twice = 2.0 * np.cross(axis, given)
-    rotated: Array = given + w * twice + np.cross(axis, twice)
+    twice = 2.0 * cross(axis, given)
+    rotated: Array = given + w * twice + cross(axis, twice)
     return rotated
 
 

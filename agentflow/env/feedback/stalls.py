@@ -53,10 +53,10 @@ def stalled_motors(
         relative = trace.angular_velocity[:, step.id] - trace.angular_velocity[:, step.parent]
         still = np.linalg.norm(relative, axis=1) < STALL_SPEED
         still &= trace.alive[:, step.id] & _powered(trace, step.id, switches)
-        carries = any(step.id in other.parents for other in machine)
         for stalled, begin, end in find_runs(still.tolist(), trace.times):
             if not stalled or end - begin < STALL_TIME:
                 continue
+            carries = any(step.id in other.parents for other in machine)
             if not (carries and _swung(trace, step.id, step.parent, switches, begin) > SWUNG):
                 text = f"{block_name(machine, step.id)} from {begin:.1f} to {end:.1f} s"
                 events.append(RolloutEvent(begin, "motor_stalled", (step.id,), text))

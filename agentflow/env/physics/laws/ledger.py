@@ -9,7 +9,7 @@ import numpy as np
 from agentflow.env.physics.laws.select import Forces, Power
 from agentflow.env.rollout import Array
 
-SELDOM = 4
+SELDOM = 8
 """Steps between readings of the power."""
 
 
