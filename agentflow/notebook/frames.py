@@ -24,4 +24,6 @@ def frame(rows: Iterable[Row], columns: Iterable[str] = ()) -> pandas.DataFrame:
         import pandas
     items = list(rows)
     names = dict.fromkeys([*columns, *(name for row in items for name in row)])
-    return pandas.DataFrame(items, columns=list(names))
+    found = pandas.DataFrame(items, columns=list(names))
+    unknown = found.columns[found.isna().all()]
+    return found.astype(dict.fromkeys(unknown, "float64"))  # not a number, rather than None

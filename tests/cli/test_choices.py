@@ -19,7 +19,8 @@ from agentflow.env.drawing.cameras import VIEWS as CAMERA_VIEWS
 from agentflow.env.physics.registry import ENGINES
 from agentflow.machine.formats.detect import Form
 from agentflow.metrics.tables import FORMATS
-from agentflow.notebook.figures.plot import DRAWN, LABELS
+from agentflow.notebook.figures.panels import LABELS
+from agentflow.notebook.figures.plot import DRAWN
 from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.study.episodes import Label
 from agentflow.training.views import VIEWS as TRAINING_VIEWS

@@ -52,6 +52,9 @@ def test_a_frame_has_a_row_for_each_machine() -> None:
     assert set(found.validity) == {"valid"}
     assert sorted(found.simulations) == list(range(1, 9))
     assert found.calls.iloc[-1] == FOUND["calls"]
+    other = agentflow.Run(ROOT / "runs" / "language-model-jumping").to_frame()
+    for numbers in ("score", "verified", "tokens"):
+        assert other[numbers].dtype.kind in "fi", numbers
 
 
 def test_curves_rise_with_what_is_spent() -> None:

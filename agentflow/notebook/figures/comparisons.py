@@ -1,0 +1,115 @@
+"""Views that compare conditions: scores, ranks, validity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agentflow.errors import UsageError
+from agentflow.metrics.intervals import bootstrap_band, wilson
+from agentflow.notebook.figures.data import LEVELS
+from agentflow.notebook.figures.panels import add_legend, panels_of
+from agentflow.notebook.figures.rows import Datum
+from agentflow.notebook.figures.style import Look, looks, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def draw_scores(rows: Sequence[Datum]) -> Figure:
+    figure, panels, shown = panels_of(rows)
+    for axis, conditions in panels:
+        for place, (name, its) in enumerate(conditions.items()):
+            scores, look = np.array([row.y for row in its]), shown[name]
+            axis.scatter(
+                _spread(place, len(scores)), scores, s=14, marker=look.mark,
+                facecolors="none", edgecolors=look.color, linewidths=0.8, label=name,
+            )  # fmt: skip
+            _mean_with_interval(axis, place, scores, look)
+        axis.set_xticks(range(len(conditions)), list(conditions), rotation=20, ha="right")
+        axis.set_xlim(-0.6, len(conditions) - 0.4)
+        axis.grid(visible=False, axis="x")
+        axis.set_ylabel(" or ".join(sorted({row.measure for row in rows})))
+    return figure
+
+
+def _spread(place: float, count: int) -> NDArray[np.float64]:
+    """Places beside each other, so that equal scores do not hide one another."""
+    reach = min(0.03 * (count - 1), 0.25)
+    return np.linspace(place - reach, place + reach, count, dtype=np.float64)
+
+
+def _mean_with_interval(axis: Any, place: float, values: NDArray[np.float64], look: Look) -> None:
+    band = bootstrap_band(values[:, None])
+    mean = values.mean()
+    reach = [[mean - band[0][0]], [band[1][0] - mean]] if band is not None else None
+    axis.errorbar(
+        place, mean, yerr=reach, fmt=look.mark, color=look.color, markersize=6, capsize=3,
+        elinewidth=1.2, markeredgecolor="white", markeredgewidth=0.6, zorder=3,
+    )  # fmt: skip
+
+
+def draw_ranks(rows: Sequence[Datum]) -> Figure:
+    names = list(dict.fromkeys(row.condition for row in rows))
+    if len(names) < 2:
+        raise UsageError("ranks compare conditions: name a sweep with an axis, or several runs")
+    ranks = mean_ranks(rows, names)
+    if not len(ranks):
+        raise UsageError("ranks need a task and a seed that every condition has")
+    means, band, shown = ranks.mean(axis=0), bootstrap_band(ranks), looks(names)
+    figure, [axis] = new_figure(1, (3.3, 0.9 + 0.3 * len(names)))
+    order = np.argsort(means)[::-1]
+    for height, index in enumerate(order):
+        look = shown[names[index]]
+        if band is not None:
+            axis.hlines(height, band[0][index], band[1][index], color=look.color, linewidth=1.4)
+        axis.plot(means[index], height, look.mark, color=look.color, markersize=6)
+    axis.set_yticks(range(len(names)), [names[index] for index in order])
+    axis.set_ylim(-0.6, len(names) - 0.4)
+    axis.set_xlim(0.8, len(names) + 0.2)
+    axis.grid(visible=False, axis="y")
+    axis.set_xlabel(f"mean rank over {len(ranks)} tasks and seeds (1 is best)")
+    return figure
+
+
+def mean_ranks(rows: Sequence[Datum], names: Sequence[str]) -> NDArray[np.float64]:
+    """The rank of each condition (columns) at each task and seed that all of them have (rows).
+
+    Conditions with equal scores share the mean of their ranks.
+    """
+    scores: dict[tuple[str, int], dict[str, float]] = {}
+    for row in rows:
+        scores.setdefault((row.task, row.seed), {})[row.condition] = row.y
+    whole = [[its[n] for n in names] for its in scores.values() if its.keys() >= {*names}]
+    table = np.array(whole).reshape(-1, len(names))
+    better = (table[:, None, :] > table[:, :, None]).sum(axis=2)
+    equal = (table[:, None, :] == table[:, :, None]).sum(axis=2)
+    ranks: NDArray[np.float64] = better + (equal + 1) / 2
+    return ranks
+
+
+def draw_validity(rows: Sequence[Datum]) -> Figure:
+    figure, panels, shown = panels_of(rows)
+    levels = [level for level in LEVELS if any(row.measure == level for row in rows)]
+    for axis, conditions in panels:
+        for index, (name, its) in enumerate(conditions.items()):
+            look, shift = shown[name], (index - (len(conditions) - 1) / 2) * 0.12
+            for place, level in enumerate(levels):
+                count = sum(int(row.y) for row in its if row.measure == level)
+                trials = sum(int(row.x or 0) for row in its if row.measure == level)
+                share, interval = count / trials, wilson(count, trials)
+                assert interval is not None
+                reach = [[share - interval.low], [interval.high - share]]
+                axis.errorbar(
+                    place + shift, share, yerr=np.abs(reach), fmt=look.mark, color=look.color,
+                    capsize=2, elinewidth=1, label=name if place == 0 else None,
+                )  # fmt: skip
+        axis.set_xticks(range(len(levels)), levels, rotation=20, ha="right")
+        axis.set_ylim(-0.03, 1.03)
+        axis.grid(visible=False, axis="x")
+        axis.set_ylabel("share of trajectories")
+    add_legend(figure, panels[0][0], shown)
+    return figure
