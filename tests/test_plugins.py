@@ -75,7 +75,7 @@ print("judge" in model_roles(), stage_of("judge"))
 """
     assert python(code, cwd=tmp_path).split() == [
         *("judge", "plain", "absent", "toy", "rolling"),
-        *("run_count", "terse", "eager", "judged", "rolling"),
+        *("run_count", "terse", "dealer", "eager", "judged", "rolling"),
         *("True", "env_feedback"),
     ]
 
@@ -125,6 +125,16 @@ def test_a_run_made_of_toys(run: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_strategy_that_deals_the_whole_budget_gets_its_options(tmp_path: Path) -> None:
+    code = """
+from agentflow.search.settings import SearchSettings
+from agentflow.search.strategies import pooled
+print([pooled(SearchSettings(strategy="dealer", options=o)).most for o in ({}, {"most": 3})])
+"""
+    assert python(code, cwd=tmp_path) == "[1, 3]\n"
+
+
+@pytest.mark.slow
 def test_a_role_without_templates_costs_no_call(tmp_path: Path) -> None:
     design = ("design", "--task", "rolling", "--workflow", "judged", "--quiet")
     assert python(MAIN, *design, cwd=tmp_path, status=2).startswith(
@@ -144,6 +154,10 @@ def test_options_of_a_strategy_and_what_it_raises(tmp_path: Path) -> None:
         "agentflow: settings.search.options of eager: unknown option 'flor'; known: floor, rates\n"
     )
     assert not (tmp_path / "runs").exists()
+    told = design("search.strategy=dealer", "search.options.most=x")
+    assert told == (
+        "agentflow: settings.search.options of dealer: most: expected a whole number, not 'x'\n"
+    )
     told = design("search.options.rates=[]")
     assert re.match(
         r"agentflow: the search strategy 'eager' \(toybox.parts:eager\) of the distribution "

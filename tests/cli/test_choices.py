@@ -12,6 +12,7 @@ from agentflow.agents.registry import ROLES
 from agentflow.app.diagnose.run import DIAGNOSTICS
 from agentflow.app.machines.formats import FORMATS as FILE_FORMATS
 from agentflow.app.pages.registry import PAGES
+from agentflow.app.plugins.scaffold import KINDS
 from agentflow.app.pools import Where
 from agentflow.app.sweeps.registry import VIEWS as SWEEP_VIEWS
 from agentflow.config.run import DesignConfig
@@ -31,6 +32,7 @@ OFFERED = {
     ("check", "form"): get_args(Form),
     ("design", "keep_rollouts"): get_args(DesignConfig.model_fields["keep_rollouts"].annotation),
     ("diagnose", "name"): tuple(DIAGNOSTICS),
+    ("new-plugin", "kind"): tuple(KINDS),
     ("plot", "view"): tuple(DRAWN),
     ("plot", "by"): tuple(LABELS),
     ("table", "show"): tuple(dict.fromkeys((*SWEEP_VIEWS, *TRAINING_VIEWS))),

@@ -22,6 +22,7 @@ from agentflow.runs.events import RunEvent
 from agentflow.runs.locations import Location
 from agentflow.search.best_of_n import best_of_n
 from agentflow.search.concurrency import run_concurrently
+from agentflow.search.pooled.pool import Choice, Pool, PooledStrategy
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
@@ -60,6 +61,22 @@ async def eager(
     """Best-of-N, but not for bad machines."""
     floor = options.floor * rng.choice(options.rates)
     return await best_of_n(root, replace(evaluation, score=floor), expand, evaluate, *rest)
+
+
+class DealerOptions(BaseModel, extra="forbid"):
+    """What a dealer can be told."""
+
+    most: int = 1
+
+
+class Dealer(PooledStrategy):
+    """Begins so many branches, and refines none."""
+
+    def __init__(self, options: DealerOptions) -> None:
+        self.most = options.most
+
+    def choose(self, pool: Pool[Any], rng: Random) -> Choice | None:  # noqa: ARG002
+        return Choice(pool.openers[0]) if len(pool.branches) < self.most else None
 
 
 @dataclass(frozen=True)
