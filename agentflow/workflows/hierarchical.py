@@ -7,17 +7,17 @@ import math
 from collections import defaultdict
 from dataclasses import replace
 
-from agentflow.agents.designer import Designer
+from agentflow.agents.designer import Designer, Drafter
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
 from agentflow.runs.events import BlueprintEvent
 from agentflow.runs.locations import INITIAL, Location
-from agentflow.search.strategies import pooled
+from agentflow.search.strategies import pooled, searches_whole_run
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.iterative import ITERATIVE
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.construction import build
-from agentflow.workflows.stages.designs import failure_reason
+from agentflow.workflows.stages.designs import design_machine, failure_reason
 from agentflow.workflows.stages.pooled import search_all
 from agentflow.workflows.stages.refinement import count_calls, design_and_refine, refine
 
@@ -46,8 +46,10 @@ async def hierarchical(run: WorkflowContext) -> WorkflowResult:
 class _Plans:
     """The blueprints of a search over the whole run, which begins more trajectories than others.
 
-    As many trajectories share one as the settings say, so that the run does not depend on one plan;
-    asked for another mechanism, the meta-designer splits the task anew for a trajectory.
+    One of `STRUCTURES` trajectories follows a plan: it takes about as many calls as the others, in
+    which one designer makes the whole machine. The meta-designer plans anew after as many
+    trajectories as the settings say, so that the run does not depend on one plan; asked for another
+    mechanism, it splits the task anew for a trajectory.
     """
 
     def __init__(self, run: WorkflowContext, first: Blueprint) -> None:
@@ -56,12 +58,14 @@ class _Plans:
         """By the first trajectory that follows it."""
         self._asking: dict[int, asyncio.Lock] = defaultdict(asyncio.Lock)
 
-    def of(self, trajectory: int) -> Blueprint:
-        """The blueprint that the first machine of a trajectory followed."""
-        return self._made[self._key(trajectory)]
+    def of(self, trajectory: int) -> Blueprint | None:
+        """The blueprint that the first machine of a trajectory followed; None for a whole one."""
+        return None if self._is_whole(trajectory) else self._made[self._key(trajectory)]
 
     async def build(self, trajectory: int) -> Candidate:
         """The first machine of a trajectory."""
+        if self._is_whole(trajectory):
+            return await design_machine(self._run, trajectory)
         key = self._key(trajectory)
         async with self._asking[key]:
             if key not in self._made:
@@ -69,6 +73,10 @@ class _Plans:
                 self._made[key] = again or self._first
         (candidate,) = await build(self._run, self._made[key], only=trajectory)
         return candidate
+
+    def _is_whole(self, trajectory: int) -> bool:
+        asked = self._run.memory.for_trajectory(trajectory).avoid
+        return not asked and (trajectory - 1) % STRUCTURES > 0
 
     def _key(self, trajectory: int) -> int:
         if self._run.memory.for_trajectory(trajectory).avoid:
@@ -97,8 +105,13 @@ def _calls(settings: WorkflowSettings) -> dict[str, int]:
         return count_calls(settings)
     each = STRUCTURES * settings.candidates
     calls = count_calls(settings, each)
-    plans = math.ceil(calls[Designer.name] / each / settings.trajectories)
-    return {MetaDesigner.name: plans, **calls}
+    if not searches_whole_run(settings.search):
+        return {MetaDesigner.name: 1, **calls}
+    begun = calls[Designer.name] // each
+    planned = math.ceil(begun / STRUCTURES)
+    designs = planned * each + begun - planned
+    first = {role: designs for role in (Designer.name, Drafter.name) if role in calls}
+    return {MetaDesigner.name: math.ceil(begun / settings.trajectories), **calls, **first}
 
 
 HIERARCHICAL = replace(ITERATIVE, name="hierarchical", stages=hierarchical, calls=_calls)

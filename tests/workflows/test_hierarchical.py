@@ -351,7 +351,8 @@ async def test_unscored_machines_are_never_best() -> None:
 
 
 async def test_a_search_over_the_whole_run_plans_anew_for_more_trajectories() -> None:
-    """Three of them share a plan; one that is not valid is replaced by the first one."""
+    """One of four follows a plan, which three in a row share; one that is not valid is replaced by
+    the first one. One designer makes each of the other machines."""
     author = Author(refused=0.0)
 
     def answer(request: Request) -> Reply:
@@ -362,13 +363,18 @@ async def test_a_search_over_the_whole_run_plans_anew_for_more_trajectories() ->
     result = await run()
     many = len(result.stages[0].candidates)
     plans = [label for label in run.labels if label.startswith("meta_designer")]
-    firsts = [1, 4, 7, *range(10, many + 1, 3)]
+    planned = range(1, many + 1, 4)
+    firsts = [number - (number - 1) % 3 for number in planned]
     assert [label.split("/")[1] for label in plans if label.endswith("attempt-1")] == [
         "attempt-1",
         *(f"traj-{first}" for first in firsts[1:]),
     ]
+    built = {
+        int(label.split("traj-")[1].split("/")[0]) for label in run.labels if "structure" in label
+    }
+    assert built == set(planned)
     invalid = {c.trajectory for c in result.stages[0].candidates if c.machine is None}
-    assert invalid == {7}, "its designers give no machine either; those of 8 and 9 do"
+    assert invalid == {7}, "its designer gives no machine either; those of 9 do without its plan"
 
 
 async def test_no_rounds_skip_a_search_over_the_whole_run() -> None:

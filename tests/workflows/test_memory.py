@@ -51,7 +51,7 @@ async def test_what_is_shared_does_not_depend_on_the_order_of_answers(
     for seed in range(2):
         delays = random.Random(seed)
         settings = with_strategy(strategy, local_trials=2 * (name == "iterative"))
-        run = Run(Author(seed=4), settings, shelf=Classified(delays=delays), delays=delays)
+        run = Run(Author(seed=5), settings, shelf=Classified(delays=delays), delays=delays)
         result = await run(name)
         prompts = {request.label: request.messages for request in run.client.requests}
         seen.append((result, run.notes.events, prompts))

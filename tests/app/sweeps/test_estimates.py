@@ -48,10 +48,10 @@ def test_token_estimates_match_the_recorded_run() -> None:
 @pytest.mark.parametrize(
     ("document", "calls", "rollouts"),
     [
-        ({}, 5 + 160 + 68 + 68, 8 * 22),
+        ({}, 5 + 10 * 4 + 30 + 68 + 68, 8 * 22),
         ({"settings": {"search": MCTS}}, 1 + 32 + 8 + 8 * 5 + 8 * 21, 8 * 22),
         ({"settings": {"meta_designer": "off"}}, 40 + 68 + 68, 176),
-        ({"settings": {"inspector": False, "querier": False}}, 5 + 160 + 68, 176),
+        ({"settings": {"inspector": False, "querier": False}}, 5 + 70 + 68, 176),
         ({"settings": {"inspector": False, "search": MCTS}}, 1 + 32 + 40 + 168, 176),
         ({"settings": {"search": {"strategy": "random"}}}, 1 + 32 + 8 + 40 + 48, 56),
         ({"settings": {"search": {"rounds": 0}}}, 1 + 32 + 8 + 8, 16),
