@@ -50,6 +50,7 @@ def connect(workers: int) -> None:
     address = os.environ.get(ADDRESS) or None
     if address is not None:
         _require_answer(address)
+        _send_token()
         # Ray tries 20 times, a minute each, where something else answers; it has no public setting.
         ray._private.ray_constants.NUM_REDIS_GET_RETRIES = 1
     here = {"num_cpus": workers, "object_store_memory": OBJECTS, "include_dashboard": False}
@@ -64,6 +65,19 @@ def connect(workers: int) -> None:
         raise refusal(address, error) from error
     # Without a public switch, Ray prints on standard output which of its processes have died.
     ray._private.worker._worker_logs_enabled = False
+
+
+def _send_token() -> None:
+    """Send the token of this user, if there is one and RAY_AUTH_MODE says nothing else.
+
+    `ray start` asks for it then, without further notice, and Ray writes one whenever it starts a
+    cluster for one process alone. Ray has no public function for this.
+    """
+    with suppress(ImportError):  # earlier versions
+        from ray._private.authentication import authentication_token_setup as tokens
+
+        tokens.logger.setLevel(logging.ERROR)
+        tokens.maybe_enable_token_auth_if_token_available(warn_if_disabled=False)
 
 
 def _require_answer(address: str) -> None:
@@ -144,17 +158,25 @@ async def watch_cluster() -> NoReturn:
     head, own = context.gcs_address, context.get_node_id()
     (node,) = (each for each in ray.nodes() if each["NodeID"] == own)
     here = f"{node['NodeManagerAddress']}:{node['NodeManagerPort']}"
-    watched = {
-        head: f"the head of the Ray cluster, {head}, no longer answers: start the cluster",
-        here: f"Ray no longer answers on this computer ({here}): start it here",
-    }
+    await watch(
+        {
+            head: f"the head of the Ray cluster, {head}, no longer answers: start the cluster",
+            here: f"Ray no longer answers on this computer ({here}): start it here",
+        }
+    )
+
+
+async def watch(
+    watched: Mapping[str, str], beat: float = BEAT, silence: float = SILENCE
+) -> NoReturn:
+    """Wait until an address has not answered for some seconds; raise its problem as RunError."""
     heard = dict.fromkeys(watched, time.monotonic())
     while True:
-        await asyncio.sleep(BEAT)
+        await asyncio.sleep(beat)
         for address in await _answering(watched):
             heard[address] = time.monotonic()
         for address, problem in watched.items():
-            if time.monotonic() - heard[address] > SILENCE:
+            if time.monotonic() - heard[address] > silence:
                 raise RunError(
                     f"{problem}, then this command again (design and sweep with --resume)"
                 )

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
+import os
 import socket
+import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 
 from agentflow.app.pools import pools_on
 from agentflow.cli import main
 from agentflow.env.pool.pool import RolloutPool
-from agentflow.errors import ConfigError
+from agentflow.errors import ConfigError, RunError
 from agentflow.extras import install
 
 
@@ -101,6 +106,67 @@ def test_a_cluster_with_another_ray() -> None:
         "the Ray cluster at RAY_ADDRESS=10.0.0.1:6379 has Ray 2.9.0, Python 3.9.1, this process "
         f"Ray {ray.__version__}, Python {ours}: install the same versions on all nodes"
     )
+
+
+@pytest.mark.cluster
+async def test_an_address_that_no_longer_answers_is_named() -> None:
+    from agentflow.cluster.connection import watch
+
+    servers = [await asyncio.start_server(hang_up, "127.0.0.1", 0) for _ in range(2)]
+    head, here = (f"127.0.0.1:{server.sockets[0].getsockname()[1]}" for server in servers)
+    watching = asyncio.create_task(watch({head: "no head", here: "not here"}, 0.01, 0.2))
+    await asyncio.sleep(0.5)
+    assert not watching.done()
+    servers[1].close()
+    with pytest.raises(RunError) as error:
+        await watching
+    servers[0].close()
+    assert str(error.value) == (
+        "not here, then this command again (design and sweep with --resume)"
+    )
+
+
+async def hang_up(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    writer.close()
+
+
+@pytest.mark.cluster
+def test_what_ray_cannot_end_holds_nobody_up() -> None:
+    from agentflow.cluster.connection import let_go
+
+    begun, may_end = threading.Event(), threading.Event()
+
+    def end_nothing(name: str) -> None:
+        begun.set()
+        may_end.wait(60)
+        raise RuntimeError(name)
+
+    let_go(end_nothing, "worker")
+    assert begun.wait(60)
+    may_end.set()
+
+
+@pytest.mark.cluster
+@pytest.mark.slow
+@pytest.mark.parametrize(("mode", "sent"), [(None, "token"), ("disabled", "disabled")])
+def test_the_token_that_ray_start_asks_for_is_sent(
+    mode: str | None, sent: str, tmp_path: Path
+) -> None:
+    (tmp_path / ".ray").mkdir()
+    (tmp_path / ".ray" / "auth_token").write_text("0123456789abcdef" * 3)
+    code = (
+        "import os; from agentflow.cluster.connection import _send_token; _send_token(); "
+        "print(os.environ['RAY_AUTH_MODE'])"
+    )
+    variables = {"HOME": str(tmp_path), "PATH": os.environ["PATH"], "PYTHONPATH": os.getcwd()}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=variables | ({"RAY_AUTH_MODE": mode} if mode else {}),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert (done.stdout, done.stderr) == (f"{sent}\n", "")
 
 
 def test_one_machine_needs_no_cluster(capsys: pytest.CaptureFixture[str]) -> None:

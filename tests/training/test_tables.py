@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import re
+import shutil
 from itertools import combinations
 from pathlib import Path
 from statistics import fmean
@@ -195,3 +196,15 @@ def test_what_cannot_be_compared_is_refused(
     assert f"{one} and {same} are the same evaluation" in refusal(one, same)
     (one / "samples.jsonl").write_text('{"task": 3}\n')
     assert f"{one / 'samples.jsonl'}, line 1 is damaged: task " in refusal(one)
+
+
+def test_an_evaluation_without_its_engine_is_damaged(
+    learned: Path, tmp_path: Path, capsys: Captured
+) -> None:
+    folder = tmp_path / "rl"
+    shutil.copytree(learned / "evaluations" / "rl", folder)
+    about = json.loads((folder / "evaluation.json").read_text())
+    del about["conditions"]["engine"]
+    (folder / "evaluation.json").write_text(json.dumps(about))
+    assert main(["table", str(folder)]) == 2
+    assert "evaluation.json is damaged: conditions: it lacks engine" in capsys.readouterr().err

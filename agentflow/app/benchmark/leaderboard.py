@@ -7,7 +7,7 @@ from pathlib import Path
 
 from agentflow.app.benchmark.card import ItemResult, Mean, Scorecard, read_card
 from agentflow.env.tasks.records import other_recorders
-from agentflow.errors import UsageError
+from agentflow.errors import RunError, UsageError
 from agentflow.metrics.formats import number
 from agentflow.metrics.intervals import Interval, missing_scipy
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
@@ -51,7 +51,16 @@ def read_cards(paths: Sequence[Path]) -> list[Scorecard]:
                 f"{' and '.join(different)}; make both with the same version of the benchmark and "
                 "of agentflow"
             )
+        if _contents(card) != _contents(first):
+            raise RunError(
+                f"{path} has other items or families than {paths[0]}, which is of the same "
+                "benchmark; make it again with: agentflow benchmark"
+            )
     return sorted(cards, key=lambda card: (not card.complete, -(card.total.refined.mean or 0.0)))
+
+
+def _contents(card: Scorecard) -> tuple[list[str], list[str]]:
+    return list(card.families), [item.item for item in card.items]
 
 
 def leaderboard(cards: Sequence[Scorecard]) -> tuple[Table, ...]:

@@ -177,6 +177,17 @@ def test_a_lite_card_beside_a_whole_one_says_what_to_run(tmp_path: Path) -> None
         )
 
 
+def test_forged_cards_without_what_others_have_are_refused(tmp_path: Path) -> None:
+    a, b = written(tmp_path, "a", GOOD), written(tmp_path, "b", card("x", *POOR.items[:1]))
+    with pytest.raises(AgentflowError, match="has other items or families than"):
+        read_cards([a, b])
+    content = json.loads(a.read_text())
+    del content["conditions"]["engine"]
+    a.write_text(json.dumps(sealed(content)))
+    with pytest.raises(AgentflowError, match="is damaged: conditions"):
+        read_card(a)
+
+
 def test_damaged_and_edited_cards_say_what_to_change(tmp_path: Path) -> None:
     path = written(tmp_path, "card", GOOD)
     content = json.loads(path.read_text())
