@@ -18,6 +18,7 @@ from agentflow.runs.events import (
     EditEvent,
     EvaluationEvent,
     ExpandEvent,
+    LocalTrialsEvent,
     NodeEvent,
     RunEvent,
     ToolEvent,
@@ -121,6 +122,8 @@ class Lineage:
     """Machine -> locations of the calls that made it."""
     _scripts: dict[str, str] = field(default_factory=dict)
     """Label of a call -> the edits in its reply."""
+    _tried: dict[str, str] = field(default_factory=dict)
+    """Machine of a local trial -> the edit that made it."""
     _tools: _ToolNodes = field(default_factory=_ToolNodes)
 
     @classmethod
@@ -143,6 +146,8 @@ class Lineage:
             self._add_refused(event)
         elif isinstance(event, NodeEvent):
             self._add_node(event)
+        elif isinstance(event, LocalTrialsEvent):
+            self._tried |= {trial.machine: trial.edit for trial in event.trials}
         elif isinstance(event, EditEvent):
             self._add_edit(event)
         elif isinstance(event, ToolEvent):
@@ -255,7 +260,7 @@ class Lineage:
             valid=valid,
             status=known.status if known else "",
             broken=bool(known and known.broken),
-            edit=self._script(calls),
+            edit=self._script(calls) or self._tried.get(machine, ""),
             calls=calls,
         )
 

@@ -13,6 +13,9 @@ from agentflow.runs.events import (
     ExpandAttempt,
     ExpandEvent,
     FirstAttempt,
+    LocalTrial,
+    LocalTrialsEvent,
+    NodeEvent,
     RunEvent,
     ToolEvent,
     read_typed_events,
@@ -177,3 +180,20 @@ def test_machines_that_tools_made() -> None:
     assert [node.kind for node in nodes] == ["env_feedback", "env_feedback", "refused"]
     assert nodes[1].edit == "Remove 3"
     assert {node.calls for node in nodes} == {("agent/env_feedback/attempt-1",)}
+
+
+def test_the_machine_of_a_local_trial_is_shown_with_its_edit() -> None:
+    search = "env_feedback/traj-1"
+    trial = LocalTrial("Remove 2", "better", 3.0)
+    events: list[RunEvent] = [
+        tried("initial/traj-1", "first", 1.0),
+        tried(f"{search}/candidate-1/node-0", "better", 3.0),
+        LocalTrialsEvent(Location.parse(f"{search}/node-0"), "first", 1.0, (trial,), "told"),
+        tried(f"{search}/node-1", "better", 3.0),
+        NodeEvent(
+            Location.parse(f"{search}/node-1"), 1, 0, "candidate-1/node-0", "better", True, 3.0
+        ),
+    ]
+    first, better = Lineage.of(events).finish("better")
+    assert (better.parent, better.edit, better.score) == (first.id, "Remove 2", 3.0)
+    assert (better.best, first.lead) == (True, True)

@@ -18,8 +18,6 @@ from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Attempt, C, Node
 from agentflow.search.tree import Growth, SearchTree
 
-BESIDES = "besides"
-"""Who made a child that nobody was asked for."""
 PATIENCE = 10
 """Rounds in a row that evaluate nothing new, after which a search ends."""
 
@@ -75,6 +73,8 @@ class Pool(Generic[C]):
         """
         self.openers, self.arms, self.most_branches = tuple(openers), tuple(arms), most_branches
         self.branches: list[Branch[C]] = []
+        self.besides = "besides"
+        """Who made a child that no arm was asked for."""
         self.used = 0.0
         """Share of the budget that was used before this round, from 0 to 1."""
 
@@ -215,7 +215,7 @@ async def _grow(
         growth = tree.number(parent, round_, attempts, fallback=False)
         growths.append(growth)
         for id_, (_, label) in zip(growth.ids, growth.new, strict=True):
-            branch.arms[id_] = asker.arms.get(label, BESIDES)
+            branch.arms[id_] = asker.arms.get(label, pool.besides)
     trees = [tree for _, tree, _, _ in grown]
     evaluated = await run_concurrently(
         run_concurrently(tree.evaluations(growth))
