@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import mujoco
+import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
@@ -78,3 +79,31 @@ def test_all_work_that_is_told_adds_up(
     assert turnover > 50.0
     assert own == pytest.approx(outside, abs=0.01 * turnover)
     assert own + inside == pytest.approx(gained, abs=0.01 * turnover)
+
+
+def test_contacts_are_where_the_engine_stores_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are copied from its memory, whose address no interface promises to stay the same while
+    contacts come and go, and in the next model."""
+    seen: list[tuple[list[list[int]], list[list[float]]]] = []
+
+    def step1(model: Any, data: Any) -> None:
+        seen.append((data.contact.geom.tolist(), data.contact.pos.tolist()))
+        mujoco.mj_step1(model, data)
+
+    machine, level = load("rotor_of_rods.json"), get_task("movement", engine="mujoco")
+    assembly = assemble(machine, place(machine), constants())
+    world = MuJoCoEngine().build(assembly, level.scene(machine), RATE)
+    monkeypatch.setattr(module, "mujoco", SimpleNamespace(mj_step1=step1, mj_step2=mujoco.mj_step2))
+    world.switch("motors", 1.0)
+    counts = set()
+    for step in range(240):
+        if step == 120:
+            world.split([0])
+        world.step()
+        geoms, places = seen[-1]
+        found = world.now.contacts._found
+        counts.add(len(found))
+        assert found[:, world.now.contacts._geoms].tolist() == geoms
+        stored = found[:, world.now.contacts._place].copy().view(np.float64).tolist()
+        assert stored == places
+    assert len(counts) > 3
