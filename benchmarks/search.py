@@ -23,6 +23,7 @@ from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.node import Attempt, Evaluation, Node
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import SearchSettings
+from agentflow.search.strategies import deals_budget
 
 Point = tuple[int, int]
 REFUSED = 0.3
@@ -105,7 +106,7 @@ def main() -> None:
     options = parser.parse_args()
     equal = SearchSettings(rounds=options.rounds, width=options.width)
     longer = equal.model_copy(update={"rounds": options.rounds * options.width})
-    ways = [(name, name, equal) for name in STRATEGIES]
+    ways = [(name, name, equal) for name in STRATEGIES if not deals_budget(name)]
     ways.append((f"random x{options.width}", "random", longer))
     print(f"{options.seeds} seeds; mean (standard error) of the result, mean of the best candidate")
     print(
