@@ -189,6 +189,12 @@ class Bench:
             DamagedError: The recorded call is none that a bench could have answered.
         """
         self._calls = max(self._calls, event.location.call)
+        try:
+            await self._repeat(event, load)
+        except RefusedCall as error:
+            raise DamagedError(f"the recorded call {event.label} is damaged: {error}") from None
+
+    async def _repeat(self, event: RunEvent, load: Callable[[str], Machine]) -> None:
         workspace, location = self._workspace, event.location
         if isinstance(event, EvaluationEvent) and location.call:
             await workspace.simulate([load(event.machine)], location)
@@ -196,13 +202,7 @@ class Bench:
             await workspace.host.query(load(event.machine), event.queries, location)
         elif isinstance(event, ToolEvent):
             if event.machine:
-                machine = load(event.machine)
-                try:
-                    self._take_over(event, machine)
-                except RefusedCall as error:
-                    raise DamagedError(
-                        f"the recorded call {event.label} is damaged: {error}"
-                    ) from None
+                self._take_over(event, load(event.machine))
             workspace.host.note(event)
 
     def _take_over(self, event: ToolEvent, machine: Machine) -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.errors import RunError
+from agentflow.errors import DamagedError, RunError
+from agentflow.machine import library, read_machine
 from agentflow.machine.tree import Machine
 from agentflow.runs import Event
-from agentflow.runs.events import RunEvent, typed_event
+from agentflow.runs.events import EvaluationEvent, RunEvent, typed_event
+from agentflow.runs.locations import Location
 from agentflow.tools import Bench
 from tests.tools.benches import CAR, open_bench
 
@@ -93,3 +95,14 @@ async def test_a_forged_call_is_damage(change: dict[str, object]) -> None:
     async with open_bench(stage="initial", rollouts=None) as (second, _):
         with pytest.raises(RunError, match="call-2 is damaged"):
             await repeat(second, events, machines)
+
+
+async def test_more_simulations_than_a_stage_may_make_are_damage() -> None:
+    car = read_machine(CAR, tuple(library())).machine
+    assert car is not None
+    again = EvaluationEvent(
+        Location("env_feedback", trajectory=1, call=1), car.digest, True, 1.0, "ok", (), None
+    )
+    async with open_bench(rollouts=0) as (bench, _):
+        with pytest.raises(DamagedError, match=r"call-1 is damaged: all 0 simulations are used"):
+            await bench.repeat(again, lambda _: car)
