@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -61,7 +62,15 @@ def executed(path: Path, folder: Path) -> None:
     shutil.copytree(ROOT / "runs" / "recorded-throwing", folder / "runs" / "recorded-throwing")
     copy = Path(shutil.copy(path, place))
     command = [sys.executable, "-c", EXECUTE, copy.name]
-    done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+    path_of_ours = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    done = subprocess.run(
+        command,
+        cwd=place,
+        env={**os.environ, "PATH": path_of_ours},  # lines with ! find this agentflow
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr[-3000:]
     cells = [cell for cell in content(copy)["cells"] if cell["cell_type"] == "code"]
     outputs = [output for cell in cells for output in cell["outputs"]]
