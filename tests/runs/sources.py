@@ -19,7 +19,7 @@ from agentflow.app.design.run import DesignRun, RunOptions, design, resume
 from agentflow.app.diagnose.run import diagnose
 from agentflow.app.subjects.rescore import rescore
 from agentflow.cli import main
-from agentflow.cli.display.live import watch
+from agentflow.cli.display.live import print_remark, watch
 from agentflow.cli.display.show_runs import show_rescored, show_result
 from agentflow.config.run import build_config
 from agentflow.env.pool.pool import RolloutPool
@@ -100,7 +100,7 @@ def read_run(run: Path, pool: InProcess, out: Path) -> dict[str, Reader]:
             study=("study", "metrics", run),
         ),
         "rescore": lambda: show_rescored(rescore(run, pool=pool)),
-        "replay": lambda: replay(run, print, pool=pool),
+        "replay": lambda: replay(run, print_remark, pool=pool),
         "resume": resume_run,
         "studio": lambda: json.dumps(Listing(RunFolder(run.parent)).rows(), allow_nan=False),
         "rationales": lambda: with_rationales(rationales()),
