@@ -87,7 +87,7 @@ NUMBERS: tuple[tuple[str, float], ...] = (
     (r"N search strategies", len(STRATEGIES.ours)),
     (r"`max_retry` attempts in total \(default: N\)", CONFIG.max_retry),
     (r"(?:asks the model|cogs on a given plate) N times", SETTINGS.placements),
-    (r"one after another, in N trajectories", SETTINGS.trajectories),
+    (r"plans anew after every N\b", SETTINGS.trajectories),
     (r"revises it in N rounds", SETTINGS.search.rounds),
     (r"requests? N edits", SETTINGS.search.width),
     (r"N strategies with \d+ rounds each", len(sweep("search_strategy")["axes"]["condition"])),
