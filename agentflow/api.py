@@ -250,7 +250,7 @@ def sweep(
         config: A sweep file (those that ship have short names, such as "inspector"), or a sweep
             directory to continue, or its content as a mapping, or a grid: keys of the configuration
             and knobs, each with one value for all runs or with a list of values to compare, as in
-            `{"task": "throwing", "search.strategy": ["mcts", "random"]}`. The key `answer` compares
+            `{"task": "throwing", "search.rounds": [0, 5]}`. The key `answer` compares
             functions: `{"answer": [first, second]}`.
         answer: Your own function that answers every request of every run. Requests say for which
             run they are: `run` and `run_seed`.

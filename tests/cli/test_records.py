@@ -66,6 +66,8 @@ def test_a_damaged_run_does_not_hide_the_others(tmp_path: Path, capsys: Captured
 def test_a_finished_run_that_is_resumed_keeps_every_byte(tmp_path: Path, capsys: Captured) -> None:
     run = tmp_path / "run"
     shutil.copytree(RECORDED, run)
+    for picture in ("best.png", "best.gif"):  # the recorded run has none, to be small
+        (run / picture).write_bytes(b"drawn")
     before = contents(run)
     out = shown(capsys, "design", "--resume", str(run), "--json", "--quiet")
     result = read_result(RECORDED).to_json()

@@ -92,7 +92,7 @@ def design(
 ) -> None:
     """Design a machine for a task and draw the best one found.
 
-    Resuming a finished run prints its result and changes no file.
+    Resuming a finished run prints its result, and draws its pictures if they are missing.
     """
     from agentflow.app.design import run
     from agentflow.app.design.config import load_config
