@@ -5,7 +5,7 @@
 
 Simulates random machines of all tasks, and the machines of `tests/machines`, on every installed
 engine, and keeps of each rollout a hash of its digest, score, terms and breakages; one of contacts
-and loads; one of what is told about it. `compare` goes through them in the opposite order, prints
+and loads; one of the texts about it. `compare` goes through them in the opposite order, prints
 which differ, and has the exit status 1 if any of the first two do.
 """
 

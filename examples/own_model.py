@@ -16,7 +16,7 @@ CAR = json.loads((Path(__file__).parent / "car.json").read_text())
 def answer(request: agentflow.Request) -> str:
     """Answer one request; `request.role` is designer, refiner, ..."""
     prompt = request.messages[-1].text
-    print(f"{request.label}: a prompt of {len(prompt)} characters")
+    print(f"{request.label}: a prompt of {len(prompt)} characters\n", end="")  # two threads print
     return f"A car.\n```json\n{json.dumps(CAR)}\n```"
 
 

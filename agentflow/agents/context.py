@@ -41,7 +41,7 @@ class OtherMachine:
     machine: Machine
     score: float | None
     mechanism: str
-    """Class of its mechanism: drive / hold / lets go."""
+    """Class of its mechanism: what drives, what holds, what releases."""
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ def _read(book: Path, number: int, line: bytes) -> tuple[str, str]:
     if not isinstance(task, str) or not isinstance(lesson, str):
         raise UsageError(
             f"line {number} of {book} is not a lesson: it must be a JSON object with task and "
-            "lesson, both text; mend or remove it"
+            "lesson, both text; correct or remove it"
         )
     shown = "".join(letter if letter.isprintable() else " " for letter in lesson)
     return task, " ".join(shown.split())[:LONGEST]

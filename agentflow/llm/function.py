@@ -27,7 +27,7 @@ class FunctionClient:
         self._of = {"run": run, "run_seed": seed}
 
     def of_run(self, run: str, seed: int) -> FunctionClient:
-        """The same function, which is told for which run it answers."""
+        """The same function, which knows for which run it answers."""
         return FunctionClient(self._answer, self.name, run, seed)
 
     async def complete(self, request: Request) -> Reply:

@@ -15,8 +15,8 @@ from agentflow.machine.tree import Machine, Step
 
 
 def likeness(machine: Machine, brief: Brief) -> str:
-    """A key that machines share which can be told apart by the ids of their blocks only, or, where
-    the task does not tell left from right, are mirror images.
+    """A key that machines share if they differ in the ids of their blocks only, or, where the task
+    does not tell left from right, if they are mirror images.
 
     A machine with a motor that turns something is not its mirror image: the motor turns the other
     way there. Powered wheels are, as they drive forward on either side.

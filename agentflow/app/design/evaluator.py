@@ -59,7 +59,7 @@ class PhysicsEvaluator:
         good: float | None = None,
         record: float | None = None,
     ) -> None:
-        """Rollouts take random perturbations and gusts from `seed`; agents are told the good score
+        """Rollouts take random perturbations and gusts from `seed`; agents learn the good score
         and the record.
 
         With the objectives `robust` and `pareto`, the value of an evaluation is the robust score.
@@ -82,7 +82,7 @@ class PhysicsEvaluator:
         self.worker_seconds = 0.0
         """Time that workers spent on them."""
         self._verified: dict[str, Told] = {}
-        """What agents were told of verified machines, by digest."""
+        """What agents have read of verified machines, by digest."""
         self._pictures: dict[str, asyncio.Task[str]] = {}
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:  # noqa: ARG002

@@ -252,7 +252,7 @@ class DesignRun:
 
     @property
     def _client(self) -> Client | None:
-        """What answers in place of the models; functions are told for which run."""
+        """What answers in place of the models; functions learn for which run."""
         client = self.options.client
         if isinstance(client, FunctionClient):
             return client.of_run(self.directory.path.name, self.plan.config.seed)

@@ -68,7 +68,7 @@ def draw_missing(path: Path) -> dict[str, str]:
                 render_run(path, file)
     except AgentflowError as error:
         raise RunError(
-            f"{error}; the run is complete, and once this is mended its pictures are drawn with: "
+            f"{error}; the run is complete, and once this is repaired, this draws its pictures: "
             f"agentflow design --resume {quote(str(path))}"
         ) from error
     return {NAMES[file.suffix]: str(file) for file in files}

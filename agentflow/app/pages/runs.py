@@ -96,6 +96,7 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
         workers: Worker processes for simulation.
         say: Receives progress.
     """
+    read_document(path)  # a folder that is not a run is named before the place of its page
     require_writable(out)
     write_page(out, *asyncio.run(run_page(path, films=films, workers=workers, say=say)))
     return out

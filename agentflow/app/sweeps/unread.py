@@ -12,7 +12,7 @@ UNREAD = frozenset(
         *(f"model.sampling.{name}" for name in ("temperature", "top_p", "max_tokens")),
     }
 )
-"""Keys, without `settings.`, that change what a model is told or how it is sampled: the procedural
+"""Keys, without `settings.`, that change what a model reads or how it is sampled: the procedural
 model writes the same machines whatever they are."""
 
 

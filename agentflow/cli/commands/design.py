@@ -65,7 +65,7 @@ def design(
         Path | None,
         typer.Option(
             help="Show designers and refiners what earlier runs at the task have written in this "
-            "file (JSON lines), and add what this run finds out."
+            "file (JSON lines), and add what this run learns."
         ),
     ] = None,
     rollouts: Annotated[

@@ -16,7 +16,7 @@ from agentflow.machine.tree import Machine
 
 Pairs = Collection[tuple[int, int]]
 MOST_FRAGMENTS, LEAST_MASS = 3, 0.5
-"""Most fragments that are told one by one: that of the root, and the heaviest, if they have at
+"""Most fragments that are listed one by one: that of the root, and the heaviest, if they have at
 least this mass, kg."""
 
 

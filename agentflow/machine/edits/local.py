@@ -42,7 +42,7 @@ def local_edits(
 ) -> list[Machine]:
     """Machines one legal edit away, all different and new: fewer if there are not as many.
 
-    Novelty comes first: the kinds of edits take turns, so that each has been tried before one is
+    Novelty comes first: the kinds of edits alternate, so that each has been tried before one is
     tried again.
 
     Args:

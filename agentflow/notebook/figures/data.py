@@ -63,7 +63,7 @@ def require_view(view: str) -> View:
 
 
 def _name_runs(sources: Sequence[Source]) -> list[PlottedRun]:
-    """The runs of all sources. Of several sweeps or folders, conditions begin with the source."""
+    """The runs of all sources; with several sweeps or folders, conditions begin with the source."""
     named = list(zip(_source_names(sources), map(_runs_of, sources), strict=True))
     together = [run for _, runs in named for run in runs]
     several = len(named) > 1 and any(len(runs) > 1 for _, runs in named)

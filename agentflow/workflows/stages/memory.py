@@ -57,7 +57,7 @@ class Known:
 
     @property
     def mechanism(self) -> str:
-        """Class of its mechanism: drive / hold / lets go."""
+        """Class of its mechanism: what drives, what holds, what releases."""
         summary: SimulationSummary = self.evaluation.details
         return summary.mechanism or UNKNOWN
 
@@ -80,7 +80,7 @@ class Memory:
     def __init__(
         self, settings: WorkflowSettings, on_reveal: Callable[[Snapshot], None] = lambda _: None
     ) -> None:
-        """Begin empty; `on_reveal` is told what is shown from now on."""
+        """Begin empty; `on_reveal` gets what is shown from now on."""
         self.shown = Snapshot()
         self.edits: list[Lesson] = []
         """What every edit did, in order."""

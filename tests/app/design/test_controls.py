@@ -64,7 +64,7 @@ def test_programs_are_revised_between_trials(level: str, tmp_path: Path) -> None
 def test_a_search_shows_all_trials_before_it(level: str, tmp_path: Path) -> None:
     Path(level).write_text(f"{LEVEL}trials: 3\n", encoding="utf-8")
     settings = {"trajectories": 1, "inspector": False, "querier": False}
-    search = {"rounds": 1, "width": 1, "request_rounds": 1}
+    search = {"strategy": "mcts", "rounds": 1, "width": 1, "request_rounds": 1}
     made = agentflow.design(
         level,
         workflow="iterative",

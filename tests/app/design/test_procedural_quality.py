@@ -12,7 +12,7 @@ from agentflow.config.run import build_config
 from agentflow.env.simulation.simulate import simulate
 from agentflow.machine import read_machine
 
-SMALL = {"trajectories": 2, "search": {"rounds": 1, "width": 2}}
+SMALL = {"trajectories": 2, "search": {"strategy": "mcts", "rounds": 1, "width": 2}}
 
 
 @pytest.mark.slow

@@ -68,8 +68,9 @@ def test_lists_the_tools_over_stdio(tmp_path: Path) -> None:
     )
     tools = json.loads(told)["tools"]
     assert [tool["name"] for tool in tools] == [
-        "brief", "check", "describe", "edit", "simulate", "query", "look", "history", "submit"
-    ]  # fmt: skip
+        *("brief", "check", "describe", "edit", "simulate", "verify", "explore_edits"),
+        *("query", "look", "history", "submit"),
+    ]
 
 
 async def test_designs_a_car_in_five_calls_over_http(
