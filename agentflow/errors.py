@@ -10,6 +10,7 @@
     │   └── PluginError         a part of another distribution failed
     ├── EndpointError           the model endpoint cannot be used             exit 4
     │   ├── UnreachableError    no answer from the base URL
+    │   │   └── SilentError     connected, but nothing comes in time
     │   ├── UnauthorisedError   401 or 403
     │   ├── ModelNotFoundError  404
     │   └── RefusedError        any other permanent failure
@@ -85,6 +86,10 @@ class EndpointError(AgentflowError):
 
 class UnreachableError(EndpointError):
     """No answer from the base URL, even after retries."""
+
+
+class SilentError(UnreachableError):
+    """The endpoint took the request, but sent nothing for too long, even after retries."""
 
 
 class UnauthorisedError(EndpointError):

@@ -6,7 +6,13 @@ from collections.abc import Mapping
 
 from pydantic import BaseModel
 
-from agentflow.errors import EndpointError, ModelNotFoundError, UnauthorisedError, UnreachableError
+from agentflow.errors import (
+    EndpointError,
+    ModelNotFoundError,
+    SilentError,
+    UnauthorisedError,
+    UnreachableError,
+)
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.endpoint.faults import TransientFault
 from agentflow.llm.endpoint.http import OpenAIClient
@@ -100,7 +106,7 @@ def _diagnose_error(
     return EndpointDiagnosis(
         model=endpoint.model,
         base_url=endpoint.base_url,
-        reachable=not isinstance(error, UnreachableError),
+        reachable=isinstance(error, SilentError) or not isinstance(error, UnreachableError),
         authorised=False if isinstance(error, UnauthorisedError) else (True if missing else None),
         model_exists=False if missing else None,
         refused=refused,

@@ -8,7 +8,7 @@ from agentflow.llm.doctor import EndpointDiagnosis, diagnose
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.settings import HttpSettings
 from tests.llm.helpers import KEY, ask
-from tests.llm.hostile import body, reply, serving
+from tests.llm.hostile import body, reply, serving, silence
 
 
 async def examined(base_url: str, key: str | None = KEY) -> EndpointDiagnosis:
@@ -50,3 +50,11 @@ async def test_problems_are_reported() -> None:
     assert keyless.problem == busy.problem
     assert (absent.reachable, absent.authorised) == (False, None)
     assert absent.problem.startswith(f"no answer from {url} (")
+
+
+async def test_a_slow_endpoint_is_reachable() -> None:
+    async with serving(silence) as server:
+        settings = HttpSettings(connect_s=10, idle_s=0.2)
+        found = await diagnose(Endpoint("m", server.base_url, KEY), settings, ask("hello", seed=1))
+    assert (found.reachable, found.authorised) == (True, None)
+    assert found.problem.startswith(f"no data for 0.2 s from {server.base_url}, which is connected")

@@ -8,7 +8,13 @@ import traceback
 
 import pytest
 
-from agentflow.errors import EndpointError, RefusedError, UnauthorisedError, UnreachableError
+from agentflow.errors import (
+    EndpointError,
+    RefusedError,
+    SilentError,
+    UnauthorisedError,
+    UnreachableError,
+)
 from agentflow.llm.endpoint.faults import TransientFault
 from agentflow.llm.messages import ToolCall, Usage
 from tests.llm.helpers import KEY, ask, client_for, once
@@ -165,8 +171,12 @@ async def test_lost_answers_may_be_retried(fault: str) -> None:
     async with serving(answer) as server:
         with pytest.raises(TransientFault) as caught:
             await once(server.base_url, **LIMITS.get(reason, {}))
-        assert type(caught.value.error) is UnreachableError
-        whole = rf"no (answer|complete reply) from {server.base_url} \(.*\); (.*)"
+        error, url = caught.value.error, server.base_url
+        assert type(error) is (SilentError if reason.startswith("no data") else UnreachableError)
+        whole = (
+            rf"no (answer|complete reply|data for 0\.2 s) from {url}"
+            r"(?: \(.*\)|, which is connected)[;:] (.*)"
+        )
         found = re.fullmatch(whole, str(caught.value))
         assert found
         assert reason in str(caught.value)
@@ -174,6 +184,8 @@ async def test_lost_answers_may_be_retried(fault: str) -> None:
             "answer": "check OPENAI_BASE_URL or --base-url",
             "complete reply": "the server, or a proxy before it, cut it off: check their logs and "
             "size limits",
+            "data for 0.2 s": "the model may be slow; model.endpoint.http.idle_s says how long "
+            "runs wait",
         }
         assert found[2] == advice[found[1]]
 

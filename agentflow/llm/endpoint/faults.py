@@ -13,6 +13,7 @@ from agentflow.errors import (
     EndpointError,
     ModelNotFoundError,
     RefusedError,
+    SilentError,
     UnauthorisedError,
     UnreachableError,
 )
@@ -176,6 +177,16 @@ def unreachable(endpoint: Endpoint, reason: str) -> TransientFault:
         UnreachableError(
             f"no answer from {endpoint.base_url} ({printable_excerpt(endpoint, reason)}); "
             "check OPENAI_BASE_URL or --base-url"
+        )
+    )
+
+
+def silent(endpoint: Endpoint, seconds: float) -> TransientFault:
+    """The error for a connection on which nothing comes for so many seconds."""
+    return TransientFault(
+        SilentError(
+            f"no data for {seconds:g} s from {endpoint.base_url}, which is connected: the model "
+            "may be slow; model.endpoint.http.idle_s says how long runs wait"
         )
     )
 

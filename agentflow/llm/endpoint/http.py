@@ -182,8 +182,8 @@ class OpenAIClient:
     def _unreachable(self, problem: httpx.RequestError) -> EndpointError:
         reason = str(problem) or type(problem).__name__
         if isinstance(problem, httpx.ReadTimeout):
-            reason = f"no data for {self._settings.idle_s:g} s"
-        elif isinstance(problem, httpx.ConnectTimeout):
+            return faults.silent(self._endpoint, self._settings.idle_s)
+        if isinstance(problem, httpx.ConnectTimeout):
             reason = f"no connection within {self._settings.connect_s:g} s"
         elif isinstance(problem, httpx.ConnectError) and "All connection" in reason:
             reason = "connection refused: is the server running?"
