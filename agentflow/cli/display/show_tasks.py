@@ -23,7 +23,7 @@ TASK = (
     field("window", show=lambda seconds: f"{seconds:g} s"),
     Field("good score", _good_score),
     field("record", show=lambda record: verified_text(record["verified"], record["fragile"])),
-    Field("blocks", lambda task: str(len(task["blocks"]))),
+    Field("block types", lambda task: str(len(task["blocks"]))),
     field("objective"),
 )
 LIMITS = (
