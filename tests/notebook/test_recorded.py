@@ -139,12 +139,13 @@ def test_a_damaged_run_says_which_line(tmp_path: Path) -> None:
 
 
 def test_runs_of_a_folder(tmp_path: Path) -> None:
-    assert [run.path.name for run in agentflow.load_runs(ROOT / "runs")] == [
-        "language-model-jumping",
-        "recorded-throwing",
-    ]
+    shipped = ["language-model-jumping", "recorded-throwing"]
+    for name in reversed(shipped):
+        shutil.copytree(ROOT / "runs" / name, tmp_path / "runs" / name)
+    assert [run.path.name for run in agentflow.load_runs(tmp_path / "runs")] == shipped
+    (tmp_path / "empty").mkdir()
     with pytest.raises(RunError, match="contains no run"):
-        agentflow.load_runs(tmp_path)
+        agentflow.load_runs(tmp_path / "empty")
     with pytest.raises(RunError, match="no such directory"):
         agentflow.load_runs(tmp_path / "none")
 
