@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 from agentflow.config.run import DesignConfig
@@ -56,8 +57,12 @@ def _read(book: Path, number: int, line: bytes) -> tuple[str, str]:
             f"line {number} of {book} is not a lesson: it must be a JSON object with task and "
             "lesson, both text; correct or remove it"
         )
+    return task, _as_line(lesson)
+
+
+def _as_line(lesson: str) -> str:
     shown = "".join(letter if letter.isprintable() else " " for letter in lesson)
-    return task, " ".join(shown.split())[:LONGEST]
+    return " ".join(shown.split())[:LONGEST]
 
 
 def extend_book(book: Path, task: str, lessons: Sequence[str]) -> int:
@@ -68,13 +73,11 @@ def extend_book(book: Path, task: str, lessons: Sequence[str]) -> int:
         UsageError: The book cannot be read or written.
     """
     known = set(read_book(book))
-    new = [lesson for lesson in reversed(lessons) if (task, lesson) not in known]
+    lines = map(_as_line, reversed(lessons))
+    new = [lesson for lesson in lines if (task, lesson) not in known]
     with os_errors(f"cannot write {book}", UsageError):
         book.parent.mkdir(parents=True, exist_ok=True)
-        lines = LineFile(book)
-        try:
+        with closing(LineFile(book)) as file:
             for lesson in new:
-                lines.append(json.dumps({"task": task, "lesson": lesson}).encode())
-        finally:
-            lines.close()
+                file.append(json.dumps({"task": task, "lesson": lesson}).encode())
     return len(new)

@@ -63,6 +63,8 @@ def test_a_lesson_is_added_once_and_the_newest_come_first(tmp_path: Path) -> Non
     config = with_lessons(build_config(TINY), book, "movement")
     assert config.settings.known_lessons == ("newer", "best", "good")
     assert with_lessons(build_config(TINY), book, "throwing").settings.known_lessons == ()
+    assert extend_book(book, "movement", ["x" * 500, "y\nz"]) == 2
+    assert extend_book(book, "movement", ["x" * 500, "y\nz"]) == 0
     many = [str(number) for number in range(300)]
     extend_book(book, "movement", many)
     assert with_lessons(config, book, "movement").settings.known_lessons == tuple(many[:100])

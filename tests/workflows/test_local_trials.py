@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import random
 from dataclasses import replace
 from typing import Any
@@ -10,9 +11,16 @@ import pytest
 
 from agentflow.agents.refiner import Refiner
 from agentflow.llm.messages import Reply, Request
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.machine.tree import Machine
+from agentflow.runs.locations import FEEDBACK
+from agentflow.search.node import Evaluation, Node
+from agentflow.workflows.base import SimulationSummary
+from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
-from tests.workflows.fakes import BRIEF, Author, Run, Script, Shelf, edit, fenced, steps
+from agentflow.workflows.stages.feedback import Revision, Trajectory
+from tests.workflows.fakes import BRIEF, Author, Run, Script, Shelf, edit, fenced, machine, steps
 
 SEARCH = {"rounds": 2, "width": 2, "request_rounds": 2}
 SETTINGS: dict[str, Any] = {"trajectories": 3, "local_trials": 4, "search": SEARCH}
@@ -123,6 +131,50 @@ async def test_a_machine_in_another_order_is_not_simulated() -> None:
     assert "or is its mirror image: make a different change" in again
 
 
+@pytest.mark.parametrize("first", [1, 2])
+async def test_twins_do_not_depend_on_the_order_of_answers(first: int) -> None:
+    """Two nodes are refined at once, to machines that differ only in the order of their blocks;
+    whichever answer comes first, either machine may come again."""
+    labels = ["round-1/node-1/try-1", "round-1/node-2/try-1", "round-2/node-1/try-1"]
+    added = {1: edit("Add 1 to 0 in 1"), 2: edit("Add 1 to 0 in 0")}
+    answered = asyncio.Event()
+
+    class InOrder(ScriptedClient):
+        async def complete(self, request: Request) -> Reply:
+            if f"round-1/node-{first}/" in request.label:
+                answered.set()
+            else:
+                await answered.wait()
+            return await super().complete(request)
+
+    def answer(request: Request) -> Reply:
+        number = 2 if "node-2" in request.label else 1
+        return Script({request.label: added[number]})(request)
+
+    run = Run(answer, {"querier": False}, client=InOrder(answer))
+    context = WorkflowContext(
+        "iterative", BRIEF, run.context, run.shelf, run.settings, run.notes, run.seed
+    )
+    context.begin_stage(FEEDBACK)
+    trajectory = Trajectory(context, 1)
+    nodes = [_node(1, machine((2, 0, 2), (1, 0, 0))), _node(2, machine((2, 0, 2), (1, 0, 1)))]
+    jobs = [
+        trajectory.expand(node, [label], ()) for node, label in zip(nodes, labels, strict=False)
+    ]
+    made = [item for found in await asyncio.gather(*jobs) for item in found]
+    for attempt in made:
+        assert attempt.candidate is not None
+        await trajectory.evaluate(attempt.candidate, attempt.label)
+    (again,) = await trajectory.expand(nodes[0], labels[2:], ())
+    assert again.candidate is not None
+    assert again.candidate == made[0].candidate != made[1].candidate
+
+
+def _node(number: int, found: Machine) -> Node[Revision]:
+    summary = SimulationSummary(1.0, "ok", "", (), found.digest)
+    return Node(number, Revision(found, label=f"node-{number}"), 0, Evaluation(True, 1.0, summary))
+
+
 def test_estimates_count_them() -> None:
     iterative, single = WORKFLOWS["iterative"], WORKFLOWS["single"]
     settings = WorkflowSettings.model_validate(SETTINGS)
@@ -136,3 +188,21 @@ def test_estimates_count_them() -> None:
 def test_the_number_is_checked(wrong: object) -> None:
     with pytest.raises(ValueError, match="local_trials"):
         WorkflowSettings.model_validate({"local_trials": wrong})
+
+
+async def test_a_gain_takes_the_place_of_a_refiner_that_failed() -> None:
+    """Several refiners of one machine: fewer are asked again than have failed."""
+    settings = with_strategy("half-and-half", trajectories=6, emitters=["refiner"])
+    run = Run(Author(seed=0, refused=0.6), {**settings, "max_simulations": 60}, max_retry=1)
+    result = await run("iterative")
+    assert result.best is not None
+    asked = [_attempts(data) for data in run.notes.of("expand").values()]
+    assert any(gained and failed > 1 for gained, failed in asked)
+    assert len(set(run.shelf.tried)) <= 60
+
+
+def _attempts(expanded: dict[str, Any]) -> tuple[int, int]:
+    """How many attempts nobody was asked for, and how many failed."""
+    made = expanded["attempts"]
+    besides = sum("try-" not in attempt["label"] for attempt in made)
+    return besides, sum(not attempt["valid"] for attempt in made)

@@ -62,7 +62,11 @@ class Pool(Generic[C]):
     """All branches of one search."""
 
     def __init__(
-        self, openers: Sequence[str], arms: Sequence[str], most_branches: int | None = None
+        self,
+        openers: Sequence[str],
+        arms: Sequence[str],
+        most_branches: int | None = None,
+        besides: str = "besides",
     ) -> None:
         """Begin empty.
 
@@ -70,11 +74,11 @@ class Pool(Generic[C]):
             openers: Who can make first candidates.
             arms: Who can make children; none if nothing is refined.
             most_branches: Most branches; None for no limit.
+            besides: Who made a child that no arm was asked for.
         """
         self.openers, self.arms, self.most_branches = tuple(openers), tuple(arms), most_branches
+        self.besides = besides
         self.branches: list[Branch[C]] = []
-        self.besides = "besides"
-        """Who made a child that no arm was asked for."""
         self.used = 0.0
         """Share of the budget that was used before this round, from 0 to 1."""
 
@@ -236,7 +240,8 @@ class _Asker(Generic[C]):
     async def __call__(
         self, node: Node[C], labels: Sequence[str], earlier: Sequence[Attempt[C]]
     ) -> Sequence[Attempt[C]]:
-        asked = list(zip(labels, self._waiting, strict=True))
+        # A child that nobody was asked for takes the place of an attempt that failed.
+        asked = list(zip(labels, self._waiting, strict=False))
         self.arms |= dict(asked)
         made = await self._expand(self._branch, node, asked, earlier)
         self._waiting = [self.arms[item.label] for item in made if item.candidate is None]

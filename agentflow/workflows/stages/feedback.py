@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 from agentflow.agents.history import EditRecord, History
 from agentflow.agents.meta_designer import Blueprint
@@ -65,8 +64,8 @@ class _Shown:
 
     history: History
     """The edits that led to it."""
-    forms: dict[str, Machine]
-    """Likeness -> its machine."""
+    known: dict[Machine, str]
+    """Machine -> its likeness."""
     views: tuple[str, ...] = ()
     """Pictures of its machine."""
 
@@ -133,8 +132,8 @@ class Trajectory:
         the settings say."""
         self._explored: dict[int, Explored] = {}
         """Id of a node -> what the local trials of its machine showed."""
-        self._forms: dict[str, Machine] = {}
-        """Likeness -> the first machine that has it."""
+        self._known: dict[Machine, str] = {}
+        """Machine -> its likeness; of nodes, local trials and what refiners made."""
 
     def finish(self, found: SearchResult[Revision], first: FirstAttempt) -> Candidate:
         """The best machine of its search."""
@@ -215,9 +214,9 @@ class Trajectory:
             left: How many machines the trials may simulate at most.
         """
         run, machine = self._run, node.candidate.machine
-        self._forms.setdefault(likeness(machine, self._run.brief), machine)
+        self._known[machine] = likeness(machine, run.brief)
         edited = self._draw_edits(node, left)
-        shown = self._shown[node.id] = _Shown(self._history_of(node), dict(self._forms))
+        shown = self._shown[node.id] = _Shown(self._history_of(node), dict(self._known))
         await run_concurrently((self._query(node), self._explore(node, edited)))
         shown.views = await run.views(machine)
         return self._explored[node.id].gain if edited else None
@@ -248,13 +247,16 @@ class Trajectory:
         if most <= 0 or node.id in self._explored:
             return []
         rng = run.stream(f"local-trials/traj-{self._number}/node-{node.id}")
-        is_new = partial(self._is_new, forms=self._forms)
-        return local_edits(node.candidate.machine, rng, run.brief, most, is_new)
+        return local_edits(node.candidate.machine, rng, run.brief, most, self._is_new)
 
-    def _is_new(self, machine: Machine, forms: dict[str, Machine]) -> bool:
+    def _is_new(self, machine: Machine) -> bool:
         """Whether a machine differs from known ones in more than its ids and sides; then it is
         known."""
-        return forms.setdefault(likeness(machine, self._run.brief), machine) is machine
+        form = likeness(machine, self._run.brief)
+        if form in self._known.values():
+            return False
+        self._known[machine] = form
+        return True
 
     def _without_twins(
         self,
@@ -267,17 +269,16 @@ class Trajectory:
 
         Known are those from before the expansion and its own, which no order of answers changes.
         """
-        forms = dict(self._shown[node.id].forms)
+        known = dict(self._shown[node.id].known)
         kept: list[Attempt[Revision]] = []
         for attempt in (*earlier, *attempts):
-            made = attempt.candidate
-            if made is not None and not self._is_new(made.machine, forms):
-                twin = forms[likeness(made.machine, self._run.brief)]
-                if twin != made.machine:
+            machine = attempt.candidate and attempt.candidate.machine
+            if machine is not None and machine not in known:
+                form = likeness(machine, self._run.brief)
+                if form in known.values():
                     attempt = Attempt(attempt.label, None, TWIN)
-                made = None
-            if made is not None:
-                self._forms.setdefault(likeness(made.machine, self._run.brief), made.machine)
+                else:
+                    known[machine] = self._known[machine] = form
             kept.append(attempt)
         return kept[len(earlier) :]
 

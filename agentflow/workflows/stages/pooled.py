@@ -41,8 +41,7 @@ class PooledSearch:
         self._trajectories: dict[int, Trajectory] = {}
         self._recorders: dict[int, SearchRecorder] = {}
         most = 1 if run.settings.start else None  # a start machine takes the place of designs
-        self._pool = Pool[Revision]([Designer.name], run.settings.arms, most)
-        self._pool.besides = "local trial"
+        self._pool = Pool[Revision]([Designer.name], run.settings.arms, most, "local trial")
         self._refined: dict[tuple[int, int], set[str]] = {}
         """(branch, node) -> labels of the attempts that refiners made."""
         self._proposed = set[str]()
