@@ -35,7 +35,7 @@ def documented() -> Mapping[str, Mapping[str, Named]]:
     """Module -> what is documented of it by name; nothing occurs twice."""
     errors = [n for n, item in _read(ERRORS).members.items() if isinstance(item, griffe.Class)]
     names = {
-        PACKAGE: [str(name) for name in _read(PACKAGE).exports or ()],
+        PACKAGE: import_module(PACKAGE).__all__,
         **{module: sorted(names) for module, names in sorted(used_names().items())},
         ERRORS: errors,
     }
