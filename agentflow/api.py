@@ -70,7 +70,7 @@ class Design:
 
 
 class DesignOptions(TypedDict, total=False):
-    """The arguments of `design` besides the task and seeds; see there."""
+    """The arguments of `design` and `design_async` besides task, seeds and pool."""
 
     workflow: str | None
     model: str | None
@@ -80,6 +80,7 @@ class DesignOptions(TypedDict, total=False):
     settings: Mapping[str, object] | None
     engine: str | None
     seed: int | None
+    jobs: int
     out: Path | str
     workers: int | None
     trust: bool
@@ -95,11 +96,7 @@ def design(
 
 @overload
 def design(
-    task: str | None = None,
-    *,
-    seeds: int | Sequence[int],
-    jobs: int = 2,
-    **options: Unpack[DesignOptions],
+    task: str | None = None, *, seeds: int | Sequence[int], **options: Unpack[DesignOptions]
 ) -> Sweep: ...
 
 
@@ -156,26 +153,25 @@ def design(
     from agentflow.app.design import run
 
     _require_no_event_loop("design")
-    options = _config_keys(task, workflow, model, base_url, engine, seed, workers)
-    built, client = _configure(config, settings, options, answer, trust)
+    given = _config_keys(settings, task, workflow, model, base_url, engine, seed, workers)
+    built, client = _configure(config, given, answer, trust)
     if seeds is not None:
-        from agentflow.notebook.sweeping import design_seeds
+        from agentflow.notebook.sweeping import plan_seeds
 
+        work = plan_seeds(built, client, seeds, seed, Path(out))
         told = say or _print_remark
-        return asyncio.run(design_seeds(built, client, seeds, seed, jobs, Path(out), told))
+        return work.wait_for(work.carry_out(told, jobs=jobs, listener=listener))
     run_options = run.RunOptions(say or _print_remark, listener, client)
     return _to_design(run.design(built, Path(out), run_options))
 
 
-class AsyncDesignOptions(DesignOptions, total=False):
-    """The arguments of `design_async` besides the task and seeds; see there."""
-
-    pool: Pool | None
-
-
 @overload
 async def design_async(
-    task: str | None = None, *, seeds: None = None, **options: Unpack[AsyncDesignOptions]
+    task: str | None = None,
+    *,
+    seeds: None = None,
+    pool: Pool | None = None,
+    **options: Unpack[DesignOptions],
 ) -> Design: ...
 
 
@@ -184,8 +180,8 @@ async def design_async(
     task: str | None = None,
     *,
     seeds: int | Sequence[int],
-    jobs: int = 2,
-    **options: Unpack[AsyncDesignOptions],
+    pool: Pool | None = None,
+    **options: Unpack[DesignOptions],
 ) -> Sweep: ...
 
 
@@ -216,13 +212,14 @@ async def design_async(
     from agentflow.app.design import run
     from agentflow.notebook.display.progress import run_listener
 
-    options = _config_keys(task, workflow, model, base_url, engine, seed, workers)
-    built, client = _configure(config, settings, options, answer, trust)
+    given = _config_keys(settings, task, workflow, model, base_url, engine, seed, workers)
+    built, client = _configure(config, given, answer, trust)
     if seeds is not None:
-        from agentflow.notebook.sweeping import design_seeds
+        from agentflow.notebook.sweeping import plan_seeds
 
+        work = plan_seeds(built, client, seeds, seed, Path(out))
         told = say or _print_remark
-        return await design_seeds(built, client, seeds, seed, jobs, Path(out), told, pool)
+        return await work.carry_out(told, jobs=jobs, listener=listener, pool=pool)
     run_options = run.RunOptions(say or _print_remark, run_listener(listener), client, pool)
     return _to_design(await run.design_async(built, Path(out), run_options))
 
@@ -255,7 +252,7 @@ def sweep(
         answer: Your own function that answers every request of every run. Requests say for which
             run they are: `run` and `run_seed`.
         seeds: Several random seeds, or their number, in place of the sweep's.
-        model: Name of the model at the endpoint.
+        model: Name of the model at the endpoint, or the name to show for `answer`.
         base_url: OpenAI-compatible endpoint; the key is in OPENAI_API_KEY.
         settings: Dotted configuration keys, or knobs, for all runs.
         engine: Physics engine.
@@ -274,14 +271,12 @@ def sweep(
         RunError: Every run has failed; the message has the first reason.
         InterruptedRunError: Ctrl-C; the sweep can be resumed.
     """
-    from agentflow.notebook.sweeping import carry_out_sweep, plan_sweep
+    from agentflow.notebook.sweeping import plan_sweep
 
     _require_no_event_loop("sweep")
-    options = {"model.name": model, "model.base_url": base_url, "engine": engine}
-    given = {**(settings or {}), **options, "workers": workers}
-    planned = plan_sweep(config, answer, seeds, given, trust)
-    told = say or _print_remark
-    return asyncio.run(carry_out_sweep(*planned, jobs, Path(out), name, resume, told))
+    given = _config_keys(settings, None, None, model, base_url, engine, None, workers)
+    work = plan_sweep(config, answer, seeds, given, trust, Path(out), name)
+    return work.wait_for(work.carry_out(say or _print_remark, jobs=jobs, resume=resume))
 
 
 async def sweep_async(
@@ -303,13 +298,11 @@ async def sweep_async(
     pool: Pool | None = None,
 ) -> Sweep:
     """Like `sweep`, on a running event loop, as notebooks have one, perhaps with a `pool`."""
-    from agentflow.notebook.sweeping import carry_out_sweep, plan_sweep
+    from agentflow.notebook.sweeping import plan_sweep
 
-    options = {"model.name": model, "model.base_url": base_url, "engine": engine}
-    given = {**(settings or {}), **options, "workers": workers}
-    planned = plan_sweep(config, answer, seeds, given, trust)
-    told = say or _print_remark
-    return await carry_out_sweep(*planned, jobs, Path(out), name, resume, told, pool)
+    given = _config_keys(settings, None, None, model, base_url, engine, None, workers)
+    work = plan_sweep(config, answer, seeds, given, trust, Path(out), name)
+    return await work.carry_out(say or _print_remark, jobs=jobs, resume=resume, pool=pool)
 
 
 def resume(
@@ -582,20 +575,20 @@ def design_prompt(
     return chat_prompt(ROLES[role], get_task(task, knobs, engine).brief, prompts)
 
 
-def _config_keys(*values: object) -> dict[str, object]:
-    """The configuration keys that a call gives: the values of `_OPTIONS`, without None."""
+def _config_keys(settings: Mapping[str, object] | None, *values: object) -> dict[str, Any]:
+    """The configuration keys that a call gives: settings, and the values of `_OPTIONS`."""
     given = zip(_OPTIONS, values, strict=True)
-    return {key: value for key, value in given if value is not None}
+    return {**(settings or {}), **{key: value for key, value in given if value is not None}}
 
 
 def _configure(
     config: Path | str | Mapping[str, Any] | None,
-    settings: Mapping[str, object] | None,
-    options: Mapping[str, object],
+    given: Mapping[str, Any],
     answer: ModelFunction | None,
     trust: bool,
 ) -> tuple[DesignConfig, FunctionClient | None]:
     """The configuration, and the client of `answer`."""
+    from agentflow.app.design.config import set_options
     from agentflow.app.design.trust import require_trust
     from agentflow.config.grid import function_name
     from agentflow.config.run import PROCEDURAL, build_config, load_document, set_key
@@ -604,16 +597,13 @@ def _configure(
 
     config = Path(config) if isinstance(config, str) else config
     document = load_document(config) if isinstance(config, Path) else dict(config or {})
-    named: dict[str, Any] = {}
-    name = {}
-    if answer is not None:
-        name = {"model.name": function_name(answer)}
-    for key, value in {**(settings or {}), **name, **options}.items():
-        document, named = set_key(document, key, value), set_key(named, key, value)
+    named = {} if answer is None else {"model.name": function_name(answer)}
+    for key, value in {**named, **given}.items():
+        document = set_key(document, key, value)
     if answer is None:
         found = complete_config(document)
         if isinstance(config, Path):
-            require_trust(config, [found], named, lambda _sentence: trust)
+            require_trust(config, [found], set_options({}, (), given), lambda _sentence: trust)
         return found, None
     built = build_config(document)
     if built.model.name == PROCEDURAL or built.model.roles:

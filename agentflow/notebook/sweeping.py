@@ -1,75 +1,123 @@
-"""Sweeps from Python: plans of files, documents and grids, carried out on a running event loop."""
+"""Sweeps from Python: of files, documents, grids and seeds, with functions in place of models."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Coroutine, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from agentflow.app.sweeps.folder import is_sweep
-from agentflow.app.sweeps.members import ClientOf
 from agentflow.app.sweeps.plan import SweepPlan, plan_config
 from agentflow.app.sweeps.plan import plan_sweep as plan_sweep_file
-from agentflow.app.sweeps.run import run_sweep_async
+from agentflow.app.sweeps.run import continue_command, run_blocking, run_sweep_async
 from agentflow.config.grid import ANSWER, METRICS, function_name, sweep_document
-from agentflow.config.run import DesignConfig, load_document
-from agentflow.config.sweep import SweepConfig, TableLayout, read_sweep
+from agentflow.config.run import DesignConfig
+from agentflow.config.sweep import SweepConfig, SweepRun, TableLayout, read_sweep
 from agentflow.env.pool.base import Pool
 from agentflow.errors import RunError, UsageError
 from agentflow.llm.function import FunctionClient, ModelFunction
 from agentflow.notebook.display.progress import SweepLine
 from agentflow.notebook.sweeps import Sweep
-from agentflow.runs import Notify
+from agentflow.runs import Listener, Notify
+
+EVERY = ""
+"""In place of a label: the function answers in every run."""
+
+
+@dataclass(frozen=True)
+class SweepWork:
+    """A sweep to carry out."""
+
+    plan: SweepPlan
+    folder: Path
+    functions: Mapping[str, FunctionClient]
+    """Label on the axis `answer`, or `EVERY` -> what answers in place of the models."""
+
+    def wait_for(self, work: Coroutine[Any, Any, Sweep]) -> Sweep:
+        """The result of `carry_out`, on a new event loop.
+
+        Raises:
+            InterruptedRunError: Ctrl-C; the sweep can be resumed.
+        """
+        if EVERY in self.functions:
+            again = f"in Python: agentflow.sweep({str(self.folder)!r}, answer=..., resume=True)"
+        elif self.functions:
+            again = f"with the same call, name={self.folder.name!r} and resume=True"
+        else:
+            again = continue_command(self.plan, self.folder)
+        return run_blocking(work, self.plan, self.folder, again)
+
+    async def carry_out(
+        self,
+        say: Notify,
+        *,
+        jobs: int,
+        resume: bool = False,
+        listener: Listener | None = None,
+        pool: Pool | None = None,
+    ) -> Sweep:
+        """Carry out the unfinished runs.
+
+        Raises:
+            RunError: Every run has failed, or the folder cannot be used.
+        """
+        watcher = SweepLine(len(self.plan.runs), say, listener)
+        outcome = await run_sweep_async(
+            self.plan, self.folder, watcher,
+            jobs=jobs, resume=resume, pool=pool, client_of=self._client_of,
+        )  # fmt: skip
+        if not outcome.done:
+            first, reason = next(iter(outcome.failed.items()))
+            raise RunError(f"every run of {self.folder} has failed; {first}: {reason}")
+        return Sweep(self.folder)
+
+    def _client_of(self, run: SweepRun) -> FunctionClient | None:
+        return self.functions.get(run.labels.get(ANSWER, EVERY), self.functions.get(EVERY))
 
 
 def plan_sweep(
     config: Path | str | Mapping[str, Any],
     answer: ModelFunction | None,
     seeds: int | Sequence[int] | None,
-    given: Mapping[str, object],
+    given: Mapping[str, Any],
     trust: bool,
-) -> tuple[SweepPlan, ClientOf, Path | None]:
-    """The plan of a sweep, what answers in its runs, and its directory if it has one."""
-    known = {key: value for key, value in given.items() if value is not None}
-    path = None if isinstance(config, Mapping) else Path(config)
-    folder = path if path is not None and is_sweep(path) else None
-    only = None if answer is None else FunctionClient(answer, function_name(answer))
-    if path is not None and (only is None or folder):
-        number = len(seeds) if isinstance(seeds, Sequence) else seeds
-        plan = plan_sweep_file(path, (), known, number, lambda _sentence: trust)
-        if isinstance(seeds, Sequence):
-            sweep = plan.sweep.model_copy(update={"seeds": tuple(seeds)})
-            plan = SweepPlan.of(plan.name, sweep)
-        return plan, lambda _run: only, folder
-    grid = config if isinstance(config, Mapping) else load_document(Path(config))
-    document, functions = sweep_document(grid)
-    clients = {label: FunctionClient(each, label) for label, each in functions.items()}
-    if only is not None:
-        known["model.name"] = only.name
+    out: Path,
+    name: str | None,
+) -> SweepWork:
+    """The sweep of a file, a directory, a document or a grid; see `agentflow.sweep`."""
+    functions = {}
+    begun = not isinstance(config, Mapping) and is_sweep(Path(config))
+    if answer is not None:
+        shown = str(given.get("model.name", function_name(answer)))
+        functions = {EVERY: FunctionClient(answer, shown)}
+        given = given if begun else {**given, "model.name": shown}
+    if not isinstance(config, Mapping):
+        path = Path(config)
+        plan = plan_sweep_file(
+            path, (), given, seeds, lambda _sentence: trust, answered=bool(functions)
+        )
+        return SweepWork(plan, path if begun else _new_folder(out, name, plan), functions)
+    document, compared = sweep_document(config)
+    if answer is not None and compared:
+        raise UsageError(f"give either answer= or the key {ANSWER!r} of the grid")
+    functions |= {label: FunctionClient(each, label) for label, each in compared.items()}
+    sweep = read_sweep(document, "the sweep")
     plan = plan_config(
-        "sweep" if path is None else path.stem,
-        read_sweep(document, "the sweep" if path is None else str(path)),
-        (),
-        known,
-        seeds,
-        source="the sweep",
-        answered=bool(only or clients),
+        "sweep", sweep, (), given, seeds, source="the sweep", answered=bool(functions)
     )
-    return plan, lambda run: only or clients.get(run.labels.get(ANSWER, "")), folder
+    return SweepWork(plan, _new_folder(out, name, plan), functions)
 
 
-async def design_seeds(
+def plan_seeds(
     config: DesignConfig,
     client: FunctionClient | None,
     seeds: int | Sequence[int],
     seed: int | None,
-    jobs: int,
     out: Path,
-    say: Notify,
-    pool: Pool | None = None,
-) -> Sweep:
+) -> SweepWork:
     """The runs of one configuration with several seeds."""
     if seed is not None:
         raise UsageError("give either seed= or seeds=")
@@ -80,28 +128,10 @@ async def design_seeds(
     title = f"{config.task}, {config.workflow}"
     table = TableLayout(metrics=METRICS, conditions="none")
     plan = SweepPlan.of(title, SweepConfig(title=title, base=base, seeds=several, table=table))
-    return await carry_out_sweep(plan, lambda _run: client, None, jobs, out, None, False, say, pool)
+    functions = {} if client is None else {EVERY: client}
+    return SweepWork(plan, _new_folder(out, None, plan), functions)
 
 
-async def carry_out_sweep(
-    plan: SweepPlan,
-    client_of: ClientOf,
-    folder: Path | None,
-    jobs: int,
-    out: Path,
-    name: str | None,
-    resume: bool,
-    say: Notify,
-    pool: Pool | None = None,
-) -> Sweep:
-
+def _new_folder(out: Path, name: str | None, plan: SweepPlan) -> Path:
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    place = folder or out / (name or f"{stamp}-{re.sub(r'[^A-Za-z0-9_.]+', '-', plan.name)}")
-    watcher = SweepLine(len(plan.runs), say)
-    outcome = await run_sweep_async(
-        plan, place, watcher, jobs=jobs, resume=resume, pool=pool, client_of=client_of
-    )
-    if not outcome.done:
-        first, reason = next(iter(outcome.failed.items()))
-        raise RunError(f"every run of {place} has failed; {first}: {reason}")
-    return Sweep(place)
+    return out / (name or f"{stamp}-{re.sub(r'[^A-Za-z0-9_.]+', '-', plan.name)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import statistics
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,8 +12,15 @@ import pytest
 
 import agentflow
 from agentflow.config.grid import sweep_document
-from agentflow.errors import AgentflowError, ConfigError, RunError, UsageError
+from agentflow.errors import (
+    AgentflowError,
+    ConfigError,
+    InterruptedRunError,
+    RunError,
+    UsageError,
+)
 from agentflow.metrics.intervals import bootstrap_mean
+from agentflow.notebook.sweeping import EVERY, plan_sweep
 
 CAR = (Path(__file__).parents[2] / "examples" / "car.json").read_text()
 BASE: Mapping[str, Any] = {
@@ -96,6 +104,7 @@ async def test_a_design_with_several_seeds_has_mean_interval_and_best(tmp_path: 
 def test_what_is_wrong_is_said_before_any_run(tmp_path: Path) -> None:
     cases: list[tuple[Any, dict[str, Any], str]] = [
         ({**BASE, "answer": [car, car]}, {}, "two functions of answer have the same name"),
+        ({**BASE, "answer": [car]}, {"answer": nothing}, "give either answer= or the key 'answer'"),
         ({**BASE, "task": []}, {}, "axis task has no values"),
         ({**BASE, "task": ["movement", "movment"]}, {}, "unknown task 'movment'"),
         ({**BASE, "windw": 1}, {"answer": car}, "windw"),
@@ -124,6 +133,28 @@ async def test_a_sweep_whose_runs_all_fail_says_why(tmp_path: Path) -> None:
     assert any("seed-0 has failed: ZeroDivisionError: no luck" in line for line in told)
     with pytest.raises(UsageError, match="await sweep_async"):
         agentflow.sweep(BASE, answer=car, out=tmp_path)
+
+
+def test_ctrl_c_says_how_a_sweep_continues(tmp_path: Path) -> None:
+    def interrupt(_event: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(InterruptedRunError) as stopped:
+        agentflow.design(settings=BASE, answer=car, seeds=2, out=tmp_path, listener=interrupt)
+    [folder] = tmp_path.iterdir()
+    told = "interrupted; 0 of 2 runs are done; continue in Python: agentflow.sweep"
+    assert str(stopped.value) == f"{told}({str(folder)!r}, answer=..., resume=True)"
+
+
+def test_a_sweep_file_keeps_the_name_that_is_given(tmp_path: Path) -> None:
+    file = tmp_path / "small.yaml"
+    file.write_text(json.dumps({"title": "t", "base": {}, "table": {"metrics": ["mean"]}}))
+    given = {"model.name": "mine", "task": "movement"}
+    work = plan_sweep(file, car, [3, 4], given, False, tmp_path, "x")
+    assert [run.config.seed for run in work.plan.runs] == [3, 4]
+    assert {run.config.model.name for run in work.plan.runs} == {"mine"}
+    assert work.functions[EVERY].name == "mine"
+    assert work.folder == tmp_path / "x"
 
 
 def test_grids_are_documents_of_sweeps() -> None:

@@ -74,9 +74,11 @@ def plan_sweep(
     path: Path,
     settings: Iterable[str],
     options: Mapping[str, Any],
-    seeds: int | None = None,
+    seeds: Sequence[int] | int | None = None,
     approve: Approve = refuse,
     adapt: Callable[[SweepConfig], SweepConfig] = lambda sweep: sweep,
+    *,
+    answered: bool = False,
 ) -> SweepPlan:
     """Read a sweep, apply settings to its base, and look everything up.
 
@@ -84,9 +86,10 @@ def plan_sweep(
         path: The YAML file, or an existing sweep folder.
         settings: Strings `a.b=value` for all runs.
         options: Dotted configuration keys for all runs; None means not given.
-        seeds: Use seeds 0 to `seeds` - 1 instead of those in the file.
+        seeds: In place of those in the file; a number gives 0, 1, ...
         approve: Is asked about hosts and key variables that only the file names.
         adapt: Changes the sweep that was read from the file.
+        answered: Whether functions answer in place of models.
 
     Raises:
         UnknownNameError: A task, workflow, metric ... does not exist.
@@ -106,8 +109,11 @@ def plan_sweep(
         require_trust(path, plan.configs, {}, approve)
         return plan
     sweep = adapt(read_sweep(load_document(path), str(path)))
-    plan = plan_config(path.stem, sweep, settings, given, seeds, source=str(path))
-    require_trust(path, plan.configs, set_options({}, settings, given), approve)
+    plan = plan_config(
+        path.stem, sweep, settings, given, seeds, source=str(path), answered=answered
+    )
+    if not answered:
+        require_trust(path, plan.configs, set_options({}, settings, given), approve)
     return plan
 
 

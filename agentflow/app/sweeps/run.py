@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Coroutine, Iterator, Mapping
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from shlex import quote
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from agentflow.app.design.trust import trust_option
 from agentflow.app.pools import Where, connect
@@ -33,6 +33,8 @@ from agentflow.files.lines import LineFile
 from agentflow.runs import Event, RunResult
 from agentflow.runs.events import RunEvent
 from agentflow.search.concurrency import run_concurrently
+
+T = TypeVar("T")
 
 
 class Watcher(Protocol):
@@ -88,15 +90,28 @@ def run_sweep(
         plan, folder, watcher, jobs=jobs, resume=resume,
         pool=pool, on=on, shared_store=shared_store, client_of=client_of,
     )  # fmt: skip
+    return run_blocking(work, plan, folder, continue_command(plan, folder))
+
+
+def run_blocking(work: Coroutine[Any, Any, T], plan: SweepPlan, folder: Path, again: str) -> T:
+    """The result of the work on a sweep, on a new event loop.
+
+    Raises:
+        InterruptedRunError: Ctrl-C; the message has `again`, which says how to continue.
+    """
     try:
         return asyncio.run(work)
     except KeyboardInterrupt:
         done = sum(_is_done(folder, run) for run in plan.runs)
         raise InterruptedRunError(
-            f"interrupted; {done} of {len(plan.runs)} runs are done; continue "
-            f"with: agentflow {plan.sweep.command} {quote(str(folder))} --resume"
-            f"{trust_option(plan.configs)}"
+            f"interrupted; {done} of {len(plan.runs)} runs are done; continue {again}"
         ) from None
+
+
+def continue_command(plan: SweepPlan, folder: Path) -> str:
+    """The command that continues a sweep, for `run_blocking`."""
+    command = f"agentflow {plan.sweep.command} {quote(str(folder))} --resume"
+    return f"with: {command}{trust_option(plan.configs)}"
 
 
 async def run_sweep_async(

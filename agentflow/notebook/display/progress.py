@@ -59,43 +59,39 @@ class RunLine:
 
 
 class SweepLine:
-    """Shows a sweep: how many runs are done, and the best score; outside of notebooks, remarks."""
+    """Shows in a notebook how many runs of a sweep are done, and the best score."""
 
-    def __init__(self, of: int, say: Notify) -> None:
-        """`of` is the number of runs; `say` gets remarks and failures outside of notebooks."""
-        self._line, self._of, self._done, self._say = Line(), of, 0, say
-        self._shown = in_notebook()
+    def __init__(self, of: int, say: Notify, listener: Listener | None = None) -> None:
+        """`of` is the number of runs; `say` gets remarks and failures, `listener` all events."""
+        self._line = Line() if in_notebook() else None
+        self._of, self._done, self._say, self._listener = of, 0, say, listener
         self._best: float | None = None
 
     def run_started(self, run: str) -> None:
         """A run was started or resumed."""
-        self._tell(f"{run} has begun")
+        self._show(f"{run} has begun")
 
-    def event(self, run: str, event: RunEvent | Event) -> None:
-        """Events of runs are not shown."""
+    def event(self, _run: str, event: RunEvent | Event) -> None:
+        """An event of a run."""
+        if self._listener is not None:
+            self._listener(event)
 
     def remark(self, run: str, line: str) -> None:
         """A line of text from a run for the user."""
-        self._remark(f"{run}: {line}")
+        self._say(f"{run}: {line}")
 
     def run_finished(self, run: str, result: RunResult) -> None:
         """A run is finished."""
         scores = [score for score in (self._best, result.score) if score is not None]
         self._done, self._best = self._done + 1, max(scores, default=None)
-        self._tell(f"{run} is done", at_once=self._done == self._of)
+        self._show(f"{run} is done", at_once=self._done == self._of)
 
     def run_failed(self, run: str, reason: str) -> None:
         """A run has failed."""
-        self._remark(f"{run} has failed: {reason}")
+        self._say(f"{run} has failed: {reason}")
 
-    def _remark(self, text: str) -> None:
-        if self._shown:
-            self._tell(text, at_once=True)
-        else:
-            self._say(text)
-
-    def _tell(self, what: str, *, at_once: bool = False) -> None:
-        if self._shown:
+    def _show(self, what: str, *, at_once: bool = False) -> None:
+        if self._line is not None:
             best = "" if self._best is None else f", best score {self._best:.4g}"
             text = f"{self._done} of {self._of} runs{best}; {what}"
             self._line.show(text, self._done, self._of, at_once=at_once)
