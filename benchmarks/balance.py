@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from random import Random
 from typing import Any
 
-import mujoco
 import numpy as np
 from figures import MUJOCO
 
@@ -29,48 +29,24 @@ from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.edits.random import random_machine
 from agentflow.machine.tree import Machine
 
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from tests.env.physics.mujoco.works import Works
+
 MOST = 0.02
-
-
-class Constraints:
-    """The work of all forces inside MuJoCo but gravity: constraints, dampers, suspensions."""
-
-    def __init__(self) -> None:
-        self.work = self.applied = self.turnover = 0.0
-        """Theirs, that of the forces from outside, and both by amount."""
-
-    def step(self, model: Any, data: Any) -> None:
-        """In place of `mj_step2`."""
-        before, step = data.qvel.copy(), model.opt.timestep
-        mujoco.mj_step2(model, data)
-        mean = (before + data.qvel) / 2
-        springs = data.qfrc_passive - data.qfrc_damper
-        damping = -model.dof_damping * data.qvel  # at the end of the step: it is implicit
-        forces = data.qfrc_constraint + springs + damping + data.qfrc_applied
-        outside = data.qfrc_smooth - data.qfrc_passive + data.qfrc_bias - data.qfrc_applied
-        work, applied = step * float((forces * mean).sum()), step * float((outside * mean).sum())
-        self.work += work
-        self.applied += applied
-        self.turnover += abs(work) + abs(applied)
 
 
 def error(machine: Machine, task: Task, engine: Any) -> tuple[float, float, float, int]:
     """Energy that is unaccounted for, error of the work of forces from outside, work done by
     anything, J; how many connections broke."""
-    found, real = Constraints(), module.mujoco
-
-    class Watched:
-        mj_step1, mj_step2 = staticmethod(mujoco.mj_step1), staticmethod(found.step)
-
-    module.mujoco = Watched  # type: ignore[assignment]
+    value, real = constants(), module.mujoco
+    trial = Trial(machine, task, engine, value["step_rate"], True, 0.2, 1e9, value, DEFAULT)
+    world = trial._world
+    trial._settle()
+    trial._start()
+    start, first = world.snapshot(), len(world.works()) - 1
+    found = Works()
+    module.mujoco = found  # type: ignore[assignment]
     try:
-        value = constants()
-        trial = Trial(machine, task, engine, value["step_rate"], True, 0.2, 1e9, value, DEFAULT)
-        world = trial._world
-        trial._settle()
-        trial._start()
-        found.work = found.applied = found.turnover = 0.0
-        start, first = world.snapshot(), len(world.works()) - 1
         status = trial._window()
     finally:
         module.mujoco = real
@@ -80,7 +56,7 @@ def error(machine: Machine, task: Task, engine: Any) -> tuple[float, float, floa
     joints = world._works_of_joints[0][first:].sum()
     gained = (world.energies(world.snapshot()) - world.energies(start)).sum()
     told = (works[-1] - works[0]).sum() - joints
-    left, wrong = float(gained - found.work - told), float(told - found.applied)
+    left, wrong = float(gained - found.inside - told), float(told - found.outside)
     return left, wrong, found.turnover, len(trial._broken)
 
 

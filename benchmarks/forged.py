@@ -14,12 +14,11 @@ import multiprocessing
 import sys
 import tempfile
 import time
-from collections import Counter
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from tests.runs.fuzz import outcomes
+from tests.runs.fuzz import Outcome, outcomes, summary
 from tests.runs.sources import make_sources
 
 CHUNK = 500
@@ -35,16 +34,19 @@ def carry_out(state: Path, first: int, end: int, seed: int) -> None:
             file.flush()
 
 
-def read_outcomes(state: Path) -> list[tuple[int, str, str, str]]:
-    """What is known so far, without a half-written last line."""
+def read_outcomes(state: Path) -> tuple[list[Outcome], int]:
+    """What is known so far, without a half-written last line; how many mutations that are."""
     file = state / "outcomes.jsonl"
     lines = file.read_text().split("\n")[:-1] if file.exists() else []
-    return [json.loads(line) for line in lines]
+    found = [json.loads(line) for line in lines]
+    return found, max((number for number, *_ in found), default=-1) + 1
 
 
 def main() -> int:
     """Run and print the counts."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--count", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=1800)
@@ -53,10 +55,9 @@ def main() -> int:
     options.state.mkdir(exist_ok=True)
     make_sources(options.state / "sources")
     until = time.monotonic() + options.seconds
-    done = max((number for number, *_ in read_outcomes(options.state)), default=-1) + 1
+    found, done = read_outcomes(options.state)
     while done < options.count and time.monotonic() < until:
-        end = min(done + CHUNK, options.count)
-        given = (options.state, done, end, options.seed)
+        given = (options.state, done, min(done + CHUNK, options.count), options.seed)
         process = multiprocessing.get_context("fork").Process(target=carry_out, args=given)
         process.start()
         process.join(max(0.0, until - time.monotonic()))
@@ -64,19 +65,11 @@ def main() -> int:
             process.kill()
             process.join()
         elif process.exitcode:
-            reached = max((number for number, *_ in read_outcomes(options.state)), default=-1)
-            told = [reached + 1, "", "one of its readers", f"it died: status {process.exitcode}"]
+            told = [read_outcomes(options.state)[1], "", "one of its readers"]
             with (options.state / "outcomes.jsonl").open("a") as file:
-                file.write(json.dumps(told) + "\n")
-        done = max((number for number, *_ in read_outcomes(options.state)), default=-1) + 1
-    found = read_outcomes(options.state)
-    counts: Counter[str] = Counter()
-    faults = []
-    for number, changed, reader, outcome in found:
-        kind = outcome if outcome in ("ok", "refused") else "fault"
-        counts[f"{reader}: {kind}"] += 1
-        if kind == "fault":
-            faults.append((number, f"{changed}: {reader}: {outcome}"))
+                file.write(json.dumps([*told, f"it died: status {process.exitcode}"]) + "\n")
+        found, done = read_outcomes(options.state)
+    counts, faults = summary(found)
     for name, times in sorted(counts.items()):
         print(f"{name:<40} {times}")
     print(*(text for _, text in faults), sep="\n")

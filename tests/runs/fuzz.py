@@ -28,21 +28,7 @@ VALUES: tuple[Any, ...] = (
     *([], {}, [None], [[]], {"x": 1}, [1, 2], ["a"], {"": None}),
 )
 SAFE: tuple[Any, ...] = (
-    None,
-    True,
-    -1,
-    0,
-    1,
-    2,
-    0.5,
-    "",
-    "x",
-    "\x1b[31m",
-    [],
-    {},
-    [None],
-    {"x": 1},
-    "movement/2",
+    *(None, True, -1, 0, 1, 2, 0.5, "", "x", "\x1b[31m", [], {}, [None], {"x": 1}, "movement/2"),
 )
 """Values for YAML: huge numbers there are long runs, not damage."""
 MOST_SECONDS = 120
@@ -50,6 +36,8 @@ MOST_SECONDS = 120
 READERS = 2
 """Readers that a mutation is shown to, drawn at random."""
 Mutation = Callable[[Path, random.Random], None]
+Outcome = tuple[int, str, str, str]
+"""(number, mutations, reader, "ok", "refused" or a fault) of a mutated copy."""
 
 
 def _paths(item: Any, at: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -82,24 +70,16 @@ def _change_value(document: Any, values: tuple[Any, ...], rng: random.Random) ->
         group[last] = rng.choice(values)
 
 
-def _resealed(document: Any, was_sealed: bool) -> Any:
-    return sealed(document) if was_sealed else document
-
-
 def change_value(file: Path, rng: random.Random) -> None:
     """Change a value of JSON lines, JSON or YAML, of which a seal then fits."""
-    if file.suffix == ".yaml":
-        document = yaml.load(file.read_text(), FAST_LOADER)
-        was_sealed = isinstance(document, dict) and "seal" in document
-        _change_value(document, SAFE, rng)
-        file.write_text(yaml.safe_dump(_resealed(document, was_sealed), sort_keys=False))
-        return
+    in_yaml = file.suffix == ".yaml"
     lines = file.read_text().splitlines() if file.suffix == ".jsonl" else [file.read_text()]
     number = rng.randrange(len(lines))
-    item = json.loads(lines[number])
+    item = yaml.load(lines[number], FAST_LOADER) if in_yaml else json.loads(lines[number])
     was_sealed = isinstance(item, dict) and "seal" in item
-    _change_value(item, VALUES, rng)
-    lines[number] = json.dumps(_resealed(item, was_sealed))
+    _change_value(item, SAFE if in_yaml else VALUES, rng)
+    item = sealed(item) if was_sealed else item
+    lines[number] = yaml.safe_dump(item, sort_keys=False) if in_yaml else json.dumps(item)
     file.write_text("\n".join(lines) + "\n")
 
 
@@ -193,10 +173,8 @@ FAULTS = (OSError, ValueError, LookupError, TypeError, RecursionError)
 
 def outcomes(
     sources: Mapping[str, Source], folder: Path, numbers: Iterable[int], seed: int
-) -> Iterator[tuple[int, str, str, str]]:
-    """(number, mutations, reader, outcome) for mutated copies of the sources.
-
-    Outcomes other than "ok" and "refused" are faults; "written outside" is one of them.
+) -> Iterator[Outcome]:
+    """Show mutated copies of the sources to their readers; "written outside" is a fault.
 
     Args:
         sources: Name -> source, each in a folder of its own.
@@ -238,15 +216,13 @@ def outcomes(
             yield number, "; ".join(changed), "all", f"written outside: {sorted(folder.iterdir())}"
 
 
-def summary(
-    sources: Mapping[str, Source], folder: Path, numbers: Iterable[int], seed: int
-) -> tuple[Counter[str], list[str]]:
-    """Numbers of outcomes by source and reader, and the faults."""
+def summary(found: Iterable[Outcome]) -> tuple[Counter[str], list[tuple[int, str]]]:
+    """Numbers of outcomes by source and reader, and the faults with the numbers of mutations."""
     counts: Counter[str] = Counter()
     faults = []
-    for _, changed, reader, outcome in outcomes(sources, folder, numbers, seed):
+    for number, changed, reader, outcome in found:
         kind = outcome if outcome in ("ok", "refused") else "fault"
         counts[f"{reader}: {kind}"] += 1
         if kind == "fault":
-            faults.append(f"{changed}: {reader}: {outcome}")
+            faults.append((number, f"{changed}: {reader}: {outcome}"))
     return counts, faults

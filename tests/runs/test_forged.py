@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.cli import main
-from tests.runs.fuzz import summary
+from tests.runs.fuzz import outcomes, summary
 from tests.runs.sources import make_sources
 
 RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
@@ -20,7 +20,7 @@ def test_mutated_files(tmp_path: Path) -> None:
     """`benchmarks/forged.py` tries ten thousand, of more kinds."""
     (tmp_path / "copies").mkdir()
     sources = make_sources(tmp_path / "sources", ("sweep", "session", "files", "study"))
-    counts, faults = summary(sources, tmp_path / "copies", range(120), seed=3)
+    counts, faults = summary(outcomes(sources, tmp_path / "copies", range(120), seed=3))
     assert faults == []
     for kind in sources:
         for outcome in ("ok", "refused"):

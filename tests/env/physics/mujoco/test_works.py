@@ -17,6 +17,7 @@ from agentflow.env.physics.mujoco.engine import MuJoCoEngine
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.geometry.placement import place
 from benchmarks.shelf import load
+from tests.env.physics.mujoco.works import Works
 
 RATE = constants()["step_rate"]
 
@@ -36,22 +37,7 @@ def test_all_work_that_is_told_adds_up(
 ) -> None:
     """Less than 1 % of the work differs: of each source by itself where MuJoCo knows it."""
     machine, level = load(name), get_task(task, engine="mujoco").trials(0)[0]
-    inside = outside = turnover = 0.0
-
-    def step2(model: Any, data: Any) -> None:
-        nonlocal inside, outside, turnover
-        before, step = data.qvel.copy(), model.opt.timestep
-        mujoco.mj_step2(model, data)
-        mean = (before + data.qvel) / 2
-        damping = -model.dof_damping * data.qvel
-        springs = data.qfrc_passive - data.qfrc_damper
-        own = data.qfrc_constraint + springs + damping + data.qfrc_applied
-        other = data.qfrc_smooth - data.qfrc_passive + data.qfrc_bias - data.qfrc_applied
-        inside += step * float((own * mean).sum())
-        outside += step * float((other * mean).sum())
-        turnover += step * float(abs((own * mean).sum()) + abs((other * mean).sum()))
-
-    watched = SimpleNamespace(mj_step1=mujoco.mj_step1, mj_step2=step2)
+    found = Works()
     assembly = assemble(machine, place(machine), constants())
     world = MuJoCoEngine().build(assembly, level.scene(machine), RATE)
     loads = Loads(assembly.joints, constants()["load_window"], 1.0 / RATE)
@@ -60,7 +46,7 @@ def test_all_work_that_is_told_adds_up(
         loads.update(world.reactions)
     start, first = world.energies(world.snapshot()), world.works()[-1]
     joints = world._works_of_joints[0].sum()
-    monkeypatch.setattr(module, "mujoco", watched)
+    monkeypatch.setattr(module, "mujoco", found)
     broken: list[int] = []
     due = level.switches(machine)
     for step in range(240):
@@ -76,9 +62,9 @@ def test_all_work_that_is_told_adds_up(
     told = (world.works()[-1] - first).sum()
     gained = (world.energies(world.snapshot()) - start).sum()
     own = told - (world._works_of_joints[0].sum() - joints)
-    assert turnover > 50.0
-    assert own == pytest.approx(outside, abs=0.01 * turnover)
-    assert own + inside == pytest.approx(gained, abs=0.01 * turnover)
+    assert found.turnover > 50.0
+    assert own == pytest.approx(found.outside, abs=0.01 * found.turnover)
+    assert own + found.inside == pytest.approx(gained, abs=0.01 * found.turnover)
 
 
 def test_contacts_are_where_the_engine_stores_them(monkeypatch: pytest.MonkeyPatch) -> None:
