@@ -19,10 +19,10 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from math import prod
 from pathlib import Path
-from statistics import fmean
 from typing import Any, Generic
 from unittest.mock import patch
 
+from budget import mean_text
 from difficulty import Cells, level_key
 from learning import write
 
@@ -36,7 +36,6 @@ from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.descriptors import measure
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.machine import Machine
-from agentflow.metrics.intervals import bootstrap_mean
 from agentflow.metrics.tables import Column, Row, Table, markdown
 from agentflow.prompts.render import PromptSet
 from agentflow.search.elites.archive import Archive, Cell
@@ -166,13 +165,6 @@ def tabulate(runs: Mapping[tuple[str, str], Mapping[str, Sequence[Found]]], roll
             "with the same seed. If the interval of a difference includes 0, either may be ahead.",
         ),
     )
-
-
-def mean_text(values: Sequence[float]) -> str:
-    """A mean with its interval."""
-    interval = bootstrap_mean(values)
-    ends = f" [{interval.low:.1f}, {interval.high:.1f}]" if interval else ""
-    return f"{fmean(values):.1f}{ends}"
 
 
 def main() -> None:

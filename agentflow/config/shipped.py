@@ -18,9 +18,7 @@ def find_config(path: Path) -> Path:
     """
     if os.path.exists(path):  # unlike the methods of Path, it takes names of any length
         return path
-    inner = Path(*path.parts[path.parts[:1] == (FOLDER,) :])
-    for place in _PLACES:
-        for name in (inner, inner.with_name(f"{inner.name}.yaml")):
-            if not path.is_absolute() and inner.name and os.path.isfile(place / name):
-                return place / name
-    return path
+    name = str(path).removeprefix(f"{FOLDER}{os.sep}")
+    places = (place / f"{name}{suffix}" for place in _PLACES for suffix in ("", ".yaml"))
+    found = () if path.is_absolute() else filter(os.path.isfile, places)
+    return next(iter(found), path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError, field_validator
 
 from agentflow.errors import ConfigError
 from agentflow.files.faults import explain
@@ -20,9 +20,16 @@ class PromptFolder(BaseModel, frozen=True, extra="forbid"):
     """What a folder holds; a run records it, and goes on without the folder."""
 
     about: str = Field("", description="what the set is for, in a sentence")
-    base: str = Field(DEFAULT, description="the set that has the templates that it lacks")
+    base: str = Field(DEFAULT, description="the named set that has the templates that it lacks")
     fits: int | None = Field(None, ge=1, description="token limit of system and user prompt")
     files: dict[str, str] = Field({}, description="path of each template -> its text")
+
+    @field_validator("base")
+    @classmethod
+    def _name_a_set(cls, base: str) -> str:
+        if is_folder(base):  # a run records one folder, and goes on without it
+            raise ValueError("must be the name of a prompt set, not the path of a folder")
+        return base
 
 
 def is_folder(name: str) -> bool:

@@ -42,6 +42,12 @@ def test_a_file_in_the_folder_comes_first(elsewhere: Path) -> None:
     assert load_document(Path("inspector")) == {"title": "own"}
 
 
+def test_its_folder_is_no_configuration(elsewhere: Path) -> None:
+    assert not (elsewhere / "configs").exists()
+    for name in ("configs", "configs/..", "nowhere/.."):
+        assert find_config(Path(name)) == Path(name)
+
+
 @for_each(["inspecter", "configs", "/inspector", "other/inspector", "", "x" * 5000])
 def test_other_names_are_not_found(name: str) -> None:
     with pytest.raises(ConfigError, match=r"cannot read|mapping"):

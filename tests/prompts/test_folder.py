@@ -51,6 +51,9 @@ def test_folders_that_cannot_be_used(careful: Path) -> None:
     (careful / "set.yaml").write_text("fit: 3")
     with pytest.raises(ConfigError, match=r"set.yaml: unknown key 'fit'; known: fits, "):
         PromptSet(str(careful))
+    (careful / "set.yaml").write_text(f"base: {careful}")
+    with pytest.raises(ConfigError, match=r"set.yaml: base: must be the name of a prompt set, not"):
+        PromptSet(str(careful))
     (careful / "set.yaml").unlink()
     (careful / "designer" / "user.j2").write_bytes(b"\xff")
     with pytest.raises(ConfigError, match=r"the template .*user.j2 cannot be read: 'utf-8' codec"):
