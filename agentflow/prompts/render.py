@@ -80,7 +80,7 @@ class PromptSet:
         if self.folder is None:
             package = resources.files(PROMPT_SETS[name])
             about = yaml.safe_load(package.joinpath(ABOUT).read_text("utf-8"))
-            own = dict(_walk(package, ""))
+            own = dict(templates_in(package))
         else:
             about, own = self.folder.model_dump(), self.folder.files
         self.about: str = about["about"]
@@ -207,13 +207,13 @@ def _home() -> Traversable:
     return resources.files("agentflow.prompts")
 
 
-def _walk(folder: Traversable, prefix: str) -> Iterator[tuple[str, str]]:
-    """Yield the templates under a folder as (path with slashes, text)."""
+def templates_in(folder: Traversable, above: str = "") -> Iterator[tuple[str, str]]:
+    """Path, with slashes, and text of each template under a folder."""
     for item in folder.iterdir():
         if item.is_dir():
-            yield from _walk(item, f"{prefix}{item.name}/")
+            yield from templates_in(item, f"{above}{item.name}/")
         elif item.name.endswith(".j2"):
-            yield f"{prefix}{item.name}", item.read_text("utf-8")
+            yield f"{above}{item.name}", item.read_text("utf-8")
 
 
 def _environment(files: Mapping[str, str], *, trusted: bool) -> jinja2.Environment:

@@ -15,7 +15,7 @@ from agentflow.files.atomic import os_errors, write_output
 from agentflow.files.documents import break_seal, holds, require_schema, sealed
 from agentflow.files.faults import locate_fault
 from agentflow.files.lines import parse_object
-from agentflow.metrics.intervals import bootstrap_mean
+from agentflow.metrics.intervals import Interval, bootstrap_mean
 
 NAME = "card.json"
 SCHEMA = 1
@@ -39,15 +39,15 @@ class Mean(_Part):
 
     mean: Number | None
     """None if nothing counts."""
-    interval: tuple[Number, Number] | None = None
+    interval: Interval | None = None
     """None for fewer than two values, or without scipy."""
 
     @classmethod
     def of(cls, shares: Iterable[float | None]) -> Mean:
         """The mean of the shares that are known."""
         known = [share for share in shares if share is not None]
-        interval = bootstrap_mean(known)
-        ends = interval and (round(interval.low, 6), round(interval.high, 6))
+        found = bootstrap_mean(known)
+        ends = found and Interval(round(found.low, 6), round(found.high, 6))
         return cls(mean=round(fmean(known), 6) if known else None, interval=ends)
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from agentflow.app.benchmark.card import ItemResult, Mean, Scorecard, read_card
+from agentflow.app.benchmark.card import ItemResult, Scorecard, read_card
 from agentflow.env.tasks.records import other_recorders
 from agentflow.errors import RunError, UsageError
 from agentflow.metrics.formats import number
-from agentflow.metrics.intervals import Interval, missing_scipy
+from agentflow.metrics.intervals import missing_scipy
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
 
 INTERVAL = "95 %"
@@ -43,8 +43,8 @@ def read_cards(paths: Sequence[Path]) -> list[Scorecard]:
             if "lite" in different:
                 lite, full = (path, paths[0]) if card.conditions["lite"] else (paths[0], path)
                 raise UsageError(
-                    f"{lite} is of the lite benchmark and {full} of the whole one, so they cannot "
-                    "be compared: make both with --lite, or both without it"
+                    f"{lite} is a card of the lite benchmark and {full} of the whole one, so they "
+                    "cannot be compared: make both with --lite, or both without it"
                 )
             raise UsageError(
                 f"{path} and {paths[0]} cannot be compared: they differ in "
@@ -86,9 +86,9 @@ def _ranking(cards: Sequence[Scorecard]) -> Table:
     for place, card in enumerate(cards, start=1):
         cost, total = card.cost, card.total
         values: tuple[Value, ...] = (
-            *(total.refined.mean, _interval(total.refined)),
+            *(total.refined.mean, total.refined.interval),
             *[card.fragile] * tell_fragile(cards),
-            *(total.first.mean, _interval(total.first)),
+            *(total.first.mean, total.first.interval),
             *(cost.calls, cost.prompt_tokens + cost.completion_tokens, cost.money, cost.rollouts),
         )
         rows.append(Row((str(place) if card.complete else "-", card.model), values))
@@ -107,10 +107,6 @@ def _ranking(cards: Sequence[Scorecard]) -> Table:
     about = (ABOUT, *[OF_FRAGILE] * tell_fragile(cards))
     notes = (*incomplete, *about, *filter(None, [of_records, missing_scipy()]))
     return Table(title, ("rank", "model"), columns, tuple(rows), notes=notes)
-
-
-def _interval(share: Mean) -> Interval | None:
-    return Interval(*share.interval) if share.interval else None
 
 
 def _by_family(cards: Sequence[Scorecard]) -> Table:

@@ -16,6 +16,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.metrics.intervals import wilson
+from agentflow.runs.reading import MACHINES
 from agentflow.runs.result import RunFinding, RunResult
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import WorkflowResult
@@ -86,6 +87,12 @@ def best_machine(result: RunResult | None) -> Machine | None:
     if result is None or not result.valid:
         return None
     return read_machine(result.machine, tuple(library())).machine
+
+
+def machine_file(result: RunResult) -> dict[str, str]:
+    """The path of the best machine of a run as `machine`; {} if there is none."""
+    machine = best_machine(result)
+    return {"machine": str(Path(result.run, MACHINES, f"{machine.digest}.json"))} if machine else {}
 
 
 def save_rollouts(path: Path, config: DesignConfig, execution: Execution) -> None:

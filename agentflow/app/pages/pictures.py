@@ -23,7 +23,8 @@ from agentflow.errors import AgentflowError, RunError, UnknownNameError, UsageEr
 from agentflow.files.atomic import write_output
 from agentflow.machine import Machine, check, library
 from agentflow.progress import Progress, silent
-from agentflow.runs import Notify, read_document, read_result
+from agentflow.runs import Listener, Notify, read_document, read_result
+from agentflow.runs.events import DrawingEvent
 
 STILL, GIF, MP4, GLB = ".png", ".gif", ".mp4", ".glb"
 SAMPLES = {GIF: 10, MP4: 20, GLB: 20}
@@ -54,23 +55,35 @@ def render_run(
     return _Drawing(machine, subject, view, say).save(out or path / "best")
 
 
-def draw_missing(path: Path) -> dict[str, str]:
-    """The picture and the film of a finished run, of which those that are there are not drawn
-    again: kind -> path of each.
+def draw_missing(
+    path: Path, listener: Listener | None = None, notify: Notify | None = None
+) -> dict[str, str]:
+    """The picture and the film of a finished run: kind -> path of each; what is there is kept.
+
+    Args:
+        path: The run directory.
+        listener: Learns that something is drawn.
+        notify: Receives why nothing can be drawn, in place of an error; the result is then {}.
 
     Raises:
         RunError: They cannot be drawn or written.
     """
     files = [path / f"best{suffix}" for suffix in (STILL, GIF)]
+    missing = [file for file in files if not file.exists()]
+    if missing and listener is not None:
+        listener(DrawingEvent())
     try:
-        for file in files:
-            if not file.exists():
-                render_run(path, file)
+        for file in missing:
+            render_run(path, file)
     except AgentflowError as error:
-        raise RunError(
-            f"{error}; the run is complete, and once this is repaired, this draws its pictures: "
+        told = (
+            f"{error}; the run itself is complete: once this is repaired, draw its pictures with "
             f"agentflow design --resume {quote(str(path))}"
-        ) from error
+        )
+        if notify is None:
+            raise RunError(told) from error
+        notify(told)
+        return {}
     return {NAMES[file.suffix]: str(file) for file in files}
 
 

@@ -32,6 +32,7 @@ from agentflow.errors import InterruptedRunError
 from agentflow.files.lines import LineFile
 from agentflow.runs import Event, RunResult
 from agentflow.runs.events import RunEvent
+from agentflow.runs.reading import RESULT
 from agentflow.search.concurrency import run_concurrently
 
 T = TypeVar("T")
@@ -79,7 +80,6 @@ def run_sweep(
     pool: Simulator | None = None,
     on: Where = "local",
     shared_store: str | None = None,
-    client_of: ClientOf = models_answer,
 ) -> SweepOutcome:
     """Like `run_sweep_async`, on a new event loop.
 
@@ -87,9 +87,8 @@ def run_sweep(
         InterruptedRunError: Ctrl-C; the sweep can be resumed.
     """
     work = run_sweep_async(
-        plan, folder, watcher, jobs=jobs, resume=resume,
-        pool=pool, on=on, shared_store=shared_store, client_of=client_of,
-    )  # fmt: skip
+        plan, folder, watcher, jobs=jobs, resume=resume, pool=pool, on=on, shared_store=shared_store
+    )
     return run_blocking(work, plan, folder, continue_command(plan, folder))
 
 
@@ -102,7 +101,7 @@ def run_blocking(work: Coroutine[Any, Any, T], plan: SweepPlan, folder: Path, ag
     try:
         return asyncio.run(work)
     except KeyboardInterrupt:
-        done = sum(_is_done(folder, run) for run in plan.runs)
+        done = len(_done(plan, folder))
         raise InterruptedRunError(
             f"interrupted; {done} of {len(plan.runs)} runs are done; continue {again}"
         ) from None
@@ -164,8 +163,9 @@ async def run_sweep_async(
     )
 
 
-def _is_done(folder: Path, run: SweepRun) -> bool:
-    return (folder / RUNS / run.name / "result.json").exists()
+def _done(plan: SweepPlan, folder: Path) -> set[str]:
+    """Names of the finished runs."""
+    return {run.name for run in plan.runs if (folder / RUNS / run.name / RESULT).exists()}
 
 
 @dataclass
@@ -181,7 +181,8 @@ class _Work:
     """Runs that failed because the endpoint could not be used."""
 
     async def carry_out(self, jobs: int, place: AbstractAsyncContextManager[CarryOut]) -> None:
-        waiting = [run for run in self.plan.runs if not self._is_done(run)]
+        self.done = _done(self.plan, self.folder)
+        waiting = [run for run in self.plan.runs if run.name not in self.done]
         if not waiting:
             return
         self._require_same_conditions()
@@ -192,11 +193,6 @@ class _Work:
                 await run_concurrently(self._work_through(queue, carry, log) for _ in range(jobs))
         finally:
             log.close()
-
-    def _is_done(self, run: SweepRun) -> bool:
-        if _is_done(self.folder, run):
-            self.done.add(run.name)
-        return run.name in self.done
 
     def _require_same_conditions(self) -> None:
         """Refuse to mix new runs with finished ones made under different conditions."""

@@ -23,16 +23,15 @@ def unread_note(sweep: SweepConfig) -> str:
         keys = {key for settings in axis.values() for key in settings}
         for key in keys:
             varied[key.removeprefix("settings.")] = [s.get(key) for s in axis.values()]
-    unread = [
+    unread = sorted(
         key
         for key, values in varied.items()
         if key in UNREAD and any(value != values[0] for value in values)
-    ]
+    )
     if not unread:
         return ""
-    verb, what = ("changes", "this") if len(unread) == 1 else ("change", "them")
     return (
-        "The procedural model reads its data from prompts but ignores their wording: "
-        f"{' and '.join(sorted(unread))} {verb} nothing that it designs, so compare {what} with a "
-        "language model (--model)."
+        "The procedural model reads its data from prompts but ignores their wording, so what it "
+        f"designs does not depend on {' or '.join(unread)}: compare with a language model "
+        "(--model)."
     )

@@ -11,7 +11,7 @@ import typer
 
 from agentflow.cli import options
 from agentflow.cli.root import PARTLY, allow, approve, commands, print_json, print_result
-from agentflow.errors import EndpointError, RunError, UsageError
+from agentflow.errors import EndpointError, UsageError
 from agentflow.workflows.registry import WORKFLOWS
 
 LONGEST_NAME = 255
@@ -97,7 +97,7 @@ def design(
     from agentflow.app.design import run
     from agentflow.app.design.config import load_config
     from agentflow.app.design.plan import RunPlan
-    from agentflow.app.design.results import best_machine
+    from agentflow.app.design.results import machine_file
     from agentflow.app.design.seeds import SeedsResult, design_seeds
     from agentflow.app.design.trust import require_trusted_run
     from agentflow.app.inspect.overview import reached
@@ -109,8 +109,6 @@ def design(
     from agentflow.cli.display.show_runs import show_result
     from agentflow.holding import with_holding
     from agentflow.runs import RunResult, read_document, state_of
-    from agentflow.runs.events import DrawingEvent
-    from agentflow.runs.reading import MACHINES
 
     keys = {
         "task": task,
@@ -125,13 +123,8 @@ def design(
         "settings.max_simulations": rollouts,
         "keep_rollouts": keep_rollouts,
     }
-    if name is not None and len(name.encode()) > LONGEST_NAME:
-        raise UsageError(
-            f"--name has {len(name.encode())} bytes, and names of directories at most "
-            f"{LONGEST_NAME}: choose a shorter one"
-        )
-    if name is not None and (seeds is not None or Path(name).name != name or name.startswith(".")):
-        raise UsageError("--name takes the name of one directory, without slashes, for one run")
+    if name is not None:
+        _check_name(name, seeds)
     others = {**keys, "seeds": seeds, "name": name, "lessons": lessons}
     given = [option for option, value in others.items() if value is not None]
     given += ["--config"] * bool(config) + ["--set"] * bool(settings)
@@ -158,32 +151,31 @@ def design(
         if seeds is not None:
             carry_out = partial(design_seeds, built, out, seeds, minutes)
     with watch(quiet, calls) as (listener, notify):
-        ways = run.RunOptions(notify, listener, approve=allow, open_pool=open_pool, lessons=lessons)
-        found = carry_out(ways)
+        found = carry_out(
+            run.RunOptions(notify, listener, approve=allow, open_pool=open_pool, lessons=lessons)
+        )
         best, rows = (found.best, found.rows) if isinstance(found, SeedsResult) else (found, ())
-        pictures: dict[str, str] = {}
-        if best.valid:
-            if listener is not None:
-                listener(DrawingEvent())
-            try:
-                pictures = draw_missing(Path(best.run))
-            except RunError as error:
-                if not finished:
-                    raise
-                notify(str(error))
+        path, told = Path(best.run), notify if finished else None
+        pictures = draw_missing(path, listener, told) if best.valid else {}
     data = found.to_json()
-    data = {**data, "verified": with_holding(data.get("verified"))}
+    data["verified"] = with_holding(data.get("verified"))
     if as_json:
         print_json(data)
     else:
-        machine = best_machine(best)
-        kept = (
-            {"machine": str(Path(best.run, MACHINES, f"{machine.digest}.json"))} if machine else {}
-        )
-        record = reached(Path(best.run), read_document(Path(best.run)), best.trusted_score)
-        show_result({**data, "record": record}, {**kept, **pictures})
+        record = reached(path, read_document(path), best.trusted_score)
+        show_result({**data, "record": record}, {**machine_file(best), **pictures})
     if any(row["failed"] for row in rows):
         raise typer.Exit(PARTLY)
+
+
+def _check_name(name: str, seeds: int | None) -> None:
+    if (size := len(name.encode())) > LONGEST_NAME:
+        raise UsageError(
+            f"--name has {size} bytes, and names of directories at most {LONGEST_NAME}: choose a "
+            "shorter one"
+        )
+    if seeds is not None or Path(name).name != name or name.startswith("."):
+        raise UsageError("--name takes the name of one directory, without slashes, for one run")
 
 
 @commands.command(epilog="Example: agentflow replay runs/recorded-throwing")

@@ -83,8 +83,8 @@ def edit(
 ) -> None:
     """Edit a machine with a script of commands, such as Add, Move and Replace.
 
-    If one command fails, the machine stays unchanged, and no file is written. The exit status is 0,
-    as the answer is what you asked for; --json says whether all commands succeeded.
+    If one command fails, the machine stays unchanged, and no file is written. The exit status is 0
+    even then; --json says whether all commands succeeded.
     """
     from agentflow.app.machines import edits
     from agentflow.cli.display.show_machines import show_edit

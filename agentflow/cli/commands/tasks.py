@@ -1,4 +1,4 @@
-"""Commands that list and draw tasks, and begin a part of one's own. Importing registers them."""
+"""Commands that list and draw tasks, and begin packages. Importing registers them."""
 
 from __future__ import annotations
 
@@ -57,11 +57,14 @@ def new_plugin(
     ],
     kind: Annotated[
         Literal["family", "strategy", "role", "metric", "prompts"],
-        typer.Option(help="What to begin; a family is one of tasks, a role comes in a workflow."),
+        typer.Option(
+            help="Kind of part: a family of tasks, a search strategy, a role and a workflow that "
+            "asks it, a metric, or a prompt set."
+        ),
     ],
     as_json: options.Json = False,
 ) -> None:
-    """Write a package with a part of one's own, ready to install, and its test."""
+    """Write a new package with one part of your own and its test, ready to install."""
     from agentflow.app.plugins.scaffold import new_plugin as write
 
     made = write(folder, kind)

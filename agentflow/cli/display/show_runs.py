@@ -183,9 +183,9 @@ def _uses(count: Mapping[str, int] | None) -> str:
 def show_runs(runs: Iterable[Data]) -> None:
     """Print a list of runs; columns name the engines, and what differs, if there are several."""
     console, runs = output(), tuple(runs)
-    texts = differing_text([item["settings"] for item in runs if not item["problem"]])
-    rest = iter(texts)
-    runs = tuple({**run, "differs": None if run["problem"] else next(rest) or None} for run in runs)
+    sound = [item for item in runs if not item["problem"]]
+    texts = differing_text([item["settings"] for item in sound])
+    differs = {item["run"]: text for item, text in zip(sound, texts, strict=True) if text}
     engines = {item["engine"] for item in runs if item["engine"]}
     named = ("run", "state", "task", "workflow", "model", "seed", *["engine"] * (len(engines) > 1))
     fields = (
@@ -193,7 +193,7 @@ def show_runs(runs: Iterable[Data]) -> None:
         field("score", show=number),
         Field("verified", _verified),
         field("cost", show=money),
-        *[field("differs")] * any(texts),
+        *[Field("differs", lambda item: differs.get(item["run"]))] * bool(differs),
     )
     for item in runs:
         if item["problem"]:

@@ -172,8 +172,8 @@ def test_a_lite_card_beside_a_whole_one_says_what_to_run(tmp_path: Path) -> None
         with pytest.raises(UsageError) as caught:
             read_cards(paths)
         assert str(caught.value) == (
-            f"{b} is of the lite benchmark and {a} of the whole one, so they cannot be compared: "
-            "make both with --lite, or both without it"
+            f"{b} is a card of the lite benchmark and {a} of the whole one, so they cannot be "
+            "compared: make both with --lite, or both without it"
         )
 
 

@@ -160,5 +160,5 @@ def test_pictures_that_cannot_be_drawn_say_how_to_draw_them_later(tmp_path: Path
     result = tmp_path / "run" / "result.json"
     content = json.loads(result.read_text()) | {"machine": None, "valid": False, "reason": "none"}
     result.write_text(json.dumps(content))
-    with pytest.raises(RunError, match=r"draws its pictures: agentflow design --resume .*run$"):
+    with pytest.raises(RunError, match=r"draw its pictures with agentflow design --resume .*run$"):
         draw_missing(tmp_path / "run")

@@ -25,7 +25,7 @@ def test_every_kind_is_complete(tmp_path: Path) -> None:
         made = new_plugin(tmp_path / name, kind)
         assert {"pyproject.toml", f"{name}/__init__.py", f"tests/test_{name}.py"} < set(made.files)
         project = (made.path / "pyproject.toml").read_text()
-        for group, _ in KINDS[kind].entries:
+        for group in KINDS[kind].entries:
             assert f'[project.entry-points."agentflow.{group}"]\n{name} = "{name}' in project
         for file in made.path.rglob("*.py"):
             ast.parse(file.read_text())

@@ -17,8 +17,8 @@ from tests.app.sweeps.test_tables import sweep
 from tests.metrics.events import candidate
 
 NOTE = (
-    "The procedural model reads its data from prompts but ignores their wording: history and "
-    "prompts change nothing that it designs, so compare them with a language model (--model)."
+    "The procedural model reads its data from prompts but ignores their wording, so what it "
+    "designs does not depend on history or prompts: compare with a language model (--model)."
 )
 AXES = {"prompts": ["default", "compact"], "how": {"a": {"settings.history": False}, "b": {}}}
 OTHERS = {
