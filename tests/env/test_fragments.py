@@ -15,6 +15,7 @@ from agentflow.env.feedback.fragments import (
 from agentflow.env.rollout import Trace, Verdict
 from agentflow.machine.tree import ROOT, Machine, Step
 
+from ..timing import assert_linear
 from .fakes import THROWER, make_trace
 
 ROW = Machine((ROOT, Step(1, 15, 0, 0), Step(2, 35, 1, 0), Step(3, 63, 2, 0)))
@@ -81,3 +82,18 @@ def test_the_root_takes_off_with_what_holds_on_to_it() -> None:
     assert speeds[2] > 1.9
     assert speeds[3:].tolist() == [0.0, 0.0, 0.0]
     assert [is_root_alone(ROW, trace, index) for index in (2, 3)] == [False, True]
+
+
+def test_long_machines_fall_apart_in_linear_time() -> None:
+    def chain(count: int) -> tuple[Machine, Trace]:
+        machine = Machine((ROOT, *(Step(block, 1, block - 1, 0) for block in range(1, count))))
+        loads = np.zeros((6, count - 1))
+        loads[3:, -1] = np.nan
+        pairs = tuple((block + 1, block) for block in range(count - 1))
+        return machine, make_trace(count, 6, utilisation=loads, connections=pairs)
+
+    def tell(given: tuple[Machine, Trace]) -> None:
+        assert [len(each.blocks) for each in find_fragments(*given)][1:] == [1]
+        root_velocity(*given)
+
+    assert_linear(tell, chain, 400)

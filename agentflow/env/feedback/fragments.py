@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ from agentflow.env.feedback.text import number, point_text
 from agentflow.env.rollout import Array, Flags, Trace
 from agentflow.machine.blocks.library import library
 from agentflow.machine.description.geometry_info import ranges
+from agentflow.machine.geometry.mobility import Sets
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import Machine
 
@@ -42,10 +44,23 @@ def held_pairs(trace: Trace, index: int) -> set[tuple[int, int]]:
 
 def joined_to(block: int, pairs: Pairs) -> set[int]:
     """The blocks that hang together with one."""
-    found = {block}
-    while more := {b for pair in pairs if found & {*pair} for b in pair} - found:
-        found |= more
-    return found
+    sets = _join(pairs)
+    return {block} | {b for pair in pairs for b in pair if sets.find(b) == sets.find(block)}
+
+
+def _join(pairs: Pairs) -> Sets:
+    sets = Sets()
+    for pair in pairs:
+        sets.join(*pair)
+    return sets
+
+
+def _groups(count: int, pairs: Pairs) -> list[list[int]]:
+    """All of so many blocks, in groups that hang together."""
+    sets, groups = _join(pairs), defaultdict(list)
+    for block in range(count):
+        groups[sets.find(block)].append(block)
+    return list(groups.values())
 
 
 def root_velocity(machine: Machine, trace: Trace) -> Array:
@@ -85,30 +100,25 @@ def find_fragments(machine: Machine, trace: Trace) -> list[Fragment]:
     left = held_pairs(trace, -1)
     if len(left) == len({*trace.connections}):
         return []
-    found: dict[int, Fragment] = {}
-    for block in range(len(machine)):
-        if not any(block in fragment.blocks for fragment in found.values()):
-            blocks = joined_to(block, left)
-            if blocks != joined_to(block, trace.connections):
-                found[block] = _fragment(machine, trace, sorted(blocks))
-    return sorted(found.values(), key=lambda item: (0 not in item.blocks, -item.mass))
+    whole = _groups(len(machine), trace.connections)
+    found = [
+        _fragment(machine, trace, blocks)
+        for blocks in _groups(len(machine), left)
+        if blocks not in whole
+    ]
+    return sorted(found, key=lambda item: (0 not in item.blocks, -item.mass))
 
 
 def _fragment(machine: Machine, trace: Trace, blocks: list[int]) -> Fragment:
-    cut = [
-        column
-        for column, pair in enumerate(trace.connections)
-        if (pair[0] in blocks) != (pair[1] in blocks)
-    ]
-    lost = np.isnan(trace.utilisation[:, cut])
+    inside = np.isin(trace.connections, blocks)
+    lost = np.isnan(trace.utilisation[:, inside[:, 0] != inside[:, 1]])
     index = int(lost.argmax(axis=0).max())
-    velocity = _centre(machine, trace.velocity, blocks)[index]
     return Fragment(
         tuple(blocks),
         float(_masses(machine, blocks).sum()),
         float(trace.times[index]),
-        _vector(velocity),
-        _vector(_centre(machine, trace.centre, blocks)[-1]),
+        _vector(_centre(machine, trace.velocity[index], blocks)),
+        _vector(_centre(machine, trace.centre[-1], blocks)),
     )
 
 
@@ -116,10 +126,10 @@ def _masses(machine: Machine, blocks: Collection[int]) -> Array:
     return np.array([library()[machine[block].type].mass for block in blocks])
 
 
-def _centre(machine: Machine, values: Array, blocks: Collection[int]) -> Array:
-    """(T, 3) mean of some blocks' values, weighted by their masses."""
+def _centre(machine: Machine, values: Array, blocks: list[int]) -> Array:
+    """(..., 3) mean of some blocks' (..., N, 3) values, weighted by their masses."""
     masses = _masses(machine, blocks)
-    mean: Array = (values[:, list(blocks)] * masses[:, None]).sum(axis=1) / masses.sum()
+    mean: Array = (values[..., blocks, :] * masses[:, None]).sum(axis=-2) / masses.sum()
     return mean
 
 
