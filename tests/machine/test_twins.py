@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.env.scene import Scene, SceneObject, Start
+from agentflow.env.tasks.families.movement import Movement
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
@@ -80,3 +81,18 @@ def test_levels_that_tell_left_from_right() -> None:
     found = [name for name in symmetric if get_task(name).brief.symmetric]
     assert {"throwing/1", "throwing/2", "movement/1"} <= set(found)
     assert not get_task("delivery").brief.symmetric
+
+
+def test_briefs_of_a_task_compare_its_scene_with_its_image_once() -> None:
+    """A level with stones has hundreds of objects, and every candidate's checks read the brief."""
+    seen = []
+
+    class Watched(Movement):
+        def scene(self, machine: Machine | None = None) -> Scene:
+            seen.append(machine)
+            return super().scene(machine)
+
+    task = Watched(**vars(get_task("movement")))
+    assert task.brief.symmetric
+    assert task.brief.symmetric
+    assert len(seen) == 1

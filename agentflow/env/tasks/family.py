@@ -7,6 +7,7 @@ from abc import abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import cos, sin
 from typing import ClassVar
 
@@ -287,8 +288,14 @@ class Family(Task):
             score=tuple(score),
             blocks=tuple(sorted(allowed)),
             limits=self.limits,
-            symmetric=self.symmetric and self.scene().symmetric,
+            symmetric=self._is_mirrored,
         )
+
+    @cached_property
+    def _is_mirrored(self) -> bool:
+        """Whether mirror images score alike; briefs are read often, and some scenes have hundreds
+        of objects."""
+        return self.symmetric and self.scene().symmetric
 
     def allow(self, blocks: Collection[int]) -> tuple[int, ...]:
         """The block types of a family that the level allows."""
