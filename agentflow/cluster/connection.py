@@ -8,7 +8,7 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing, suppress
 from typing import Any, NoReturn
 
@@ -173,30 +173,24 @@ async def watch(
     heard = dict.fromkeys(watched, time.monotonic())
     while True:
         await asyncio.sleep(beat)
-        for address in await _answering(watched):
-            heard[address] = time.monotonic()
-        for address, problem in watched.items():
-            if time.monotonic() - heard[address] > silence:
+        answers = await asyncio.gather(*map(_answers, watched))
+        for (address, problem), answered in zip(watched.items(), answers, strict=True):
+            if answered:
+                heard[address] = time.monotonic()
+            elif time.monotonic() - heard[address] > silence:
                 raise RunError(
                     f"{problem}, then this command again (design and sweep with --resume)"
                 )
 
 
-async def _answering(addresses: Iterable[str]) -> list[str]:
-    """Those addresses at which something answers."""
-
-    async def answers(address: str) -> bool:
-        host, _, port = address.rpartition(":")
-        try:
-            _, writer = await asyncio.wait_for(asyncio.open_connection(host, int(port)), BEAT)
-        except (OSError, asyncio.TimeoutError):
-            return False
-        with closing(writer):
-            return True
-
-    asked = list(addresses)
-    found = await asyncio.gather(*map(answers, asked))
-    return [address for address, answered in zip(asked, found, strict=True) if answered]
+async def _answers(address: str) -> bool:
+    host, _, port = address.rpartition(":")
+    try:
+        _, writer = await asyncio.wait_for(asyncio.open_connection(host, int(port)), BEAT)
+    except (OSError, asyncio.TimeoutError):
+        return False
+    with closing(writer):
+        return True
 
 
 async def result_of(sent: Any) -> Any:

@@ -22,14 +22,7 @@ from agentflow.cluster.connection import (
 )
 from agentflow.cluster.pace import Pace
 from agentflow.cluster.worker import Worker, conditions
-from agentflow.env.pool.base import (
-    ATTEMPTS,
-    GRACE,
-    Pool,
-    crashed_rollout,
-    hung_rollout,
-    rollout_in,
-)
+from agentflow.env.pool.base import ATTEMPTS, GRACE, Pool, crashed_rollout, hung_rollout, rollout_in
 from agentflow.env.pool.worker import Reply
 from agentflow.env.rollout import Rollout
 from agentflow.errors import ConfigError

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import takewhile
 from typing import Generic, TypeVar
 
 _T = TypeVar("_T")
@@ -22,9 +21,14 @@ class Chains(Generic[_T]):
     def longest(self, items: Sequence[_T]) -> tuple[str, int]:
         """The list that begins like this one for longest, and how many items they share; ("", 0)
         without one."""
-        shared = {key: _common(known, items) for key, known in self._lists.items()}
-        key = max(shared, key=shared.__getitem__, default="")
-        return (key, shared[key]) if key and shared[key] else ("", 0)
+        best, most = "", 0
+        for key, known in self._lists.items():
+            pairs = enumerate(zip(known, items, strict=False))
+            least = min(len(known), len(items))
+            shared = next((i for i, (one, other) in pairs if one != other), least)
+            if shared > most:
+                best, most = key, shared
+        return best, most
 
     def whole(self, after: str, shared: int, items: Sequence[_T]) -> tuple[_T, ...]:
         """A list from its own items and what it shares with the one that it continues.
@@ -32,14 +36,6 @@ class Chains(Generic[_T]):
         Raises:
             ValueError: There is no such list.
         """
-        if not after:
-            return tuple(items)
-        if not 0 <= shared <= len(self._lists.get(after, ())) or after not in self._lists:
+        if after not in self._lists or shared > len(self._lists[after]):
             raise ValueError("it continues a call that is not before it")
         return (*self._lists.pop(after)[:shared], *items)
-
-
-def _common(known: Sequence[_T], items: Sequence[_T]) -> int:
-    return sum(
-        1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(known, items, strict=False))
-    )

@@ -13,14 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Pipe
 from typing import Any
 
-from agentflow.env.pool.base import (
-    ATTEMPTS,
-    GRACE,
-    Pool,
-    crashed_rollout,
-    hung_rollout,
-    rollout_in,
-)
+from agentflow.env.pool.base import ATTEMPTS, GRACE, Pool, crashed_rollout, hung_rollout, rollout_in
 from agentflow.env.pool.worker import Reply
 from agentflow.env.rollout import Rollout
 from agentflow.interpreter import python_command, python_environment

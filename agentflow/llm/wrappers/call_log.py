@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Literal
 
-from pydantic import ValidationError
+from pydantic import NonNegativeInt, ValidationError
 
 from agentflow.errors import DamagedError
 from agentflow.files.atomic import os_errors
@@ -31,7 +31,7 @@ class RecordedCall(Recorded):
     reply: Reply
     after: str = ""
     """In the file: key of the call whose conversation this one continues."""
-    shared: int = 0
+    shared: NonNegativeInt = 0
     """In the file: number of messages, of that call and then its reply, with which those of this
     request begin; the request holds only the others."""
 
@@ -49,7 +49,8 @@ def key_of(model: str, request: Request) -> str:
 
 
 class CallLog:
-    """A record of calls on disk; only the offset of each line is held in memory.
+    """A record of calls on disk; in memory are the offset of each line, and the conversations with
+    tools that later calls may continue.
 
     Args:
         path: The file; created if missing and `writable`.

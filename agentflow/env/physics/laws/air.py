@@ -17,6 +17,7 @@ from agentflow.env.rotations import cross, matrices, turn, turn_back
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import Vec3, rotate_vector
 
+_NONE = (0.0, 0.0, 0.0)
 _MATRIX = np.array([4, 7, 8, 7, 5, 9, 8, 9, 6])
 """Where in the law of a cluster's drag the torque against its spin is."""
 
@@ -88,18 +89,13 @@ class DragForce:
     def turned(self, rows: Sequence[Row]) -> list[tuple[float, ...]]:
         """Force and torque on each cluster of `rows` in the engine's axes, as six numbers."""
         found: list[tuple[float, ...]] = []
-        for row, loss, spin in self._isotropic:
-            _, _, _, _, _, _, _, vx, vy, vz, wx, wy, wz = rows[row]
-            force = -loss * vx, -loss * vy, -loss * vz
-            found.append(
-                (*force, -spin * wx, -spin * wy, -spin * wz) if spin else (*force, 0.0, 0.0, 0.0)
-            )
-        for row, law in self._general:
-            own = rows[row]
-            _, _, _, x, y, z, w, _, _, _, _, _, _ = own
-            force, torque = _local_drag(own, law)
-            turn = x, y, z, w
-            found.append((*rotate_vector(turn, force), *rotate_vector(turn, torque)))
+        for row, local, force, torque in self(rows):
+            moment = torque or _NONE
+            if local:
+                _, _, _, x, y, z, w, *_ = rows[row]
+                turned = x, y, z, w
+                force, moment = rotate_vector(turned, force), rotate_vector(turned, moment)
+            found.append((*force, *moment))
         return found
 
     def __call__(self, rows: Sequence[Row]) -> list[Wrench]:

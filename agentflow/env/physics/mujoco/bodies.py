@@ -24,14 +24,7 @@ from agentflow.env.physics.structure.drives import merge_drives
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Link, Piece, Skeleton
 from agentflow.env.scene import Body, Scene, SceneObject
-from agentflow.machine.geometry.vectors import (
-    IDENTITY,
-    Vec3,
-    add,
-    rotate_vector,
-    scale,
-    subtract,
-)
+from agentflow.machine.geometry.vectors import IDENTITY, Vec3, add, rotate_vector, scale, subtract
 
 TOUCH = 0.005
 """What is at most this far from a grabber is gripped, m."""

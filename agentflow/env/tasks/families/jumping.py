@@ -15,12 +15,7 @@ from agentflow.env.feedback.text import block_name, number, object_label, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Start, blocks_among
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
-from agentflow.env.tasks.family import (
-    GROUND,
-    CommonKnobs,
-    TrialFamily,
-    vary,
-)
+from agentflow.env.tasks.family import GROUND, CommonKnobs, TrialFamily, vary
 from agentflow.env.tasks.features.barriers import Slope, Trench, Walls
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import library

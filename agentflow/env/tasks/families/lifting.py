@@ -14,12 +14,7 @@ from agentflow.env.feedback.text import number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject, blocks_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
-from agentflow.env.tasks.family import (
-    GROUND,
-    CommonKnobs,
-    TrialFamily,
-    vary,
-)
+from agentflow.env.tasks.family import GROUND, CommonKnobs, TrialFamily, vary
 from agentflow.env.tasks.features.resting import highest_point_under
 from agentflow.env.tasks.knobs import knob
 from agentflow.errors import ConfigError

@@ -17,12 +17,7 @@ from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
 from agentflow.env.scene import Scene, blocks_among
 from agentflow.env.tasks.base import ROUNDING, WorldView
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
-from agentflow.env.tasks.family import (
-    ANY_START,
-    GROUND,
-    CommonKnobs,
-    Family,
-)
+from agentflow.env.tasks.family import ANY_START, GROUND, CommonKnobs, Family
 from agentflow.env.tasks.features.cannons import CannonWatch
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import TORCH, WATER_CANNON, library

@@ -15,14 +15,7 @@ from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent,
 from agentflow.env.scene import Body, Scene, SceneObject, objects_among
 from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.descriptors import ON_WHEELS, Descriptor
-from agentflow.env.tasks.family import (
-    ANY_START,
-    GROUND,
-    CommonKnobs,
-    Family,
-    joint_sentences,
-    wall,
-)
+from agentflow.env.tasks.family import ANY_START, GROUND, CommonKnobs, Family, joint_sentences, wall
 from agentflow.env.tasks.features.journey import (
     LEAST,
     Journey,
