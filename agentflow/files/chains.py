@@ -9,7 +9,8 @@ _T = TypeVar("_T")
 
 
 class Chains(Generic[_T]):
-    """The lists so far, by key. A list that continues another one takes its place."""
+    """The lists so far, by key. A list that continues another one takes its place; one that only
+    begins as another one leaves it there."""
 
     def __init__(self) -> None:
         self._lists: dict[str, tuple[_T, ...]] = {}
@@ -36,6 +37,10 @@ class Chains(Generic[_T]):
         Raises:
             ValueError: There is no such list.
         """
-        if after not in self._lists or shared > len(self._lists[after]):
+        known = self._lists.get(after)
+        if known is None or shared > len(known):
             raise ValueError("it continues a call that is not before it")
-        return (*self._lists.pop(after)[:shared], *items)
+        whole = (*known[:shared], *items)
+        if shared >= len(known) - 1 and len(whole) >= len(known):  # the last item may have changed
+            del self._lists[after]
+        return whole

@@ -278,6 +278,9 @@ def test_two_conversations_do_not_disturb_each_other(tmp_path: Path) -> None:
         for call in mixed:
             call_log.append(call)
         assert list(call_log.calls()) == mixed
+    lines = (tmp_path / "calls.jsonl").read_text().splitlines()
+    alone = [len(json.loads(line)["request"]["messages"]) for line in lines]
+    assert max(alone) == 2
     assert [call["request"]["label"] for call in read_calls(tmp_path)] == [
         call.request.label for call in mixed
     ]
