@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple, get_args
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from agentflow.errors import UnknownNameError
 from agentflow.notebook.words import By
 from agentflow.report.lineage import Lineage, LineageNode
 from agentflow.runs import Event
-from agentflow.runs.events import AttemptEvent, EvaluationEvent, NodeEvent, RunEvent
+from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent, VerificationEvent
 from agentflow.runs.locations import Location
 from agentflow.runs.record import RunRecord
 
@@ -30,40 +28,23 @@ class CurvePoint(NamedTuple):
     """Highest score of a valid machine so far."""
 
 
-@dataclass(frozen=True)
-class Spent:
+class Spent(NamedTuple):
     """What a run had spent at some moment."""
 
-    simulations: int = 0
-    calls: int = 0
-    tokens: int = 0
-    seconds: float = 0.0
-
-
-def require_by(by: str) -> By:
-    """One of the things that a run spends; UnknownNameError if it is another word."""
-    for known in get_args(By):
-        if by == known:
-            found: By = known
-            return found
-    raise UnknownNameError("cost", by, get_args(By))
+    simulations: int
+    """A machine that is simulated again does not count again."""
+    calls: int
+    tokens: int
+    seconds: float
 
 
 def curve(events: Iterable[RunEvent | Event], by: By = "simulations") -> tuple[CurvePoint, ...]:
-    """The best score so far, after each machine that got a score, against what was spent.
-
-    A machine that is tried again does not count as another simulation.
-    """
-    record, seen = RunRecord(), set[str]()
-    points: list[CurvePoint] = []
-    for event in events:
-        record.add(event)
-        if isinstance(event, EvaluationEvent):
-            seen |= {event.machine} if event.valid else set()
-            if record.best is not None:
-                spent = getattr(_spent(record, len(seen), event.at), by)
-                points.append(CurvePoint(spent, record.best))
-    return tuple(points)
+    """The best score so far, after each machine that was simulated, against what was spent."""
+    return tuple(
+        CurvePoint(getattr(spent, by), best)
+        for event, best, spent in _spending(events)
+        if isinstance(event, EvaluationEvent) and best is not None
+    )
 
 
 def machine_rows(events: Sequence[RunEvent | Event], run: str, seed: int) -> list[dict[str, Any]]:
@@ -71,28 +52,31 @@ def machine_rows(events: Sequence[RunEvent | Event], run: str, seed: int) -> lis
 
     Spent is what the run had spent when the machine was simulated, or when its call was answered.
     """
-    spent, rounds = _moments(events)
+    moments: dict[str | None, Spent] = {}
+    for event, _, spent in _spending(events):
+        if isinstance(event, EvaluationEvent):
+            moments.setdefault(event.machine, spent)
+        else:
+            moments[event.label] = spent
     record = RunRecord.of(events)
+    rounds = {event.label: event.round for event in record.nodes}
+    own = {**dict.fromkeys(COLUMNS), "run": run, "seed": seed}
     return [
-        _row(node, spent, rounds, record) | {"run": run, "seed": seed}
+        {**own, **_cells(node, moments, rounds, record.verification)}
         for node in Lineage.of(events).finish(None)
     ]
 
 
-def _row(
+def _cells(
     node: LineageNode,
     moments: Mapping[str | None, Spent],
     rounds: Mapping[str, int],
-    record: RunRecord,
+    check: VerificationEvent | None,
 ) -> dict[str, Any]:
-    place, check = Location.parse(node.id), record.verification
-    spent = next(
-        (moments[key] for key in (node.machine, *node.calls[::-1]) if key in moments), None
-    )
-    validity = "valid" if node.valid else node.kind if node.machine is None else "invalid"
-    verified = check.score if check is not None and check.machine == node.machine else None
+    place = Location.parse(node.id)
+    known = (moments[key] for key in (node.machine, *node.calls[::-1]) if key in moments)
+    spent = next(known, None)
     return {
-        **dict.fromkeys(COLUMNS),
         "stage": place.name,
         "trajectory": place.trajectory,
         "round": rounds.get(node.id, place.round),
@@ -100,31 +84,22 @@ def _row(
         "parent": node.parent,
         "machine": node.machine,
         "score": node.score,
-        "verified": verified,
-        "validity": validity,
+        "verified": check.score if check and check.machine == node.machine else None,
+        "validity": "valid" if node.valid else node.kind if node.machine is None else "invalid",
         "problem": node.problem,
-        **(vars(spent) if spent is not None else {}),
+        **(spent._asdict() if spent else {}),
     }
 
 
-def _moments(
+def _spending(
     events: Iterable[RunEvent | Event],
-) -> tuple[dict[str | None, Spent], dict[str, int]]:
-    """Machine or call -> what was spent by then; node of a search -> its round."""
-    record, seen = RunRecord(), set[str]()
-    moments: dict[str | None, Spent] = {}
-    rounds: dict[str, int] = {}
+) -> Iterator[tuple[AttemptEvent | EvaluationEvent, float | None, Spent]]:
+    """Each answered call and simulation, with the best score so far and what was spent by then."""
+    record, simulated = RunRecord(), set[str]()
     for event in events:
         record.add(event)
-        if isinstance(event, EvaluationEvent):
-            seen |= {event.machine} if event.valid else set()
-            moments.setdefault(event.machine, _spent(record, len(seen), event.at))
-        elif isinstance(event, AttemptEvent):
-            moments[event.label] = _spent(record, len(seen), event.at)
-        elif isinstance(event, NodeEvent):
-            rounds[event.label] = event.round
-    return moments, rounds
-
-
-def _spent(record: RunRecord, simulations: int, seconds: float) -> Spent:
-    return Spent(simulations, record.calls, record.tokens, seconds)
+        if isinstance(event, EvaluationEvent) and event.valid:
+            simulated.add(event.machine)
+        if isinstance(event, AttemptEvent | EvaluationEvent):
+            spent = Spent(len(simulated), record.calls, record.tokens, event.at)
+            yield event, record.best, spent

@@ -14,14 +14,8 @@ from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import RunError, UsageError
 from agentflow.machine import Machine
 from agentflow.notebook.frames import frame
-from agentflow.notebook.machine_rows import (
-    COLUMNS,
-    CurvePoint,
-    curve,
-    machine_rows,
-    require_by,
-)
-from agentflow.notebook.words import By
+from agentflow.notebook.machine_rows import COLUMNS, CurvePoint, curve, machine_rows
+from agentflow.notebook.words import By, require_word
 from agentflow.runs import Event, RunResult, State, find_runs, read_calls, read_document, state_of
 from agentflow.runs import read_result as read_run_result
 from agentflow.runs.events import RunEvent, read_typed_events
@@ -129,7 +123,8 @@ class Run:
         Args:
             by: `simulations`, `calls`, `tokens`, or `seconds` of work.
         """
-        return curve(self.events, require_by(by))
+        require_word("cost", by, By)
+        return curve(self.events, by)
 
     @property
     def _state_now(self) -> str:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
 
-from agentflow.errors import RunError, UnknownNameError, UsageError
+from agentflow.errors import RunError, UsageError
 from agentflow.notebook.figures.rows import CSV, Datum, read_csv
 from agentflow.notebook.loading import load
 from agentflow.notebook.recorded import Run, load_runs
@@ -51,15 +50,6 @@ def read_rows(sources: Sequence[Source], view: View, by: By) -> list[Datum]:
     if view in ("curve", "pareto") and not any(row.x for row in rows):
         raise UsageError(f"there is nothing to plot: the runs report no {by}; choose another --by")
     return rows
-
-
-def require_view(view: str) -> View:
-    """A view by its name; UnknownNameError if there is none."""
-    for known in get_args(View):
-        if view == known:
-            found: View = known
-            return found
-    raise UnknownNameError("view of figures", view, get_args(View))
 
 
 def _name_runs(sources: Sequence[Source]) -> list[PlottedRun]:

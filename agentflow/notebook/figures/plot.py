@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 from agentflow.errors import UnknownNameError
 from agentflow.files.atomic import write_output
 from agentflow.notebook.figures.comparisons import draw_ranks, draw_scores, draw_validity
-from agentflow.notebook.figures.data import Source, read_rows, require_view
+from agentflow.notebook.figures.data import Source, read_rows
 from agentflow.notebook.figures.lines import draw_curve, draw_pareto
 from agentflow.notebook.figures.rows import CSV, Datum, write_csv
 from agentflow.notebook.figures.style import drawing_style
-from agentflow.notebook.machine_rows import require_by
-from agentflow.notebook.words import By, View
+from agentflow.notebook.words import By, View, require_word
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +53,9 @@ def plot(
         UsageError: There is nothing to plot, a source is none or damaged, or a name is unknown.
         ConfigError: matplotlib is not installed.
     """
-    rows = read_rows(sources, require_view(view), require_by(by))
+    require_word("view of figures", view, View)
+    require_word("cost", by, By)
+    rows = read_rows(sources, view, by)
     file = None if out is None else _require_format(Path(out))
     with drawing_style():
         figure = DRAWN[view](rows)
