@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agentflow.errors import UsageError
-from agentflow.metrics.intervals import bootstrap_band, wilson
+from agentflow.metrics.intervals import Rate, bootstrap_band
 from agentflow.notebook.figures.data import LEVELS
-from agentflow.notebook.figures.panels import add_legend, panels_of
+from agentflow.notebook.figures.panels import add_legend, conditions_of, grouped, panels_of
 from agentflow.notebook.figures.rows import Datum
 from agentflow.notebook.figures.style import Look, looks, new_figure
 
@@ -53,7 +54,7 @@ def _mean_with_interval(axis: Any, place: float, values: NDArray[np.float64], lo
 
 
 def draw_ranks(rows: Sequence[Datum]) -> Figure:
-    names = list(dict.fromkeys(row.condition for row in rows))
+    names = conditions_of(rows)
     if len(names) < 2:
         raise UsageError("ranks compare conditions: name a sweep with an axis, or several runs")
     ranks = mean_ranks(rows, names)
@@ -78,12 +79,13 @@ def draw_ranks(rows: Sequence[Datum]) -> Figure:
 def mean_ranks(rows: Sequence[Datum], names: Sequence[str]) -> NDArray[np.float64]:
     """The rank of each condition (columns) at each task and seed that all of them have (rows).
 
-    Conditions with equal scores share the mean of their ranks.
+    Conditions with equal scores share the mean of their ranks; of runs with the same seed, the mean
+    score counts.
     """
-    scores: dict[tuple[str, int], dict[str, float]] = {}
-    for row in rows:
-        scores.setdefault((row.task, row.seed), {})[row.condition] = row.y
-    whole = [[its[n] for n in names] for its in scores.values() if its.keys() >= {*names}]
+    cells = grouped(rows, lambda row: (row.task, row.seed, row.condition))
+    places = dict.fromkeys((task, seed) for task, seed, _ in cells)
+    by_place = ([cells.get((*place, name), []) for name in names] for place in places)
+    whole = [[fmean(row.y for row in its) for its in found] for found in by_place if all(found)]
     table = np.array(whole).reshape(-1, len(names))
     better = (table[:, None, :] > table[:, :, None]).sum(axis=2)
     equal = (table[:, None, :] == table[:, :, None]).sum(axis=2)
@@ -98,15 +100,15 @@ def draw_validity(rows: Sequence[Datum]) -> Figure:
         for index, (name, its) in enumerate(conditions.items()):
             look, shift = shown[name], (index - (len(conditions) - 1) / 2) * 0.12
             for place, level in enumerate(levels):
-                count = sum(int(row.y) for row in its if row.measure == level)
-                trials = sum(int(row.x or 0) for row in its if row.measure == level)
-                share, interval = count / trials, wilson(count, trials)
-                assert interval is not None
-                reach = [[share - interval.low], [interval.high - share]]
-                axis.errorbar(
-                    place + shift, share, yerr=np.abs(reach), fmt=look.mark, color=look.color,
-                    capsize=2, elinewidth=1, label=name if place == 0 else None,
-                )  # fmt: skip
+                rates = (Rate(int(row.y), int(row.x or 0)) for row in its if row.measure == level)
+                rate = sum(rates, Rate(0, 0))
+                if rate.value is not None and rate.interval is not None:
+                    reach = [[rate.value - rate.interval.low], [rate.interval.high - rate.value]]
+                    axis.errorbar(
+                        place + shift, rate.value, yerr=np.abs(reach), fmt=look.mark,
+                        color=look.color, capsize=2, elinewidth=1,
+                        label=name if place == 0 else None,
+                    )  # fmt: skip
         axis.set_xticks(range(len(levels)), levels, rotation=20, ha="right")
         axis.set_ylim(-0.03, 1.03)
         axis.grid(visible=False, axis="x")

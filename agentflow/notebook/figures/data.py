@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from agentflow.app.sweeps.folder import is_sweep
 from agentflow.errors import RunError, UsageError
 from agentflow.notebook.figures.rows import CSV, Datum, read_csv
 from agentflow.notebook.loading import load
@@ -26,6 +27,8 @@ class PlottedRun:
     """A run, and what it is compared as."""
 
     run: Run
+    name: str
+    """The name of its folder, with folders above where others have the same one."""
     condition: str
     """Runs with the same one differ only in their seeds."""
     task: str
@@ -41,7 +44,7 @@ def read_rows(sources: Sequence[Source], view: View, by: By) -> list[Datum]:
     if not sources:
         raise UsageError("there is nothing to plot: name a run, a sweep, or a folder with runs")
     paths = [Path(item) for item in sources if isinstance(item, str | Path)]
-    if len(paths) == len(sources) == 1 and paths[0].suffix == CSV:
+    if len(paths) == len(sources) == 1 and paths[0].suffix.lower() == CSV:
         return read_csv(paths[0], view)
     runs = _name_runs(sources)
     rows = [row for run in runs for row in _ROWS[view](run, view, by)]
@@ -54,8 +57,10 @@ def read_rows(sources: Sequence[Source], view: View, by: By) -> list[Datum]:
 
 def _name_runs(sources: Sequence[Source]) -> list[PlottedRun]:
     """The runs of all sources; with several sweeps or folders, conditions begin with the source."""
-    named = list(zip(_source_names(sources), map(_runs_of, sources), strict=True))
+    paths = [item.path if isinstance(item, Run | Sweep) else Path(item) for item in sources]
+    named = list(zip(_names(paths), map(_runs_of, sources), strict=True))
     together = [run for _, runs in named for run in runs]
+    names = dict(zip(together, _names([run.path for run in together]), strict=True))
     several = len(named) > 1 and any(len(runs) > 1 for _, runs in named)
     found = []
     for name, runs in named:
@@ -64,16 +69,14 @@ def _name_runs(sources: Sequence[Source]) -> list[PlottedRun]:
             alone = run.config.workflow if len(named) > 1 else name
             condition = ": ".join(filter(None, (name * several, label))) or alone
             task = run.labels.get("task", run.config.task)
-            found.append(PlottedRun(run, condition, task))
+            found.append(PlottedRun(run, names[run], condition, task))
     return found
 
 
-def _source_names(sources: Sequence[Source]) -> list[str]:
-    """The names of the sources' folders, with as many folders above as tell them apart."""
-    paths = [
-        (item.path if isinstance(item, Run | Sweep) else Path(item)).resolve() for item in sources
-    ]
-    most = max(len(path.parts) for path in paths)
+def _names(folders: Sequence[Path]) -> list[str]:
+    """The names of folders, with as many folders above as tell them apart."""
+    paths = [folder.resolve() for folder in folders]
+    most = max((len(path.parts) for path in paths), default=0)
     names = [path.name for path in paths]
     for depth in range(2, most + 1):
         if len(set(names)) == len(set(paths)):
@@ -85,8 +88,7 @@ def _source_names(sources: Sequence[Source]) -> list[str]:
 def _runs_of(source: Source) -> Sequence[Run]:
     if isinstance(source, str | Path):
         path = Path(source)
-        inside = path.is_dir() and not (path / "sweep.yaml").exists()
-        if inside and next(find_runs(path), path) != path:
+        if path.is_dir() and not is_sweep(path) and next(find_runs(path), path) != path:
             return load_runs(path)
         loaded = load(path)
         if not isinstance(loaded, Run | Sweep):
@@ -118,8 +120,8 @@ _DIFFERING: tuple[Callable[[Run], str], ...] = (
 
 
 def _datum(found: PlottedRun, view: View, measure: str, x: float | None, y: float) -> Datum:
-    run = found.run
-    return Datum(view, found.task, found.condition, run.path.name, run.config.seed, measure, x, y)
+    seed = found.run.config.seed
+    return Datum(view, found.task, found.condition, found.name, seed, measure, x, y)
 
 
 def _curve(found: PlottedRun, view: View, by: By) -> list[Datum]:

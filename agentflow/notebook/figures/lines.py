@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agentflow.metrics.intervals import bootstrap_band
-from agentflow.notebook.figures.panels import LABELS, add_legend, by_run, panels_of
+from agentflow.notebook.figures.panels import LABELS, add_legend, grouped, panels_of
 from agentflow.notebook.figures.rows import Datum
 
 if TYPE_CHECKING:
@@ -24,11 +24,12 @@ def draw_curve(rows: Sequence[Datum]) -> Figure:
     for axis, conditions in panels:
         grid = _thin(sorted({row.x or 0.0 for its in conditions.values() for row in its}))
         for name, its in conditions.items():
-            look, best = shown[name], np.array([_step(run, grid) for run in by_run(its)])
+            runs = grouped(its, lambda row: (row.run, row.seed)).values()
+            look, best = shown[name], np.array([_step(run, grid) for run in runs])
             style = {"color": look.color, "drawstyle": "steps-post"}
             axis.plot(
                 grid, best.mean(axis=0), label=name, linestyle=look.dashes,
-                marker=look.mark, markevery=_few(grid), **style,
+                marker=look.mark, markevery=max(1, len(grid) // 6), **style,
             )  # fmt: skip
             band = bootstrap_band(best)
             if band is not None:
@@ -46,11 +47,6 @@ def _thin(values: list[float]) -> NDArray[np.float64]:
     picks = np.unique(np.linspace(0, len(values) - 1, min(len(values), POINTS)).round().astype(int))
     thinned: NDArray[np.float64] = np.array(values)[picks]
     return thinned
-
-
-def _few(grid: NDArray[np.float64]) -> int:
-    """Every how many points a line has a mark."""
-    return max(1, len(grid) // 6)
 
 
 def _step(run: Sequence[Datum], grid: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from agentflow.notebook.figures.rows import Datum
 from agentflow.notebook.figures.style import Look, looks, new_figure
@@ -11,28 +11,17 @@ from agentflow.notebook.figures.style import Look, looks, new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LABELS: Mapping[str, str] = {
-    "simulations": "simulations",
-    "calls": "model calls",
-    "tokens": "tokens",
-    "seconds": "seconds of work",
-}
+LABELS: Mapping[str, str] = {"calls": "model calls", "seconds": "seconds of work"}
+"""Measure -> its name on an axis, where that is another."""
+Key = TypeVar("Key")
 
 
-def groups(rows: Sequence[Datum]) -> dict[str, dict[str, list[Datum]]]:
-    """Task -> condition -> rows, in order of appearance."""
-    found: dict[str, dict[str, list[Datum]]] = {}
+def grouped(rows: Iterable[Datum], key: Callable[[Datum], Key]) -> dict[Key, list[Datum]]:
+    """The rows with each key, in order of appearance."""
+    found: dict[Key, list[Datum]] = {}
     for row in rows:
-        found.setdefault(row.task, {}).setdefault(row.condition, []).append(row)
+        found.setdefault(key(row), []).append(row)
     return found
-
-
-def by_run(rows: Sequence[Datum]) -> list[list[Datum]]:
-    """The rows of each run."""
-    found: dict[tuple[str, int], list[Datum]] = {}
-    for row in rows:
-        found.setdefault((row.run, row.seed), []).append(row)
-    return list(found.values())
 
 
 Panels = list[tuple[Any, dict[str, list[Datum]]]]
@@ -41,12 +30,18 @@ Panels = list[tuple[Any, dict[str, list[Datum]]]]
 
 def panels_of(rows: Sequence[Datum]) -> tuple[Figure, Panels, dict[str, Look]]:
     """A figure with a panel for each task, what is in each, and the look of the conditions."""
-    tasks = groups(rows)
+    tasks = grouped(rows, lambda row: row.task)
     figure, axes = new_figure(len(tasks))
-    for task, axis in zip(tasks, axes, strict=True):
+    panels = []
+    for (task, its), axis in zip(tasks.items(), axes, strict=True):
         axis.set_title(task)
-    names = list(dict.fromkeys(row.condition for row in rows))
-    return figure, list(zip(axes, tasks.values(), strict=True)), looks(names)
+        panels.append((axis, grouped(its, lambda row: row.condition)))
+    return figure, panels, looks(conditions_of(rows))
+
+
+def conditions_of(rows: Iterable[Datum]) -> list[str]:
+    """The conditions, in order of appearance."""
+    return list(dict.fromkeys(row.condition for row in rows))
 
 
 def add_legend(figure: Figure, axis: Any, conditions: Mapping[str, Look]) -> None:

@@ -56,28 +56,23 @@ def plot(
     require_word("view of figures", view, View)
     require_word("cost", by, By)
     rows = read_rows(sources, view, by)
-    file = None if out is None else _require_format(Path(out))
+    if out is not None and Path(out).suffix.lower() not in FORMATS:
+        raise UnknownNameError("kind of figure", Path(out).suffix or out, FORMATS)
     with drawing_style():
         figure = DRAWN[view](rows)
-        if file is not None:
-            save_figure(figure, rows, file)
+        if out is not None:
+            _save(figure, rows, Path(out))
     return figure
 
 
-def save_figure(figure: Figure, rows: Sequence[Datum], out: Path) -> None:
+def _save(figure: Figure, rows: Sequence[Datum], out: Path) -> None:
     """Write a figure, or its rows, depending on the suffix of the file."""
-    if out.suffix.lower() == CSV:
+    kind = out.suffix.lower()
+    if kind == CSV:
         write_csv(rows, out)
         return
-    kind = out.suffix.lower()
     with write_output(out) as part:
         figure.savefig(part, format=kind[1:], metadata=METADATA.get(kind))
-
-
-def _require_format(out: Path) -> Path:
-    if out.suffix.lower() not in FORMATS:
-        raise UnknownNameError("kind of figure", out.suffix or out.name, FORMATS)
-    return out
 
 
 DRAWN: Mapping[str, Callable[[Sequence[Datum]], Figure]] = {

@@ -83,6 +83,8 @@ def test_ranks_and_fronts_by_hand() -> None:
     rows = [row("a", 0, 3), row("b", 0, 5), row("c", 0, 3), row("a", 1, 9), row("b", 1, 1)]
     assert mean_ranks(rows, ["a", "b", "c"]).tolist() == [[2.5, 1, 2.5]]
     assert mean_ranks(rows, ["a", "b"]).tolist() == [[2, 1], [1, 2]]
+    repeated = [*rows, row("a", 1, -7)]  # two runs with the same seed: their mean counts
+    assert mean_ranks(repeated, ["a", "b"]).tolist() == [[2, 1], [1.5, 1.5]]
     points = [(1.0, 2.0), (1.0, 3.0), (2.0, 3.0), (3.0, 2.0), (4.0, 5.0)]
     assert pareto_front(points) == [(1, 3), (4, 5)]
 
@@ -148,6 +150,26 @@ def test_several_sources_are_named(sweep: Path, tmp_path: Path) -> None:
         f"{tmp_path.name}/folder",
         "others/folder",
     }
+
+
+def test_runs_with_the_same_name_stay_apart(tmp_path: Path) -> None:
+    places = [tmp_path / parent / "run" for parent in ("mine", "theirs")]
+    for place in places:
+        shutil.copytree(RECORDED, place)
+    for sources in (places, [tmp_path]):
+        rows = read_rows(sources, "curve", "calls")
+        assert {row.run for row in rows} == {"mine/run", "theirs/run"}
+
+
+def test_a_table_may_lack_a_level(sweep: Path, tmp_path: Path) -> None:
+    table = tmp_path / "levels.csv"
+    agentflow.plot(sweep, view="validity", out=table)
+    lines = table.read_text().splitlines(keepends=True)
+    kept = [line for line in lines if not (",mcts," in line and "without overlaps" in line)]
+    assert 1 < len(kept) < len(lines)
+    table.write_text("".join(kept))
+    [axis] = agentflow.plot(table, view="validity").axes
+    assert len(axis.containers) == 7
 
 
 def test_what_cannot_be_plotted_is_said_in_one_sentence(sweep: Path, tmp_path: Path) -> None:
