@@ -48,7 +48,8 @@ class BuiltBlock:
         """
         if isinstance(face, int):
             return self.id, face
-        axes = WORDS.get(face.strip().lower(), face.strip().lower())
+        word = face.strip().lower()
+        axes = WORDS.get(word, word)
         if not re.fullmatch(r"([xyz][+-]){1,3}", axes):
             raise UnknownNameError("direction", face, [*WORDS, *WORDS.values()])
         return self.id, self._draft.face_towards(self.id, axes)
@@ -61,16 +62,15 @@ class MachineBuilder:
     first problem, such as a required block that is missing.
     """
 
-    def __init__(self, brief: Brief | None = None, start: Machine | None = None) -> None:
+    def __init__(self, brief: Brief | None = None) -> None:
         """Begin with the given blocks of a task, or with a lone root.
 
         Args:
             brief: The task, for its block list and limits; the core types and the standard building
                 volume if None.
-            start: A machine to continue, in place of the given blocks.
         """
         self._brief = brief
-        self._draft = Draft(start or (brief.given if brief else LONE_ROOT), brief)
+        self._draft = Draft(brief.given if brief else LONE_ROOT, brief)
 
     @property
     def root(self) -> BuiltBlock:
@@ -156,10 +156,9 @@ class MachineBuilder:
     def _attach(self, block: str | int, ends: Sequence[End]) -> BuiltBlock:
         kind, draft = library().find(block), self._draft
         added = draft.attach(kind.type, ends)
-        for problem in (*draft.crowding, *draft.problems):
+        if problems := [*draft.crowding, *draft.problems]:
             del draft.steps[added.id]
             draft.next_id -= 1
-            raise RefusedEdit(
-                problem.code, f"with {kind.name} as block {added.id}: {problem.message}"
-            )
+            what = f"with {kind.name} as block {added.id}: {problems[0].message}"
+            raise RefusedEdit(problems[0].code, what)
         return self[added.id]

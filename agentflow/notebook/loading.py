@@ -52,14 +52,17 @@ class Evaluation:
         file = self.path / REPLIES
         return read_replies(file) if file.exists() else ()
 
+    def rows(self) -> list[dict[str, Any]]:
+        """The content of `to_frame`, which needs no pandas: one row per reply."""
+        return [reply.model_dump(exclude={"machine"}) for reply in self.replies]
+
     def to_frame(self) -> pandas.DataFrame:
         """One row per reply: task, seed, text, parsed, spatial, valid, status, problem, score.
 
         Raises:
             ConfigError: pandas is not installed.
         """
-        rows = (reply.model_dump(exclude={"machine"}) for reply in self.replies)
-        return frame(rows, [name for name in JudgedReply.model_fields if name != "machine"])
+        return frame(self.rows(), [name for name in JudgedReply.model_fields if name != "machine"])
 
 
 @dataclass(frozen=True, repr=False)

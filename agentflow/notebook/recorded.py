@@ -39,7 +39,11 @@ class Run:
         read_document(self.path)  # says what is wrong with other folders
 
     def __repr__(self) -> str:
-        return f"Run({str(self.path)!r}, {self._state_now})"
+        try:
+            state: str = self.state
+        except UsageError:
+            state = "removed"
+        return f"Run({str(self.path)!r}, {state})"
 
     @property
     def state(self) -> State:
@@ -125,13 +129,6 @@ class Run:
         """
         require_word("cost", by, By)
         return curve(self.events, by)
-
-    @property
-    def _state_now(self) -> str:
-        try:
-            return self.state
-        except UsageError:
-            return "removed"
 
 
 def load_runs(folder: Path | str) -> list[Run]:

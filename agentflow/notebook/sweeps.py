@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby
 from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
@@ -15,9 +14,11 @@ from agentflow.app.sweeps.registry import LAYOUT
 from agentflow.app.sweeps.views import format_view
 from agentflow.config.sweep import SweepConfig, list_runs
 from agentflow.metrics.intervals import bootstrap_mean
+from agentflow.metrics.scores import mean_known
 from agentflow.notebook.frames import frame
 from agentflow.notebook.machine_rows import COLUMNS
 from agentflow.notebook.recorded import Run
+from agentflow.runs.reading import RESULT
 
 if TYPE_CHECKING:
     import pandas
@@ -35,7 +36,8 @@ class Sweep:
         read_folder(self.path)  # says what is wrong with other folders
 
     def __repr__(self) -> str:
-        return f"Sweep({str(self.path)!r}, {len(self.runs)} of {self._planned} runs done)"
+        planned = len(list_runs(self.config))
+        return f"Sweep({str(self.path)!r}, {len(self.runs)} of {planned} runs done)"
 
     @cached_property
     def config(self) -> SweepConfig:
@@ -45,9 +47,8 @@ class Sweep:
     @cached_property
     def runs(self) -> tuple[Run, ...]:
         """The finished runs, in the order of the sweep; `labels` of each name its condition."""
-        planned = list_runs(self.config)
-        done = (run for run in planned if (self._folder(run.name) / "result.json").exists())
-        return tuple(Run(self._folder(run.name), run.labels) for run in done)
+        places = ((self.path / RUNS / run.name, run.labels) for run in list_runs(self.config))
+        return tuple(Run(path, labels) for path, labels in places if (path / RESULT).exists())
 
     @property
     def failed(self) -> Mapping[str, str]:
@@ -75,15 +76,15 @@ class Sweep:
 
     def summary_rows(self) -> list[dict[str, Any]]:
         """The content of `summary`, which needs no pandas: one row per condition."""
-        order = list(dict.fromkeys(tuple(run.labels.items()) for run in self.runs))
-        runs = sorted(self.runs, key=lambda run: order.index(tuple(run.labels.items())))
-        groups = groupby(runs, key=lambda run: tuple(run.labels.items()))
-        return [{**dict(labels), **_numbers(list(its))} for labels, its in groups]
+        conditions: dict[tuple[tuple[str, str], ...], list[Run]] = {}
+        for run in self.runs:
+            conditions.setdefault(tuple(run.labels.items()), []).append(run)
+        return [{**dict(labels), **_numbers(runs)} for labels, runs in conditions.items()]
 
     def summary(self) -> pandas.DataFrame:
         """One row per condition: its number of runs, and of the scores of their best machines the
-        mean, its 95 % bootstrap interval over runs (low, high), the best, and the mean verified
-        score. A run without a valid machine counts as 0.
+        mean, its 95 % bootstrap interval over runs (low, high), the best, and the mean of those
+        that are verified. In all but the last, a run without a valid machine counts as 0.
 
         Raises:
             ConfigError: pandas is not installed.
@@ -94,19 +95,10 @@ class Sweep:
         """A table as `agentflow table` prints it; the arguments are those of its options."""
         return format_view(self.path, show, form, published=published)
 
-    def _folder(self, name: str) -> Path:
-        return self.path / RUNS / name
-
-    @property
-    def _planned(self) -> int:
-        return len(list_runs(self.config))
-
 
 def _numbers(runs: list[Run]) -> dict[str, Any]:
     results = [run.result for run in runs]
     scores = [result.score or 0.0 for result in results]
-    verified = [result.verified_score for result in results]
-    known = [score for score in verified if score is not None]
     interval = bootstrap_mean(scores)
     return {
         "runs": len(runs),
@@ -114,5 +106,5 @@ def _numbers(runs: list[Run]) -> dict[str, Any]:
         "low": interval.low if interval else None,
         "high": interval.high if interval else None,
         "best": max(scores),
-        "verified": fmean(known) if known else None,
+        "verified": mean_known(result.verified_score for result in results),
     }

@@ -24,7 +24,7 @@ SHOWN = {
 
 def install() -> None:
     """Have the running IPython, if there is one, show the classes of `SHOWN`."""
-    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    shell = _shell()
     if shell is None:
         return
     formatters = shell.display_formatter.formatters
@@ -39,8 +39,12 @@ def install() -> None:
 
 def in_notebook() -> bool:
     """Whether this process is the kernel of a notebook, where displays can be updated."""
-    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
-    return getattr(shell, "kernel", None) is not None
+    return getattr(_shell(), "kernel", None) is not None
+
+
+def _shell() -> Any:
+    """The running IPython; None if there is none."""
+    return sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
 
 
 def _drawing(name: str) -> Callable[[Any], Any]:
