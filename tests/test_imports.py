@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import ast
 import re
-import subprocess
-import sys
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from importlib.util import find_spec
@@ -14,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.loops import for_each
+from tests.processes import run_python
 
 PACKAGE = Path(__file__).parent.parent / "agentflow"
 
@@ -195,10 +194,8 @@ def test_importing_everything_prints_nothing() -> None:
     code = "import importlib\n" + "\n".join(
         f"importlib.import_module({name!r})" for name in modules
     )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    done = run_python("-W", "error", "-c", code)
+    assert (done.stdout, done.stderr) == ("", "")
 
 
 def test_a_folder_has_at_most_twelve_modules() -> None:

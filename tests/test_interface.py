@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import inspect
 import json
-import subprocess
-import sys
 from importlib.resources import files
 from pathlib import Path
 
@@ -21,6 +19,7 @@ from agentflow.config.run import DesignConfig, build_config
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
 from agentflow.runs import RunDirectory, read_document
+from tests.processes import run_python
 from tests.workflows.fakes import Author
 
 ROOT = Path(__file__).parents[1]
@@ -47,14 +46,12 @@ def test_every_public_name_exists_and_is_documented() -> None:
 
 def test_importing_the_package_loads_nothing_else() -> None:
     code = "import sys, agentflow; print(*(n for n in sys.modules if n.startswith('agentflow')))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert {*done.stdout.split()} == {"agentflow", "agentflow.version"}
+    assert {*run_python("-c", code).stdout.split()} == {"agentflow", "agentflow.version"}
 
 
 def test_checking_a_machine_loads_no_physics() -> None:
     code = "import sys, agentflow; agentflow.check('[]'); print('numpy' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "False\n"
+    assert run_python("-c", code).stdout == "False\n"
 
 
 def test_a_file_name_given_as_text_suggests_path() -> None:

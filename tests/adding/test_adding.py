@@ -11,13 +11,13 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.adding.edits import ADDITIONS, EDITS, TOUCHED
+from tests.processes import run_python
 
 ROOT = Path(__file__).parents[2]
 CAR = ROOT / "examples" / "car.json"
@@ -85,12 +85,9 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def found(copy: Path) -> dict[str, Any]:
     """What came of each new part."""
-    environ = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (copy, ROOT)))}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", str(Path(__file__).with_name("use.py")), str(CAR)],
-        cwd=copy, env=environ, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    paths = os.pathsep.join(map(str, (copy, ROOT)))
+    program = Path(__file__).with_name("use.py")
+    done = run_python("-W", "error", program, CAR, cwd=copy, PYTHONPATH=paths)
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 

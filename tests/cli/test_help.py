@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,9 +12,9 @@ import pytest
 from agentflow import __version__
 from agentflow.cli import command_group, main
 from agentflow.workflows.registry import WORKFLOWS
+from tests.processes import MAIN, run_python
 from tests.test_documented import parse
 
-MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"
 Captured = pytest.CaptureFixture[str]
 
 
@@ -69,16 +66,9 @@ def test_a_misspelt_name_is_hinted_at(arguments: list[str], message: str, capsys
 )
 @pytest.mark.slow
 def test_the_shell_completes(words: str, place: int, completed: str) -> None:
-    environ = {
-        **os.environ,
-        "_AGENTFLOW_COMPLETE": "complete_bash",
-        "COMP_WORDS": words,
-        "COMP_CWORD": str(place),
-    }
-    done = subprocess.run(
-        [sys.executable, "-c", MAIN], env=environ, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stdout.split(), done.stderr) == (0, [completed], "")
+    asked = {"COMP_WORDS": words, "COMP_CWORD": str(place)}
+    done = run_python("-c", MAIN, _AGENTFLOW_COMPLETE="complete_bash", **asked)
+    assert (done.stdout.split(), done.stderr) == ([completed], "")
 
 
 def test_every_workflow_is_named_in_the_help() -> None:

@@ -5,9 +5,9 @@ The times themselves are measured by benchmarks/start.py.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
+
+from tests.processes import run_python
 
 CAR = Path(__file__).parents[2] / "examples" / "car.json"
 PHYSICS = {"numpy", "pybullet", "PIL", "scipy"}
@@ -32,10 +32,7 @@ UNWANTED = {
 
 
 def test_heavy_modules_stay_out() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", CODE, *UNWANTED], capture_output=True, text=True, check=True
-    )
-    lines = done.stdout.splitlines()
+    lines = run_python("-c", CODE, *UNWANTED).stdout.splitlines()
     for (command, unwanted), line in zip(UNWANTED.items(), lines, strict=True):
         assert "agentflow" in line.split()
         assert not {*line.split()} & unwanted, command

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections import Counter
 from itertools import combinations, pairwise
 from random import Random
@@ -20,6 +17,7 @@ from agentflow.machine import ROOT, Machine
 from agentflow.machine.edits.random import random_machine
 from tests.diversity.relabelling import relabel
 from tests.machine.builders import CAR, CATAPULT
+from tests.processes import run_python
 
 NAMES = ("chamfer", "hausdorff", "iou", "graph_similarity", "tree_edit_distance")
 
@@ -124,12 +122,6 @@ def test_results_are_the_same_in_every_process() -> None:
         "from tests.diversity.test_measures import diversity, some_machines\n"
         "print(diversity(some_machines(4), 7))"
     )
-    printed = [
-        subprocess.run(
-            [sys.executable, "-c", code],
-            capture_output=True, text=True, check=True, env={**os.environ, "PYTHONHASHSEED": seed},
-        ).stdout
-        for seed in ("1", "2")
-    ]  # fmt: skip
+    printed = [run_python("-c", code, PYTHONHASHSEED=seed).stdout for seed in ("1", "2")]
     assert printed[0] == printed[1] == f"{diversity(some_machines(4), 7)}\n"
     assert diversity(some_machines(4), 8) != diversity(some_machines(4), 7)

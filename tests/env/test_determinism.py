@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 import random
-import subprocess
 import sys
 from collections.abc import Mapping
 
@@ -18,6 +17,7 @@ from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.tree import Machine
 from tests.env.machines import shipped
+from tests.processes import run_python
 
 CASES = {
     "breakage": ("published_throw", "throwing"),
@@ -87,12 +87,5 @@ def test_in_a_new_process_whatever_the_processor_offers(here: dict[str, Rollout]
         "OPENBLAS_CORETYPE": "Nehalem",
         "PYTHONHASHSEED": "7",
     }
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **plain},
-    )
+    done = run_python("-c", SCRIPT, PYTHONPATH=os.pathsep.join(sys.path), **plain)
     assert done.stdout.split() == [here[name].digest for name in reversed(CASES)]

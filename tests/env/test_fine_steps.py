@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 
 import pytest
@@ -14,6 +13,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from tests.env.fakes import AlteredEngine, AlteredWorld
 from tests.env.machines import CAR, machine
+from tests.processes import run_python
 
 CLIMBED = {
     "rotor on posts": machine(
@@ -59,14 +59,8 @@ def test_climbed_throwers_move_the_same_in_a_new_process() -> None:
         "from tests.env.test_fine_steps import CLIMBED, get_task, simulate\n"
         "print(*(simulate(tree, get_task('throwing')).digest for tree in CLIMBED.values()))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"},
-    )
+    path = os.pathsep.join(sys.path)
+    done = run_python("-c", script, PYTHONPATH=path, PYTHONHASHSEED="7")
     here = [simulate(CLIMBED[name], get_task("throwing")).digest for name in reversed(CLIMBED)]
     assert done.stdout.split() == here[::-1]
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import agentflow
+from tests.processes import run_python
 
 AXLE = 23
 ENTRY: dict[str, Any] = {
@@ -87,15 +85,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     for name, value in FITTED.items():
         constants[name].setdefault("by_type", {})[str(AXLE)] = value
     fitted.write_text(json.dumps(constants))
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
-        env={**os.environ, "PYTHONPATH": str(root)},
-        cwd=root,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    done = run_python("-c", PROGRAM, cwd=root, PYTHONPATH=str(root))
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 

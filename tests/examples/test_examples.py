@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.processes import MAIN, run_python
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCRIPTS = sorted(EXAMPLES.glob("*.py"))
@@ -17,16 +17,8 @@ SCRIPTS = sorted(EXAMPLES.glob("*.py"))
 
 def run(*command: str, cwd: Path, path: Path | None = None) -> str:
     """Standard output of a command that ends well and complains of nothing."""
-    environ = {**os.environ, **({"PYTHONPATH": str(path)} if path else {})}
-    done = subprocess.run(
-        [sys.executable, *command],
-        cwd=cwd,
-        env=environ,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    done = run_python(*command, cwd=cwd, **({"PYTHONPATH": str(path)} if path else {}))
+    assert done.stderr == ""
     return done.stdout
 
 
@@ -65,8 +57,7 @@ def test_a_task_family_outside_the_package(tmp_path: Path) -> None:
     run(
         "-W", "ignore", "-c", "import setuptools; setuptools.setup()", "-q", "egg_info", cwd=project
     )
-    command = "import sys; from agentflow.cli import main; sys.exit(main())"
-    ours = ("-W", "error", "-c", command)
+    ours = ("-W", "error", "-c", MAIN)
     told = run(*ours, "tasks", "pushing/2", cwd=tmp_path, path=project)
     assert told.startswith("pushing/2 (Push a heavy crate along z+): Build a machine that pushes ")
     assert "A crate of 10 kg" in told

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -18,6 +16,7 @@ from agentflow.files.regular import read_regular
 from agentflow.files.yaml import parse_yaml
 from agentflow.integrations.mcp.addresses import read_token
 from agentflow.runs import read_document, read_result
+from tests.processes import run_python
 
 RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
 ALIASES = "a0: &a0 [x, x]\n" + "".join(
@@ -73,13 +72,9 @@ def test_documents_that_would_exhaust_the_reader(tmp_path: Path) -> None:
             parse_yaml(text, "text")
     # in a process of its own: a fault of the loader is a signal
     shown = f"print([main(['show', run]) for run in {list(map(str, runs))}])"
-    done = subprocess.run(
-        [sys.executable, "-c", f"from agentflow.cli import main; {shown}"],
-        capture_output=True,
-        timeout=60,
-    )
-    assert done.stdout.strip() == str([2] * len(runs)).encode(), done.stderr
-    assert done.stderr.count(b"run.yaml is damaged") == len(runs)
+    done = run_python("-c", f"from agentflow.cli import main; {shown}")
+    assert done.stdout.strip() == str([2] * len(runs)), done.stderr
+    assert done.stderr.count("run.yaml is damaged") == len(runs)
 
 
 def test_aliases_and_groups_that_people_write_are_read() -> None:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.integrations.foreign import CAR, PLUGINS
 from tests.llm.foreign import ROOT
+from tests.processes import MAIN, run_python
 
-MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"
+PATHS = f"{ROOT}{os.pathsep}{PLUGINS}"
 SCRIPT = """
 import json, sys
 from agentflow.errors import NoScoreError
@@ -41,15 +40,8 @@ print(json.dumps([rewards, refused, outcome.text.split("\\n## ")[0], seen]))
 
 @pytest.mark.slow
 def test_a_crash_is_no_score(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, CAR],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{PLUGINS}"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    done = run_python("-c", SCRIPT, CAR, cwd=tmp_path, PYTHONPATH=PATHS)
+    assert done.stderr == ""
     [score, missing], refused, text, seen = json.loads(done.stdout)
     assert score > 1
     assert missing is None
@@ -64,13 +56,7 @@ def test_a_crash_is_no_score(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_family_that_crashes_or_hangs_does_so_in_a_worker(tmp_path: Path) -> None:
     (tmp_path / "car.json").write_text(CAR)
-    done = subprocess.run(
-        [sys.executable, "-c", MAIN, "simulate", "car.json", "--task", "faulty/2", "--json"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{PLUGINS}"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    command = ("-c", MAIN, "simulate", "car.json", "--task", "faulty/2", "--json")
+    done = run_python(*command, cwd=tmp_path, PYTHONPATH=PATHS)
+    assert done.stderr == ""
     assert json.loads(done.stdout)["status"] == "crashed"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from math import pi, sqrt
 
@@ -20,6 +18,7 @@ from agentflow.metrics.intervals import (
     missing_scipy,
     wilson,
 )
+from tests.processes import run_python
 
 Z = 1.959963984540054
 """97.5 % point of the normal distribution."""
@@ -107,8 +106,7 @@ def test_no_metric_imports_scipy_before_it_is_needed() -> None:
         "import sys, agentflow.metrics.cells, agentflow.metrics.scores\n"
         "print('scipy' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "False\n"
+    assert run_python("-c", code).stdout == "False\n"
 
 
 def test_pairs_are_resampled_by_what_they_join() -> None:

@@ -20,6 +20,7 @@ from agentflow.integrations.verl import compute_score, compute_scores
 from agentflow.rewards import reward
 from agentflow.rewards.scoring import Sample, Scorer, own_processors, read_knobs
 from tests.integrations.foreign import CAR
+from tests.processes import run_python
 
 SHORT = {"window": 1}
 REWARD = reward("movement", CAR, knobs=SHORT)
@@ -170,5 +171,4 @@ def test_modules_need_no_foreign_library() -> None:
         "import sys, agentflow.integrations.trl, agentflow.integrations.verl\n"
         f"print(sorted(set({names}) & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "[]\n"
+    assert run_python("-c", code).stdout == "[]\n"

@@ -6,8 +6,6 @@ import fcntl
 import os
 import resource
 import shutil
-import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -19,6 +17,7 @@ import pytest
 from agentflow.cli import main
 from agentflow.errors import RunError
 from agentflow.runs import Event, RunDirectory, read_events, read_result, state_of
+from tests.processes import run_python
 from tests.runs.results import a_result
 
 NOBODY = 65534
@@ -128,12 +127,7 @@ def test_unreadable_files_are_reported(open_folder: Path) -> None:
 def test_a_second_process_is_refused(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
     code = "import sys; from agentflow.runs import *; RunDirectory.resume(Path(sys.argv[1]))"
-    other = subprocess.run(
-        [sys.executable, "-c", f"from pathlib import Path; {code}", str(run.path)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    other = run_python("-c", f"from pathlib import Path; {code}", run.path, status=1)
     assert other.stderr.splitlines()[-1] == (
         f"agentflow.errors.RunError: {run.path} is in use by another process; wait for it or "
         "stop it"

@@ -21,6 +21,7 @@ from agentflow.metrics.niches import Elites
 from agentflow.runs import read_events, read_result
 from agentflow.runs.events import read_typed_events
 from agentflow.search.settings import MAP_ELITES
+from tests.processes import run_python
 
 SETTINGS = {
     "trajectories": 2,
@@ -125,4 +126,4 @@ def test_pyribs_is_imported_only_by_an_archive() -> None:
         "assert 'agentflow.search.elites.archive' in sys.modules\n"
         "sys.exit('ribs' in sys.modules)"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    run_python("-c", code)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from importlib.metadata import version
 
 import pytest
@@ -13,6 +11,7 @@ from agentflow.env.physics.engines import default_engine
 from agentflow.env.physics.registry import ENGINES
 from agentflow.errors import ConfigError
 from tests.installed import missing_engines
+from tests.processes import run_python
 
 
 def test_an_engine_is_identified_without_loading_its_library() -> None:
@@ -21,8 +20,7 @@ def test_an_engine_is_identified_without_loading_its_library() -> None:
         "from agentflow.env.physics.engines import default_engine\n"
         "print(default_engine().name, {'pybullet', 'mujoco', 'numpy'} & {*sys.modules})"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == f"{default_engine().name} set()\n"
+    assert run_python("-c", code).stdout == f"{default_engine().name} set()\n"
 
 
 @pytest.mark.parametrize("name", ENGINES)

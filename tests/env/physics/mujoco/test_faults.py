@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from itertools import islice
 from math import inf, nan
@@ -18,6 +17,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from benchmarks.stress import cases, faults
 from tests.env.machines import CAR
+from tests.processes import run_python
 
 SHORT = get_task("movement", {"window": 1, "blocks.max": 0}, "mujoco")
 
@@ -76,12 +76,6 @@ def digests(backwards: bool) -> list[str | None]:
 
 @pytest.mark.slow
 def test_random_machines_repeat_bit_by_bit_in_another_process_and_order() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=240,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"},
-    )
+    path = os.pathsep.join(sys.path)
+    done = run_python("-c", SCRIPT, PYTHONPATH=path, PYTHONHASHSEED="7")
     assert done.stdout.split()[::-1] == digests(backwards=False)

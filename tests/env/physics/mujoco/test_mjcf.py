@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import fromstring
@@ -28,6 +26,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from tests.env.machines import CAR, FOLDER, machine
+from tests.processes import run_python
 
 SAME = ("body_mass", "body_inertia", "body_pos", "body_ipos", "geom_size", "geom_pos")
 SAME += ("geom_friction", "geom_solref", "geom_solimp", "geom_priority", "geom_condim")
@@ -219,9 +218,7 @@ metadata.version = version
 from agentflow.cli import main
 main(["convert", {str(FOLDER / "plain_car.json")!r}, "car.xml", "--task", "movement"])
 """
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    done = run_python("-c", code, cwd=tmp_path)
     needs = "agentflow: the physics engine 'mujoco' needs mujoco-core or mujoco; install it"
     assert done.stderr.startswith(needs)
     assert not (tmp_path / "car.xml").exists()
