@@ -9,8 +9,8 @@ from dataclasses import replace
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
-from agentflow.machine.geometry.placement import face_at, place_step
-from agentflow.machine.geometry.pose import Placed, Units3
+from agentflow.machine.geometry.placement import mirrored_face, place_step
+from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.tree import Machine, Step
 
 
@@ -69,38 +69,12 @@ def mirrored(machine: Machine) -> Machine | None:
     for step in machine:
         placed[step.id] = place_step(step, placed)
         ends = [
-            _image_of(placed[parent], images[parent], face) for parent, face in step.attachments
+            mirrored_face(placed[parent], face, images[parent]) for parent, face in step.attachments
         ]
-        if None in ends:
+        faces = [end for end in ends if end is not None]
+        if len(faces) < len(ends):
             return None
-        new = _attached(step, [end for end in ends if end is not None])
-        images[step.id] = place_step(new, images)
-        steps.append(new)
+        fields = zip(("face_id", "face_id_b"), faces, strict=False)
+        steps.append(replace(step, **dict(fields)))
+        images[step.id] = place_step(steps[-1], images)
     return replace(machine, steps=tuple(steps))
-
-
-def _attached(step: Step, faces: list[int]) -> Step:
-    """A block on other faces of the same parents."""
-    if not faces:
-        return step
-    first, *second = faces
-    return replace(step, face_id=first, face_id_b=second[0] if second else step.face_id_b)
-
-
-def _image_of(parent: Placed, image: Placed, face: int) -> int | None:
-    """The face of an image where the mirror image of a face of the block is."""
-    if parent.shape is None or image.shape is None:
-        return None
-    at, front = face_at(parent, face), parent.shape.faces[face].facing.front
-    wanted = flip(at), flip(front)
-    found = (
-        other.id
-        for other in image.shape.faces
-        if (face_at(image, other.id), other.facing.front) == wanted
-    )
-    return next(found, None)
-
-
-def flip(point: Units3) -> Units3:
-    """A point or direction with left and right exchanged."""
-    return (-point[0], point[1], point[2])

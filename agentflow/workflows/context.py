@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from agentflow.agents.base import AskContext, Role, RoleAttempt, RoleOutcome, ask
 from agentflow.agents.refiner import Refinement
 from agentflow.agents.registry import ROLES
-from agentflow.agents.tool_agent import Agent, take_turn
+from agentflow.agents.tool_agent import Agent, AgentInput, take_turn
 from agentflow.errors import BudgetSpentError, DamagedError
 from agentflow.llm.messages import Message, Tool
 from agentflow.machine.blocks.library import library
@@ -22,17 +22,14 @@ from agentflow.runs.events import (
     AttemptEvent,
     CandidateEvent,
     EvaluationEvent,
-    MemoryEvent,
     QueryEvent,
-    RememberedMachine,
-    RememberedMechanism,
     ResultEvent,
     RunEvent,
     StageBeginEvent,
     StageEvent,
     ToolEvent,
 )
-from agentflow.runs.locations import FEEDBACK, Location, StageName
+from agentflow.runs.locations import Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
 from agentflow.search.strategies import searches_whole_run
@@ -49,7 +46,7 @@ from agentflow.workflows.base import (
     WorkflowResult,
 )
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.memory import Memory, Snapshot
+from agentflow.workflows.stages.memory import Memory
 from agentflow.workflows.statistics import find_best, pareto_front, stage_row
 
 In = TypeVar("In")
@@ -73,7 +70,8 @@ class _Count:
 
 
 class WorkflowContext:
-    """One run of a workflow. Identical machines are simulated once."""
+    """One run of a workflow, and the `BenchHost` of its benches. Identical machines are simulated
+    once."""
 
     def __init__(
         self,
@@ -95,15 +93,14 @@ class WorkflowContext:
         """Set by a search over the whole run."""
         self._workflow, self._contexts, self._seed = workflow, contexts, seed
         self._evaluator, self._record = evaluator, record
-        self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
+        self._evaluations: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
         self._stages: list[Stage] = []
         self._opened = settings.trajectories
         self._pooled = searches_whole_run(settings.search)
         self._tried: dict[int, set[Machine]] = {}
         """Trajectory -> the machines that were simulated in it."""
-        self.memory = Memory(settings, self._note_memory)
+        self.memory = Memory(settings, self.note)
         """What the trajectories see of each other."""
-        self._revealed = 0
         self._counts: dict[str, _Count] = {}
         """By stage name; trajectories may be in different stages at the same time."""
 
@@ -125,17 +122,6 @@ class WorkflowContext:
             "spatial": settings.spatial,
             "representation": settings.representation,
         }
-
-    def _note_memory(self, shown: Snapshot) -> None:
-        """Record what trajectories see of each other from now on."""
-        self._revealed += 1
-        best = tuple(
-            RememberedMachine(number, it.machine.digest, it.evaluation.score, it.mechanism)
-            for number, it in shown.best
-        )
-        mechanisms = tuple(RememberedMechanism(*item) for item in shown.mechanisms)
-        at = Location(FEEDBACK, round=self._revealed)
-        self.note(MemoryEvent(at, best, shown.lessons, mechanisms))
 
     def stream(self, name: str) -> random.Random:
         """A random stream for one purpose, derived from the run's seed and the name."""
@@ -199,7 +185,7 @@ class WorkflowContext:
 
     async def evaluate(self, machine: Machine, location: Location) -> Evaluation:
         """Simulate a machine or reuse its result, and record that at a location in a stage."""
-        evaluation = await self._simulate(machine, f"machine-{machine.digest}")
+        evaluation = await self._evaluations(machine, f"machine-{machine.digest}")
         self._counts[location.name].machines.add(machine)
         self._tried.setdefault(location.trajectory, set()).add(machine)
         summary: SimulationSummary = evaluation.details
@@ -222,7 +208,19 @@ class WorkflowContext:
 
     def evaluation_of(self, machine: Machine) -> Evaluation | None:
         """The finished evaluation of a machine; None without one."""
-        return self._simulate.find(machine)
+        return self._evaluations.find(machine)
+
+    def simulated(self, machine: Machine) -> SimulationSummary | None:
+        """The result of a finished simulation; None without one."""
+        evaluation = self.evaluation_of(machine)
+        summary: SimulationSummary | None = evaluation.details if evaluation else None
+        return summary
+
+    async def simulate(self, machine: Machine, location: Location) -> SimulationSummary:
+        """Simulate a machine of an agent, whose only trajectory has the number 1."""
+        evaluation = await self.evaluate(machine, replace(location, trajectory=1))
+        summary: SimulationSummary = evaluation.details
+        return summary
 
     def save(self, machine: Machine) -> None:
         """Store a machine that a later event names; the same machine may come twice."""
@@ -252,7 +250,7 @@ class WorkflowContext:
         """How many simulations verifying an evaluated machine takes."""
         return self._evaluator.count_changes(machine)
 
-    async def verified(self, machine: Machine) -> Told:
+    async def verify(self, machine: Machine) -> Told:
         """How the score of an evaluated machine holds under small changes."""
         return await self._evaluator.verified(machine)
 
@@ -269,7 +267,7 @@ class WorkflowContext:
     @property
     def rollouts(self) -> int:
         """Number of distinct machines simulated so far."""
-        return self._simulate.count
+        return self._evaluations.count
 
     @property
     def simulations_left(self) -> int:
@@ -305,6 +303,11 @@ class WorkflowContext:
         """The system and the user prompt of a role."""
         prompts = self._contexts(role.model_role or role.name).prompts
         return role.prompt(given, prompts)
+
+    @property
+    def brief_text(self) -> str:
+        """The user prompt of an agent: the task, the blocks and the rules."""
+        return self.prompts_of(Agent(), AgentInput(**self.role_input))[1]
 
     def begin_stage(self, name: StageName) -> None:
         """Open a stage; a second call, for another trajectory, does nothing."""
@@ -350,7 +353,7 @@ class WorkflowContext:
             stages=stages,
             stopped="budget" if self.spent else GREATEST if self.reached_greatest else None,
             reason=reason,
-            front=pareto_front(self._simulate.finished),
+            front=pareto_front(self._evaluations.finished),
             lessons=self.memory.findings,
             makers=self.makers,
         )

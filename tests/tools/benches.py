@@ -19,7 +19,6 @@ from agentflow.tools.bench import Bench
 from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.stages import RunHost
 
 CAR = Path("examples/car.json").read_text(encoding="utf-8")
 
@@ -57,4 +56,4 @@ async def open_bench(
             None if rollouts is None else Allowance.of_simulations(rollouts),
             None if looks is None else Allowance.of_pictures(looks),
         )
-        yield Bench(RunHost(run), stage, budget, KnownMachines()), memory
+        yield Bench(run, stage, budget, KnownMachines()), memory

@@ -13,8 +13,8 @@ from functools import cached_property, partial
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.commands import Side
 from agentflow.machine.edits.draft import Draft, End
-from agentflow.machine.geometry.placement import face_at, place, place_step
-from agentflow.machine.geometry.pose import Placed, Units3
+from agentflow.machine.geometry.placement import flip, mirrored_face, place, place_step
+from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.problems import Problem, RefusedEdit, block_label
 from agentflow.machine.tree import Machine, carried_by
 
@@ -176,7 +176,7 @@ def _images(placed: Mapping[int, Placed]) -> dict[int, int]:
     found = {}
     for item in placed.values():
         lo, hi = (-item.hi[0], *item.lo[1:]), (-item.lo[0], *item.hi[1:])
-        ends = frozenset((_flip(item.at), item.far and _flip(item.far)))
+        ends = frozenset((flip(item.at), item.far and flip(item.far)))
         other = where.get((item.type, lo, hi, ends))
         if other is not None:
             found[item.id] = other
@@ -189,13 +189,8 @@ def _image_of_face(parent: Placed, face: int, images: Mapping[int, Placed]) -> E
     if image is None or image.shape is None or parent.shape is None:
         reason = f"{parent.label} has no mirror image to attach to; mirror it first"
         raise RefusedEdit("not_mirrored", reason)
-    wanted = _flip(face_at(parent, face)), _flip(parent.shape.faces[face].facing.front)
-    for candidate in image.shape.faces:
-        if (face_at(image, candidate.id), candidate.facing.front) == wanted:
-            return image.id, candidate.id
-    reason = f"{parent.label} has no face where the mirror image of its face {face} is"
-    raise RefusedEdit("not_mirrored", reason)
-
-
-def _flip(point: Units3) -> Units3:
-    return (-point[0], point[1], point[2])
+    found = mirrored_face(parent, face, image)
+    if found is None:
+        reason = f"{parent.label} has no face where the mirror image of its face {face} is"
+        raise RefusedEdit("not_mirrored", reason)
+    return image.id, found

@@ -205,6 +205,25 @@ def face_at(parent: Placed, face_id: int) -> Units3:
     return add(parent.at, parent.shape.faces[face_id].offset)
 
 
+def mirrored_face(parent: Placed, face_id: int, image: Placed) -> int | None:
+    """The face of an image that is where the mirror image of a block's face would be, in the plane
+    x = 0; None without one."""
+    if parent.shape is None or image.shape is None:
+        return None
+    wanted = flip(face_at(parent, face_id)), flip(parent.shape.faces[face_id].facing.front)
+    found = (
+        face.id
+        for face in image.shape.faces
+        if (face_at(image, face.id), face.facing.front) == wanted
+    )
+    return next(found, None)
+
+
+def flip(point: Units3) -> Units3:
+    """A point or direction with left and right exchanged."""
+    return (-point[0], point[1], point[2])
+
+
 def bounds(blocks: Iterable[Placed]) -> tuple[Units3, Units3]:
     """Lowest and highest corner of all boxes, in units; two-ended blocks have no box."""
     boxes = [(lo, hi) for _, _, lo, hi, turned, _ in blocks if turned is not None]

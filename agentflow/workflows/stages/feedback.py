@@ -272,7 +272,7 @@ class Trajectory:
         known = dict(self._shown[node.id].known)
         kept: list[Attempt[Revision]] = []
         for attempt in (*earlier, *attempts):
-            machine = attempt.candidate and attempt.candidate.machine
+            machine = attempt.candidate.machine if attempt.candidate else None
             if machine is not None and machine not in known:
                 form = likeness(machine, self._run.brief)
                 if form in known.values():

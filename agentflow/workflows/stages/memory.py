@@ -18,6 +18,8 @@ from typing import Any, TypeVar
 from agentflow.agents.context import Elsewhere, OtherMachine
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
+from agentflow.runs.events import MemoryEvent, RememberedMachine, RememberedMechanism, RunEvent
+from agentflow.runs.locations import FEEDBACK, Location
 from agentflow.search.node import Evaluation
 from agentflow.search.tree import is_better
 from agentflow.workflows.base import SimulationSummary
@@ -70,21 +72,20 @@ class Snapshot:
     """(trajectory, its best machine), by falling score."""
     lessons: tuple[str, ...] = ()
     """What edits did, one line each, the most telling first."""
-    mechanisms: tuple[tuple[str, int, float], ...] = ()
-    """(class, number of machines, best score), by falling score."""
+    mechanisms: tuple[RememberedMechanism, ...] = ()
+    """By falling score."""
 
 
 class Memory:
     """The memory of one run."""
 
-    def __init__(
-        self, settings: WorkflowSettings, on_reveal: Callable[[Snapshot], None] = lambda _: None
-    ) -> None:
-        """Begin empty; `on_reveal` gets what is shown from now on."""
+    def __init__(self, settings: WorkflowSettings, note: Callable[[RunEvent], None]) -> None:
+        """Begin empty; `note` records what is shown from now on."""
         self.shown = Snapshot()
         self.edits: list[Lesson] = []
         """What every edit did, in order."""
-        self._settings, self._on_reveal = settings, on_reveal
+        self._settings, self._note = settings, note
+        self._revealed = 0
         self._best: dict[int, Known] = {}
         self._scores: dict[str, list[float]] = {}
         self._members: set[int] = set()
@@ -109,30 +110,41 @@ class Memory:
         before = None if origin is None else origin.evaluation.reward
         if origin is not None and before is not None and after is not None:
             change = change_text(origin.machine, found.machine)
-            self.edits += [Lesson(change, before, after)] * bool(change)
+            if change:
+                self.edits.append(Lesson(change, before, after))
 
     def reveal(self) -> None:
         """Show what is known now, if anything is ever shown; a fixed point."""
         if not self.is_shared and not self._settings.another_mechanism:
             return
-        best = [item for item in self._best.items() if item[1].evaluation.reward is not None]
-        best.sort(key=lambda item: (-(item[1].evaluation.reward or 0.0), item[0]))
-        classes = [(name, len(scores), max(scores)) for name, scores in self._scores.items()]
-        classes.sort(key=lambda item: (-item[2], item[0]))
-        shown = Snapshot(tuple(best), lessons_of(self.edits), tuple(classes))
+        classes = [
+            RememberedMechanism(name, len(scores), max(scores))
+            for name, scores in self._scores.items()
+        ]
+        classes.sort(key=lambda item: (-item.best, item.mechanism))
+        shown = Snapshot(self._ranked, lessons_of(self.edits), tuple(classes))
         if shown != self.shown:
             self.shown = shown
-            self._on_reveal(shown)
+            self._revealed += 1
+            best = tuple(
+                RememberedMachine(number, it.machine.digest, it.evaluation.score, it.mechanism)
+                for number, it in shown.best
+            )
+            at = Location(FEEDBACK, round=self._revealed)
+            self._note(MemoryEvent(at, best, shown.lessons, shown.mechanisms))
+
+    @property
+    def _ranked(self) -> tuple[tuple[int, Known], ...]:
+        """The best machine of each trajectory that has a score, by falling score."""
+        best = [item for item in self._best.items() if item[1].evaluation.reward is not None]
+        return tuple(sorted(best, key=lambda item: (-(item[1].evaluation.reward or 0.0), item[0])))
 
     @property
     def findings(self) -> tuple[str, ...]:
         """What other runs at the task should know: the best machine, and the most telling edits."""
-        best: Known | None = None
-        for _, known in sorted(self._best.items()):
-            if best is None or is_better(known.evaluation, best.evaluation):
-                best = known
-        if best is None or best.evaluation.score is None:
+        if not self._ranked:
             return ()
+        _, best = self._ranked[0]
         counts = Counter(library()[step.type].name for step in best.machine.steps[1:])
         blocks = ", ".join(f"{count} {name}" for name, count in counts.most_common())
         told = f"A machine scored {best.evaluation.score:.2f}: {best.mechanism}; {blocks}"
@@ -141,9 +153,9 @@ class Memory:
     def avoid(self, trajectory: int) -> tuple[str, ...]:
         """Ask the first design of a trajectory for another mechanism than those shown now."""
         told = tuple(
-            f"{name}: {count} machine{'s' * (count > 1)}, best score {best:.2f}"
-            for name, count, best in self.shown.mechanisms
-            if name != UNKNOWN
+            f"{it.mechanism}: {it.count} machine{'s' * (it.count > 1)}, best score {it.best:.2f}"
+            for it in self.shown.mechanisms
+            if it.mechanism != UNKNOWN
         )
         self._avoiding[trajectory] = told
         return told

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import replace
-from random import Random
 
-from agentflow.agents.tool_agent import Agent, AgentInput
-from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, CandidateEvent, RunEvent
-from agentflow.runs.locations import FEEDBACK, INITIAL, STAGES, Location, StageName
+from agentflow.runs.locations import FEEDBACK, INITIAL, STAGES, StageName
 from agentflow.tools.bench import Bench
-from agentflow.tools.host import Aims, Shot, Told
 from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
-from agentflow.workflows.base import Candidate, SimulationSummary, WorkflowResult
+from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.designs import design_machines, simulate
@@ -24,72 +19,6 @@ ROLLOUTS = 24
 UNSUBMITTED = "submitted no machine"
 Worker = Callable[[Bench, StageName], Awaitable[None]]
 """Works at the bench of a stage; the stage ends when it returns, with what it has submitted."""
-
-
-class RunHost:
-    """Implements the `BenchHost` of a bench over a run of a workflow."""
-
-    def __init__(self, run: WorkflowContext) -> None:
-        self._run = run
-
-    @property
-    def brief(self) -> Brief:
-        """The task as plain data."""
-        return self._run.brief
-
-    @property
-    def brief_text(self) -> str:
-        """The user prompt of the agent."""
-        return self._run.prompts_of(Agent(), AgentInput(**self._run.role_input))[1]
-
-    def stream(self, name: str) -> Random:
-        """A random stream for one purpose."""
-        return self._run.stream(name)
-
-    def simulated(self, machine: Machine) -> SimulationSummary | None:
-        """The result of a finished simulation; None without one."""
-        evaluation = self._run.evaluation_of(machine)
-        summary: SimulationSummary | None = evaluation.details if evaluation else None
-        return summary
-
-    async def simulate(self, machine: Machine, location: Location) -> SimulationSummary:
-        """Simulate a machine; the only trajectory of an agent has the number 1."""
-        evaluation = await self._run.evaluate(machine, replace(location, trajectory=1))
-        summary: SimulationSummary = evaluation.details
-        return summary
-
-    @property
-    def aims(self) -> Aims:
-        """What a score is worth, and how the final one is made."""
-        return self._run.aims
-
-    def count_changes(self, machine: Machine) -> int:
-        """How many simulations verifying a machine takes."""
-        return self._run.count_changes(machine)
-
-    async def verify(self, machine: Machine) -> Told:
-        """How the score of a simulated machine holds under small changes."""
-        return await self._run.verified(machine)
-
-    async def feedback(self, machine: Machine, trial: int) -> Told:
-        """What happened in a trial of a simulated machine."""
-        return await self._run.feedback(machine, trial)
-
-    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> Told:
-        """Recorded states of a simulated machine, as tables and data."""
-        return await self._run.query(machine, queries, location)
-
-    async def look(self, machine: Machine, shot: Shot) -> bytes:
-        """A PNG picture of a machine."""
-        return await self._run.look(machine, shot)
-
-    def save(self, machine: Machine) -> None:
-        """Store a machine by its content hash."""
-        self._run.save(machine)
-
-    def note(self, event: RunEvent) -> None:
-        """Record an event."""
-        self._run.note(event)
 
 
 async def work_in_stages(
@@ -118,7 +47,7 @@ async def work_in_stages(
             submissions = min(submissions, share)
         left = len(stages) - number - 1
         budget = StageBudget(submissions, rollouts if stage == FEEDBACK else None, pictures, left)
-        bench = Bench(RunHost(run), stage, budget, machines)
+        bench = Bench(run, stage, budget, machines)
         run.begin_stage(stage)
         await worker(bench, stage)
         await bench.close()
