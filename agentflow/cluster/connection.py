@@ -31,8 +31,8 @@ ANSWER_LIMIT = 10.0
 PLACE_LIMIT = 600.0
 """Seconds that a cluster has to offer processors for the first worker: new nodes take minutes."""
 BEAT, SILENCE = 3.0, 30.0
-"""Seconds between two looks at Ray's processes, and how long one may not answer before it counts as
-gone. A minute after the head was lost, Ray ends this process."""
+"""Seconds between two looks at Ray's processes, and how long one may stay silent before it
+counts as gone. A minute after the head was lost, Ray ends this process."""
 
 
 def connect(workers: int) -> None:
@@ -199,7 +199,7 @@ async def result_of(sent: Any) -> Any:
 
 
 def let_go(act: Callable[..., object], *given: Any, **options: Any) -> None:
-    """Have Ray end something, beside this thread: without its head it waits for a minute, in which
+    """Have Ray end something, in another thread: without its head it waits for a minute, in which
     nobody would notice that the head is gone."""
 
     def attempt() -> None:

@@ -65,8 +65,7 @@ def test_the_angle_at_which_an_arm_has_settled_is_told() -> None:
     rotation[:, 3] = (0.0, -HALF, 0.0, HALF)
     down = make_trace(4, 4, rotation=rotation)
     assert settled_lines(arm, down) == [
-        "Joints at t = 0: block 1 (Hinge) 20 degrees from as built, "
-        "its Front 20 degrees below level"
+        "Joints at t = 0: block 1 (Hinge) has swung 20 degrees, its Front 20 degrees below level"
     ]
     text = compose(arm, down, (), Verdict(0.0, {}), "m", (), {}, ()).text
     assert settled_lines(arm, down)[0] in text

@@ -184,7 +184,7 @@ async def test_lost_answers_may_be_retried(fault: str) -> None:
             "answer": "check OPENAI_BASE_URL or --base-url",
             "complete reply": "the server, or a proxy before it, cut it off: check their logs and "
             "size limits",
-            "data for 0.2 s": "the model may be slow; model.endpoint.http.idle_s says how long "
+            "data for 0.2 s": "the model may be slow; model.endpoint.http.idle_s sets how long "
             "runs wait",
         }
         assert found[2] == advice[found[1]]

@@ -97,7 +97,7 @@ def settled_lines(machine: Machine, trace: Trace) -> list[str]:
             front = float(rotate(trace.rotation[0, step.id], (0.0, 0.0, 1.0))[1])
             rise = degrees(asin(min(1.0, max(-1.0, front))))
             told.append(
-                f"{block_name(machine, step.id)} {number(angle, 0)} degrees from as built, its "
+                f"{block_name(machine, step.id)} has swung {number(angle, 0)} degrees, its "
                 f"Front {number(abs(rise), 0)} degrees {'above' if rise > 0.0 else 'below'} level"
             )
     return [f"Joints at t = 0: {'; '.join(told[:MOST_SETTLED])}"] if told else []

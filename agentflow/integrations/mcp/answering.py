@@ -1,4 +1,4 @@
-"""Lines over stdio that are no messages: the SDK only logs them, and their senders wait forever."""
+"""Lines over stdio that are not messages: the SDK only logs them, so senders would wait forever."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from mcp.shared.message import SessionMessage
 from pydantic import ValidationError
 
 Item = SessionMessage | Exception
-"""A message, or why a line is none."""
+"""A message, or why a line is not one."""
 
 
 class AnsweringStream:
-    """The messages of a client. Each line that is none is answered with an error."""
+    """The messages of a client. Each line that is not one is answered with an error."""
 
     def __init__(self, incoming: Any, outgoing: Any) -> None:
         """Read from a stream of items, and answer through a stream of messages."""
@@ -63,7 +63,7 @@ def answer_to(error: ValidationError) -> types.JSONRPCError:
     known = isinstance(number, int | str) and not isinstance(number, bool)
     is_json = faults[0]["type"] != "json_invalid"
     code = types.INVALID_REQUEST if is_json else types.PARSE_ERROR
-    told = f"this line is no JSON-RPC message that can be read: {faults[0]['msg']}"
+    told = f"this line is not a JSON-RPC message: {faults[0]['msg']}"
     return types.JSONRPCError(
         jsonrpc="2.0",
         id=number if known else None,

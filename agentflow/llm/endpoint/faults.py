@@ -186,7 +186,7 @@ def silent(endpoint: Endpoint, seconds: float) -> TransientFault:
     return TransientFault(
         SilentError(
             f"no data for {seconds:g} s from {endpoint.base_url}, which is connected: the model "
-            "may be slow; model.endpoint.http.idle_s says how long runs wait"
+            "may be slow; model.endpoint.http.idle_s sets how long runs wait"
         )
     )
 

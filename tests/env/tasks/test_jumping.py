@@ -47,10 +47,10 @@ def test_the_root_and_half_of_the_mass_have_to_get_over() -> None:
     light = judge(task.referee(PAIR), FakeWorld(), (0.5, 13.0), (0.5, 12.0))
     assert (light.score, light.terms["outcome"]) == (
         0.0,
-        "failed, 8% of the mass across; else root ends 0.75 m beyond",
+        "failed, 8% of the mass across; but root ends 0.75 m beyond",
     )
     short = judge(task.referee(PAIR), FakeWorld(), (0.5, 11.0), (0.5, 13.0))
-    assert short.terms["outcome"] == ("failed, root ends 1.25 m short; else 92% of the mass across")
+    assert short.terms["outcome"] == ("failed, root ends 1.25 m short; but 92% of the mass across")
     assert short.terms["miss"] == 1.25
 
 
@@ -75,7 +75,7 @@ def test_a_touch_fails_the_trial_whatever_comes_after() -> None:
     verdict = judge_on(referee, world)
     assert verdict.score == 0.0
     assert verdict.terms["outcome"] == (
-        "failed, block 1 (Ballast) touched wall 1 at 1.50 s, 0.25 m too low; else root ends "
+        "failed, block 1 (Ballast) touched wall 1 at 1.50 s, 0.25 m too low; but root ends "
         "17.75 m beyond, 100% of the mass across"
     )
     assert (verdict.terms["touched"], verdict.terms["touch_time"]) == ("wall 1", 1.5)
@@ -103,7 +103,7 @@ def test_what_is_across_before_the_start_fails() -> None:
     referee.start(world)
     verdict = judge_on(referee, world)
     told = str(verdict.terms["outcome"])
-    assert told.startswith("failed, block 1 (Ballast) was across before t = 0; else root ends ")
+    assert told.startswith("failed, block 1 (Ballast) was across before t = 0; but root ends ")
     assert (verdict.score, verdict.terms["miss"]) == (0.0, None)
 
 
@@ -150,7 +150,7 @@ def test_walls_that_were_cleared_are_told_with_the_least_height() -> None:
     verdict = referee.verdict(make_trace(2, 4, paths=paths))
     assert verdict.terms["clearance, wall 1"] == pytest.approx(2.0 - 0.5 - 0.8)
     assert "clearance, wall 2" not in verdict.terms
-    assert "; else cleared wall 1 by 0.70 m" in str(verdict.terms["outcome"])
+    assert "; but cleared wall 1 by 0.70 m" in str(verdict.terms["outcome"])
 
 
 def test_the_conditions_of_a_trial_are_told() -> None:

@@ -156,7 +156,7 @@ class Jumping(TrialFamily):
             return ""
         found = flight_of_root(machine, trace, self.parameters.base)
         if found is None:
-            return ", never off the ground with all that holds on to it"
+            return ", never off the ground with all blocks joined to it"
         return f", off the ground from {number(found[0])} to {number(found[1])} s"
 
     @property
@@ -272,7 +272,7 @@ class JumpReferee:
         (near if share >= HALF - 1e-9 else failed).append(mass_text)
         if not failed:
             return True, f"success, {', '.join(near)}", None
-        told = "; else ".join(", ".join(parts) for parts in (failed, near) if parts)
+        told = "; but ".join(", ".join(parts) for parts in (failed, near) if parts)
         return False, f"failed, {told}", max(0.0, -beyond) if miss == 0.0 else miss
 
     def _find_faults(self) -> tuple[list[str], list[str], float | None]:
