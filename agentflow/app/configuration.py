@@ -12,7 +12,7 @@ import yaml
 
 from agentflow.app.design.config import config_json
 from agentflow.app.design.plan import RunPlan
-from agentflow.config.run import apply_settings, load_document
+from agentflow.config.run import apply_settings, load_document, values_in
 from agentflow.models.completion import complete_config, fill_from_environment
 
 DEFAULT, SETTING, ENVIRONMENT = "default", "--set", "environment"
@@ -43,7 +43,8 @@ def resolve_config(path: Path | None, settings: Iterable[str]) -> dict[str, Any]
             return ENVIRONMENT
         return SETTING if _sets(from_settings, keys) else str(path)
 
-    return {"config": config, "from": {".".join(keys): source(keys) for keys in _keys(config)}}
+    origins = {".".join(keys): source(keys) for keys, _ in values_in(config)}
+    return {"config": config, "from": origins}
 
 
 def annotated_yaml(found: Mapping[str, Any]) -> str:
@@ -61,15 +62,6 @@ def _sets(document: Mapping[str, Any], keys: tuple[str, ...]) -> bool:
             return False
         value = value[key]
     return True
-
-
-def _keys(document: Mapping[str, Any], above: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-    """The path of every value that is not a group of keys."""
-    for key, value in document.items():
-        if isinstance(value, Mapping) and value:
-            yield from _keys(value, (*above, key))
-        else:
-            yield *above, key
 
 
 def _lines(

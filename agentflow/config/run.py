@@ -273,6 +273,17 @@ def _flatten(group: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     return found
 
 
+def values_in(
+    document: Mapping[str, Any], above: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Path and value of everything that is not a group of keys."""
+    for key, value in document.items():
+        if isinstance(value, Mapping) and value:
+            yield from values_in(value, (*above, key))
+        else:
+            yield (*above, key), value
+
+
 def suggest_key(knobs: Iterable[str]) -> str:
     """A hint for unknown knobs that look like a configuration key; "" if none does.
 

@@ -11,15 +11,14 @@ from itertools import chain
 from pathlib import Path
 from typing import Literal
 
-from agentflow.errors import RunError
-from agentflow.machine import Machine, library, read_machine
+from agentflow.machine import Machine
 from agentflow.metrics import search
 from agentflow.metrics.intervals import Interval, Rate
+from agentflow.metrics.machines import recorded_machine
 from agentflow.metrics.scores import Scores, mean_known
 from agentflow.metrics.tables import Value
 from agentflow.registry import Registry, instance_of
 from agentflow.runs.events import CandidateEvent, ExpandEvent
-from agentflow.runs.reading import read_machine_text
 from agentflow.runs.record import RunRecord
 
 
@@ -69,7 +68,7 @@ class Cell:
             RunError: A machine of a run cannot be read.
         """
         return [
-            _load_machine(run.path, item.machine)
+            recorded_machine(run.path, item.machine)
             for run in self.runs
             if run.path is not None
             for item in run.record.of_stage(self.stage)
@@ -104,14 +103,6 @@ class Metric:
     """Whether to show it as a percentage."""
     digits: int = 2
     """Decimals of its floats."""
-
-
-def _load_machine(run: Path, digest: str) -> Machine:
-    """A machine that a run has stored."""
-    machine = read_machine(read_machine_text(run, digest), library()).machine
-    if machine is None or machine.digest != digest:
-        raise RunError(f"machines/{digest}.json of {run} is damaged: restore it")
-    return machine
 
 
 def _first_attempts(

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from agentflow.app.design.results import best_machine
-from agentflow.app.inspect.reading import recorded_machine
 from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import RunError, UsageError
 from agentflow.machine import Machine
+from agentflow.metrics.machines import recorded_machine
 from agentflow.notebook.frames import frame
 from agentflow.notebook.machine_rows import COLUMNS, CurvePoint, curve, machine_rows
 from agentflow.notebook.words import By, require_word

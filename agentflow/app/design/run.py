@@ -30,6 +30,7 @@ from agentflow.llm.client import Client
 from agentflow.llm.function import FunctionClient
 from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
+from agentflow.metrics.formats import counted
 from agentflow.models.clients import open_models
 from agentflow.runs import Listener, Notify, RunDirectory, read_document, read_result, state_of
 from agentflow.runs.result import RunResult
@@ -214,13 +215,11 @@ class DesignRun:
                     if not self._worth_keeping(call_log):
                         self.directory.discard()
                     raise
-                except DamagedError:
-                    raise
-                except RunError as error:
-                    raise RunError(f"{error}; {self._resume_hint}") from error
         except DamagedError as error:
             again = "restore it from a copy, or begin a new run"
             raise DamagedError(f"{error}; {again}") from error
+        except RunError as error:
+            raise RunError(f"{error}; {self._resume_hint}") from error
         finally:
             self.directory.close()
 
@@ -262,7 +261,7 @@ class DesignRun:
         book = self.options.lessons
         if book is not None:
             added = extend_book(book, self.plan.task.name, execution.result.lessons)
-            self.options.notify(f"{book}: {added} lesson{'s' * (added != 1)} added")
+            self.options.notify(f"{book}: {counted(added, 'lesson')} added")
 
     def _worth_keeping(self, call_log: CallLog) -> bool:
         """Whether there is anything to resume: a reply, or the work of an earlier process."""

@@ -12,6 +12,7 @@ from agentflow.app.diversity.sources import Source, read_sources
 from agentflow.diversity.measures import Measures, compare
 from agentflow.machine import Machine
 from agentflow.metrics import published as literature
+from agentflow.metrics.formats import counted
 from agentflow.metrics.tables import FORMATS, Column, Row, Table
 from agentflow.progress import Progress
 
@@ -67,7 +68,7 @@ class Result:
         name, count, of = self.source.name, self.measures.machines, len(self.source.machines)
         notes = [f"{name}/{file} is left out: {why}" for file, why in self.source.left_out.items()]
         if count < 2:
-            notes.append(f"{name}: {count} machine{'' if count == 1 else 's'}, so no pairs.")
+            notes.append(f"{name}: {counted(count, 'machine')}, so no pairs.")
         elif count < of:
             notes.append(f"{name}: {count} of {of} machines, drawn at random.")
         return notes

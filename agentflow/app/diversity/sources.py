@@ -8,12 +8,12 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from agentflow.app.inspect.reading import recorded_machine
 from agentflow.app.machines.files import read_one
 from agentflow.errors import RunError, UsageError
 from agentflow.files.atomic import os_errors
 from agentflow.files.lines import read_lines
 from agentflow.machine import Machine, library, place, read_machine, spatial_problems
+from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import find_runs, read_document
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord

@@ -10,7 +10,6 @@ from typing import Any
 
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan, engine_of_run
-from agentflow.app.inspect.reading import recorded_machine
 from agentflow.diversity.topology import tree_edit_distance
 from agentflow.env.physics.engines import usable_engine
 from agentflow.errors import RunError
@@ -19,6 +18,7 @@ from agentflow.metrics.behaviour.agents import agent_edits
 from agentflow.metrics.behaviour.measures import Behaviour, behaviour, edits
 from agentflow.metrics.formats import percent
 from agentflow.metrics.intervals import Rate, bootstrap_mean
+from agentflow.metrics.machines import recorded_machine
 from agentflow.metrics.tables import FORMATS, Column, Row, Table
 from agentflow.metrics.usage import summarize_usage
 from agentflow.runs import find_runs, read_calls, read_document

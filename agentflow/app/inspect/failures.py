@@ -7,13 +7,13 @@ from typing import Any
 
 from agentflow.agents.registry import replies_of
 from agentflow.app.inspect.rationales import unfollowed_rationales
-from agentflow.app.inspect.reading import recorded_machine
 from agentflow.env.tasks.family import Family
 from agentflow.env.tasks.registry import FAMILIES
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, place
 from agentflow.metrics.failure_kinds import KINDS
 from agentflow.metrics.failures import Failures, failures
+from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import find_runs, read_document
 from agentflow.runs.events import read_typed_events
 

@@ -12,8 +12,8 @@ from functools import cache
 from pathlib import Path
 
 from agentflow.agents.designer import Designer, extract_rationale
-from agentflow.app.inspect.reading import recorded_machine
 from agentflow.machine import Machine, library
+from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_calls
 from agentflow.runs.events import AttemptEvent, read_typed_events
 from agentflow.runs.locations import Location

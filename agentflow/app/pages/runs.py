@@ -13,7 +13,7 @@ from agentflow.app.design.conditions import describe_changes
 from agentflow.app.design.plan import level_note, level_of_run, task_of_run
 from agentflow.app.design.results import best_machine
 from agentflow.app.inspect.failures import count_failures
-from agentflow.app.inspect.reading import later_note, recorded_machine
+from agentflow.app.inspect.reading import later_note
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.robustness import kept_figure
 from agentflow.config.run import build_config
@@ -27,11 +27,13 @@ from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_json
 from agentflow.errors import UsageError
 from agentflow.machine import Brief, Machine
+from agentflow.metrics.machines import recorded_machine
 from agentflow.models.choices import cost_function
 from agentflow.progress import Progress, counter
 from agentflow.report.page import require_writable, write_page
 from agentflow.report.run import RunStory
 from agentflow.runs import read_document, read_result
+from agentflow.runs.reading import RESULT
 
 FINE, COARSE = 1 / 30, 0.1
 """Seconds between samples of films: of the best machines, and of the others."""
@@ -123,7 +125,7 @@ def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:
     """The record of a run, and the data of its page without machines and films."""
     document = read_document(path)
     config = build_config(document.get("config"))
-    result = read_result(path) if (path / "result.json").exists() else None
+    result = read_result(path) if (path / RESULT).exists() else None
     best = best_machine(result)
     story = RunStory.read(path, result, best.digest if best else None)
     priced = bool(config.model.prices) or config.model.local

@@ -9,11 +9,13 @@ from typing import Any
 
 from agentflow.app.pages.films import Shapes
 from agentflow.app.pages.runs import COARSE, FINE, ReportedMachine, film_machines
+from agentflow.config.run import values_in
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import usable_engine
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine, check, read_machine
 from agentflow.machine.brief import Brief
+from agentflow.metrics.formats import counted
 from agentflow.progress import Progress
 from agentflow.report.page import require_writable, write_page
 from agentflow.training.curves import OF_SAMPLES, flatten
@@ -92,7 +94,7 @@ def training_report(path: Path, out: Path, *, films: int, workers: int, say: Pro
             for task in shown.tasks
         ],
         "steps": shown.to_json(),
-        "facts": [[key, _setting(value)] for key, value in _settings(run.config)],
+        "facts": [[".".join(keys), _setting(value)] for keys, value in values_in(run.config)],
         "machines": machines,
         **shapes.data,
     }
@@ -181,7 +183,7 @@ def _best_machines(
 def _about(run: TrainingRecord) -> str:
     kind = {"sft": "supervised fine-tuning", "grpo": "reinforcement learning (GRPO)"}
     last = run.curves[-1]["step"] if run.curves else 0
-    steps = "1 step" if last == 1 else f"{last} steps"
+    steps = counted(int(last), "step")
     return f"{kind[run.about.kind]}, {steps}{'' if run.result else ', unfinished'}"
 
 
@@ -217,15 +219,6 @@ def _charts(
         if found:
             charts.append({"title": title, "unit": unit, "lines": found})
     return charts
-
-
-def _settings(config: Mapping[str, Any], above: str = "") -> Iterable[tuple[str, Any]]:
-    """Dotted key and value of every setting of a run."""
-    for key, value in config.items():
-        if isinstance(value, Mapping) and value:
-            yield from _settings(value, f"{above}{key}.")
-        else:
-            yield f"{above}{key}", value
 
 
 def _setting(value: Any) -> str:

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.plan import RunPlan, engine_of_run, level_note
-from agentflow.app.inspect.reading import later_note, recorded_machine
+from agentflow.app.inspect.reading import later_note
 from agentflow.app.subjects.subject import Subject
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import usable_engine
 from agentflow.env.pool.base import Pool
 from agentflow.env.pool.pool import RolloutPool
+from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_document
 from agentflow.runs.events import EvaluationEvent, read_typed_events
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 
@@ -58,7 +58,7 @@ def against_table(result: SweepResult, baseline: str) -> Table:
         UnknownNameError: The sweep has no such condition.
         UsageError: It has no other condition, or no run of this one is finished.
     """
-    found = dict(_groups(result, baseline))
+    found = _groups(result, baseline)
     if not any(baseline in sides for sides in found.values()):
         raise UsageError(f"no run of the condition {baseline!r} is finished")
     layout = result.sweep.table
@@ -115,7 +115,9 @@ def _pairs(one: Mapping[int, _Side], other: Mapping[int, _Side]) -> list[tuple[_
     return [(one[seed], other[seed]) for seed in one if seed in other]
 
 
-def _groups(result: SweepResult, baseline: str) -> Iterator[tuple[tuple[str, str], _Sides]]:
+def _groups(
+    result: SweepResult, baseline: str
+) -> dict[tuple[str, str], dict[str, dict[int, _Side]]]:
     """(task, variant) -> the sides of each condition; variants are themselves conditions, "" then,
     unless the baseline is a stage or a number of rounds."""
     layout = result.sweep.table
@@ -136,14 +138,15 @@ def _groups(result: SweepResult, baseline: str) -> Iterator[tuple[tuple[str, str
                 f"{twin} and {run.planned.name} have the same task, condition and seed, so "
                 "--against cannot tell which is whose pair: move one of them elsewhere"
             )
+        variant = run.planned.variant
         if baseline in variants:
-            sides = found.setdefault((task, ""), {})
-            sides.setdefault(run.planned.variant, {})[seed] = _Side(run, layout.stage)
-            continue
-        sides = found.setdefault((task, run.planned.variant), {})
-        for name in within:
-            by_rounds = layout.conditions == "rounds"
-            rounds = int(name.partition("_")[2]) if by_rounds else None
-            side = _Side(run, layout.stage if by_rounds else name, rounds)
-            sides.setdefault(name, {})[seed] = side
-    yield from found.items()
+            group, sides = (task, ""), {variant: _Side(run, layout.stage)}
+        elif layout.conditions == "rounds":
+            counts = zip(within, layout.rounds, strict=True)
+            group = task, variant
+            sides = {name: _Side(run, layout.stage, count) for name, count in counts}
+        else:
+            group, sides = (task, variant), {name: _Side(run, name) for name in within}
+        for name, side in sides.items():
+            found.setdefault(group, {}).setdefault(name, {})[seed] = side
+    return found

@@ -37,7 +37,7 @@ from agentflow.runs.events import (
 )
 from agentflow.runs.record import RunRecord
 
-BARS = "▁▂▃▄▅▆▇█"
+BARS, WIDEST = "▁▂▃▄▅▆▇█", 40
 
 
 @contextmanager
@@ -57,7 +57,7 @@ def watch(quiet: bool, calls: int = 0) -> Iterator[tuple[Listener | None, Notify
             yield view.note, lambda line: console.print(Text(escape_controls(line)))
             live.transient = True  # the result follows; a failed run leaves its view
     else:
-        yield PlainProgress(calls).note, lambda line: print_line(f"agentflow: {line}")
+        yield PlainProgress(calls).note, print_remark
 
 
 def print_line(line: str) -> None:
@@ -141,9 +141,8 @@ class RunView:
 
 def _calls(made: int, expected: int) -> str:
     """How many calls were made, and of about how many while there are fewer."""
-    return (
-        f"{made} of about {counted(expected, 'call')}" if made < expected else counted(made, "call")
-    )
+    whole = counted(max(made, expected), "call")
+    return f"{made} of about {whole}" if made < expected else whole
 
 
 def _one_line(text: str, style: str = "") -> Text:
@@ -151,11 +150,11 @@ def _one_line(text: str, style: str = "") -> Text:
     return Text(escape_controls(text), style=style, overflow="ellipsis", no_wrap=True)
 
 
-def sparkline(values: list[float], width: int = 40) -> str:
-    """A curve of at most `width` characters, from 0 (or the minimum) to the maximum."""
+def sparkline(values: list[float]) -> str:
+    """A curve of at most `WIDEST` characters, from 0 (or the minimum) to the maximum."""
     if not values:
         return ""
-    step = max(1, -(-len(values) // width))
+    step = max(1, -(-len(values) // WIDEST))
     picked = values[::step]
     low, high = min(0.0, *values), max(values)
     scale = (len(BARS) - 1) / (high - low) if high > low else 0.0

@@ -10,7 +10,6 @@ from pydantic import Field
 from starlette.routing import BaseRoute
 
 from agentflow.app.design.plan import task_of_run
-from agentflow.app.inspect.reading import recorded_machine
 from agentflow.app.machines.files import list_blocks, read_one
 from agentflow.app.pages.runs import FINE, ReportedMachine
 from agentflow.app.tasks import find_task
@@ -22,6 +21,7 @@ from agentflow.machine.edits import changes
 from agentflow.machine.edits.changes import Change, Mending
 from agentflow.machine.edits.draft import End
 from agentflow.machine.formats.detect import read_for
+from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_document
 from agentflow.studio.answers import Arguments, Nothing, get, post
 from agentflow.studio.building.person_runs import PersonRuns

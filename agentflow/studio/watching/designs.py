@@ -12,7 +12,6 @@ from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from secrets import token_hex
 from typing import Any
@@ -88,8 +87,8 @@ def workflow_names() -> list[str]:
     return sorted(names, key=lambda name: name != USUAL)
 
 
-def require_possible(form: NewDesign) -> None:
-    """Raise UsageError unless a design with this form can begin, without a path on this machine."""
+def require_possible(form: NewDesign) -> RunPlan:
+    """The plan of this form; UsageError unless it can begin, without a path on this machine."""
     if form.task not in task_names():
         raise UnknownNameError("task", form.task, task_names())
     if form.workflow not in workflow_names():
@@ -112,7 +111,9 @@ def require_possible(form: NewDesign) -> None:
                 f"the studio would send your key to a host that you have named only here: {host}; "
                 f"start it with OPENAI_BASE_URL={form.base_url}, or use agentflow design --base-url"
             )
-    RunPlan.of(config).require_workflow()
+    plan = RunPlan.of(config)
+    plan.require_workflow()
+    return plan
 
 
 @dataclass
@@ -173,10 +174,8 @@ class Designs:
             raise UsageError(f"{MOST} designs are running; stop one of them")
         self._starting += 1  # before anything is awaited, so that two requests cannot both be last
         try:
-            await asyncio.to_thread(require_possible, form)
-            stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-            task = form.task.replace("/", "-")
-            name = f"{stamp}-{task}-{form.workflow}-seed{form.seed}-{token_hex(2)}"
+            plan = await asyncio.to_thread(require_possible, form)
+            name = f"{plan.run_name}-{token_hex(2)}"
             started = self._started[name] = await self._spawn(name, form)
         finally:
             self._starting -= 1

@@ -12,12 +12,12 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import BaseRoute, Route
 
 from agentflow.app.design.config import load_config
-from agentflow.app.inspect.reading import recorded_machine
 from agentflow.app.pages.compare import Comparison
 from agentflow.app.pages.runs import FINE, ReportedMachine, run_data
 from agentflow.app.tasks import list_tasks
 from agentflow.config.run import KEY_VARIABLE
 from agentflow.errors import AgentflowError
+from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_document
 from agentflow.studio.answers import Arguments, Nothing, get, post
 from agentflow.studio.folder import LONGEST, RunFolder

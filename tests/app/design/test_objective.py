@@ -11,13 +11,13 @@ import pytest
 from agentflow.app.design.config import load_config
 from agentflow.app.design.evaluator import PhysicsEvaluator
 from agentflow.app.design.run import RunOptions, design
-from agentflow.app.inspect.reading import recorded_machine
 from agentflow.cli import main
 from agentflow.env.rollout import Feedback, Rollout
 from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine, library
+from agentflow.metrics.machines import recorded_machine
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
 from agentflow.search.node import Evaluation
