@@ -370,10 +370,10 @@ def build(task: str | None = None, **knobs: object) -> MachineBuilder:
     from agentflow.machine.building import MachineBuilder
 
     if task is None:
-        return MachineBuilder()
-    from agentflow.env.tasks.registry import get_task, knob_names
+        return MachineBuilder(_brief_of(None, knobs))
+    from agentflow.env.tasks.registry import knob_names
 
-    return MachineBuilder(get_task(task, knob_names(task, knobs)).brief)
+    return MachineBuilder(_brief_of(task, knob_names(task, knobs)))
 
 
 def read_machine(source: str | MachineJson | Path) -> Machine:
@@ -399,12 +399,7 @@ def edit_machine(
     """The machine after an edit script; see `Machine.edit`."""
     from agentflow.machine.edits.script import apply_script
 
-    brief = None
-    if task is not None:
-        from agentflow.env.tasks.registry import get_task
-
-        brief = get_task(task, knobs).brief
-    outcome = apply_script(machine, script, brief)
+    outcome = apply_script(machine, script, _brief_of(task, knobs))
     for step in outcome.steps:
         if step.verdict == "Error":
             raise UsageError(f"{step.text.strip()!r} is refused: {step.reason}")
@@ -430,16 +425,12 @@ def check(
         UsageError: The task, knob, engine or file does not exist, or the machine is a text that
             names a file.
     """
-    if knobs and task is None:
-        raise UsageError("knobs change a task; name it with task=")
-    if task is None:
-        from agentflow.env.physics.engines import choose_engine, engine_limits
+    brief = _brief_of(task, knobs, engine)
+    if brief is not None:
+        return _check(machine, brief, brief.limits)
+    from agentflow.env.physics.engines import choose_engine, engine_limits
 
-        return _check(machine, None, engine_limits(choose_engine(engine).name))
-    from agentflow.env.tasks.registry import get_task
-
-    brief = get_task(task, knobs, engine).brief
-    return _check(machine, brief, brief.limits)
+    return _check(machine, None, engine_limits(choose_engine(engine).name))
 
 
 def simulate(
@@ -662,6 +653,19 @@ def _require_no_event_loop(name: str) -> None:
 
 def _print_remark(line: str) -> None:
     print(f"agentflow: {line}", file=sys.stderr)
+
+
+def _brief_of(
+    task: str | None, knobs: Mapping[str, object] | None, engine: str = "auto"
+) -> Brief | None:
+    """The rules of a task; None without one, which knobs must then not change."""
+    if task is None:
+        if knobs:
+            raise UsageError("knobs change a task; name it with task=")
+        return None
+    from agentflow.env.tasks.registry import get_task
+
+    return get_task(task, knobs, engine).brief
 
 
 def _prepare(

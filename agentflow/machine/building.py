@@ -44,7 +44,7 @@ class BuiltBlock:
 
         Raises:
             RefusedEdit: There is no such face, or several.
-            UnknownNameError: This is no word for a direction.
+            UnknownNameError: The word names no direction.
         """
         if isinstance(face, int):
             return self.id, face
@@ -110,10 +110,13 @@ class MachineBuilder:
             face: The face of that block; see `BuiltBlock.face`.
 
         Raises:
-            RefusedEdit: The type is not allowed, the face does not exist or is taken, or the
-                machine would overlap or be too large.
+            RefusedEdit: The type is not allowed, the face does not exist or is taken, the machine
+                would overlap or be too large, or `to` is a block of another builder.
             UnknownNameError: There is no such type.
         """
+        if to._draft is not self._draft:
+            what = f"block {to.id} is of another machine: name a block of this one"
+            raise RefusedEdit("unknown_name", what)
         return self._attach(block, [to.face(face)])
 
     def join(self, block: str | int, first: End, second: End) -> BuiltBlock:

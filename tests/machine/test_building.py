@@ -82,8 +82,14 @@ def test_a_task_brings_its_rules() -> None:
         m.add("Log", to=m.root, face="up")
     with pytest.raises(ZeroDivisionError), agentflow.build("throwing", wall_height=2):
         _ = 1 / 0
+    throwing = agentflow.build("throwing")
     with pytest.raises(RefusedEdit, match="is not allowed here"):
-        agentflow.build("throwing").add("Propeller", to=MachineBuilder().root, face=0)
+        throwing.add("Propeller", to=throwing.root, face=0)
+    with pytest.raises(RefusedEdit, match="block 0 is of another machine"):
+        throwing.add("Log", to=MachineBuilder().root, face="up")
+    for ask in (lambda: agentflow.build(wall_height=2), lambda: Machine().edit("", knobs={"x": 1})):
+        with pytest.raises(UsageError, match="knobs change a task; name it with task="):
+            ask()
     given = agentflow.build("gearing").machine
     assert given == agentflow.task("gearing").given
 

@@ -14,6 +14,8 @@ from agentflow.runs.record import RunRecord
 
 PAUSE = 0.3
 """Least seconds between two changes, so that notebooks stay small and quick."""
+ENDINGS = {"result": "workflow done", "verification": "best machine verified"}
+"""Kind of event -> what a run has then reached."""
 
 
 class Line:
@@ -48,14 +50,13 @@ class RunLine:
 
     def __call__(self, event: RunEvent | Event) -> None:
         """Take in an event."""
-        if not isinstance(event, RunEvent):
-            return
-        self._record.add(event)
-        record, ended = self._record, event.kind == "result"
+        record = self._record
+        record.add(event)
+        ending = ENDINGS.get(event.kind)
+        stage = record.stage.location.name.replace("_", " ") if record.stage else "starting"
         best = "" if record.best is None else f", best score {record.best:.4g}"
-        stage = "done" if ended else record.stage.location.name if record.stage else "begun"
         numbers = f"{counted(record.calls, 'call')}, {counted(len(record.machines), 'machine')}"
-        self._line.show(f"{stage.replace('_', ' ')}: {numbers}{best}", at_once=ended)
+        self._line.show(f"{ending or stage}: {numbers}{best}", at_once=ending is not None)
 
 
 class SweepLine:

@@ -38,7 +38,7 @@ def read_rows(sources: Sequence[Source], view: View, by: By) -> list[Datum]:
     """The rows of a figure.
 
     Raises:
-        RunError: A source is none, is damaged, or has no finished run.
+        RunError: A source holds no runs, or is damaged, or is a sweep without a finished run.
         UsageError: There is nothing to plot.
     """
     if not sources:

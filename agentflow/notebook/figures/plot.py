@@ -50,7 +50,8 @@ def plot(
         The figure, which notebooks show.
 
     Raises:
-        UsageError: There is nothing to plot, a source is none or damaged, or a name is unknown.
+        UsageError: There is nothing to plot, a source holds no runs or is damaged, or a name is
+            unknown.
         ConfigError: matplotlib is not installed.
     """
     require_word("view of figures", view, View)

@@ -164,6 +164,36 @@ def test_notebooks_are_told_how_to_show_things() -> None:
     ], done.stderr
 
 
+@pytest.mark.slow
+def test_a_line_of_a_notebook_shows_the_progress() -> None:
+    code = (
+        "from IPython.core.interactiveshell import InteractiveShell\n"
+        "InteractiveShell.instance().kernel = object()\n"
+        "import agentflow\n"
+        "from agentflow.notebook.display.progress import SweepLine, run_listener\n"
+        f"run = agentflow.Run({str(RECORDED)!r})\n"
+        "listener = run_listener(None)\n"
+        "for event in run.events: listener(event)\n"
+        "line = SweepLine(2, lambda told: print('told:', told))\n"
+        "line.run_started('a')\n"
+        "line.run_failed('a', 'no luck')\n"
+        "line.run_finished('b', run.result)\n"
+        "line.run_finished('c', run.result)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    result = agentflow.Run(RECORDED).result
+    reached = f"{result.calls} calls, {result.rollouts} machines, best score {result.score:.4g}"
+    lines = done.stdout.splitlines()
+    assert lines[0] == "starting: 0 calls, 0 machines", done.stderr
+    assert f"workflow done: {reached}" in lines
+    ended = lines.index(f"best machine verified: {reached}")
+    assert lines[ended + 1 :] == [
+        "0 of 2 runs; a has begun",
+        "told: a has failed: no luck",
+        f"2 of 2 runs, best score {result.score:.4g}; c is done",
+    ]
+
+
 def test_every_class_that_is_shown_exists() -> None:
     from importlib import import_module
 
