@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from math import nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,19 +25,8 @@ from tests.env.fakes import AlteredEngine, AlteredWorld
 from tests.env.machines import BALLASTED, CAR, PRINTED, machine, shipped
 
 KEYS = [
-    "status",
-    "score",
-    "terms",
-    "problems",
-    "broken",
-    "marginal",
-    "events",
-    "feedback",
-    "digest",
-    "sim_seconds",
-    "wall_seconds",
-    "constants",
-    "engine",
+    *("status", "score", "terms", "problems", "broken", "marginal", "events", "feedback"),
+    *("digest", "sim_seconds", "wall_seconds", "constants", "engine"),
 ]
 PUBLISHED = np.array(
     [[1.0, 7.01, -1.5], [0.84, 7.34, -2.44], [0.64, 5.69, -6.2], [0.61, 3.28, -9.97]]
@@ -290,12 +281,17 @@ def test_a_rollout_survives_its_file(thrown: Rollout, tmp_path: Path) -> None:
     assert load_npz(path).trace is None
 
 
-def test_a_file_from_before_engines_were_recorded_is_read(thrown: Rollout, tmp_path: Path) -> None:
-    path = tmp_path / "throw.npz"
-    save_npz(replace(thrown, trace=None), path)
+def edited(rollout: Rollout, path: Path, edit: Callable[[dict[str, Any]], object]) -> Path:
+    """A file with a rollout whose JSON is edited."""
+    save_npz(replace(rollout, trace=None), path)
     result = json.loads(np.load(path)["result"].item())
-    del result["engine"]
+    edit(result)
     np.savez(path, result=np.array(json.dumps(result).encode()))
+    return path
+
+
+def test_a_file_from_before_engines_were_recorded_is_read(thrown: Rollout, tmp_path: Path) -> None:
+    path = edited(thrown, tmp_path / "throw.npz", lambda result: result.pop("engine"))
     assert load_npz(path) == replace(load_npz(path), engine=None)
 
 
@@ -310,23 +306,15 @@ def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
             load_npz(path)
 
 
-@pytest.mark.parametrize("field", ["digest", "broken", "events"])
-def test_a_file_that_lacks_a_field_is_refused(thrown: Rollout, field: str, tmp_path: Path) -> None:
-    path = tmp_path / "throw.npz"
-    save_npz(replace(thrown, trace=None), path)
-    result = json.loads(np.load(path)["result"].item())
-    del result[field]
-    np.savez(path, result=np.array(json.dumps(result).encode()))
-    with pytest.raises(UsageError, match=f"is not a saved rollout: '{field}'"):
-        load_npz(path)
-
-
-def test_an_item_with_an_unknown_field_is_refused(thrown: Rollout, tmp_path: Path) -> None:
-    path = tmp_path / "throw.npz"
-    save_npz(replace(thrown, trace=None), path)
-    result = json.loads(np.load(path)["result"].item())
-    result["events"] = [{"time": 0.1, "kind": "locked", "blocks": [1], "colour": "red"}]
-    np.savez(path, result=np.array(json.dumps(result).encode()))
+def test_a_file_that_lacks_a_field_or_has_an_unknown_one_is_refused(
+    thrown: Rollout, tmp_path: Path
+) -> None:
+    for field in ("digest", "broken", "events"):
+        path = edited(thrown, tmp_path / "throw.npz", lambda result, field=field: result.pop(field))
+        with pytest.raises(UsageError, match=f"is not a saved rollout: '{field}'"):
+            load_npz(path)
+    event = {"time": 0.1, "kind": "locked", "blocks": [1], "colour": "red"}
+    path = edited(thrown, tmp_path / "throw.npz", lambda result: result.update(events=[event]))
     with pytest.raises(UsageError, match="is not a saved rollout"):
         load_npz(path)
 

@@ -12,7 +12,6 @@ import pytest
 from tests.processes import MAIN, run_python
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-SCRIPTS = sorted(EXAMPLES.glob("*.py"))
 
 
 def run(*command: str, cwd: Path, path: Path | None = None) -> str:

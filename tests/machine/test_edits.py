@@ -103,9 +103,6 @@ def test_all_or_nothing() -> None:
     assert outcome.to_json()["outcome"] == "failure"
 
 
-FACES_0 = "free faces of block 0"
-
-
 @pytest.mark.parametrize(
     ("script", "code", "reason"),
     [

@@ -64,7 +64,6 @@ class Quiet(Notes):
 @pytest.mark.parametrize("path", SWEEPS, ids=lambda path: path.stem)
 def test_a_sweep_runs_and_has_the_published_table(path: Path, tmp_path: Path) -> None:
     plan = plan_sweep(path, reduced(path), {}, seeds=1, adapt=shortened)
-    assert len(plan.runs) <= len(plan_sweep(path, reduced(path), {}, seeds=1).runs)
     notes = Quiet()
     outcome = run_sweep(plan, sweep_folder(plan, path, tmp_path), notes, jobs=2, resume=False)
     assert outcome.failed == {}
