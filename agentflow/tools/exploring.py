@@ -11,7 +11,6 @@ from pydantic import Field
 from agentflow.machine.edits.difference import edit_commands
 from agentflow.machine.edits.local import local_edits
 from agentflow.machine.tree import Machine
-from agentflow.tools.host import Simulation
 from agentflow.tools.results import RefusedCall, ToolResult
 from agentflow.tools.workspace import Call, require_complete
 
@@ -21,8 +20,6 @@ SAME = 0.005
 """Share of the score below which a change counts as none."""
 MOST_EDITS = 24
 """Most edits of one call."""
-TRIALS = "Trials of single edits"
-"""How the text about them begins."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +59,8 @@ def trials_text(score: float | None, broken: bool, trials: Sequence[EditTrial]) 
         lines.append(f"- {len(others)} {noun}: {' to '.join(span)}")
     if failed := len(trials) - len(found):
         lines.append(f"- {failed} without a score")
-    head = f"{TRIALS} around this machine, each alone, and how they change its score {score:.2f}:"
-    return "\n".join([head, *lines])
+    head = "Trials of single edits around this machine, each alone, and how they change its score"
+    return "\n".join([f"{head} {score:.2f}:", *lines])
 
 
 def _breakage(before: bool, trial: EditTrial) -> str:
@@ -101,12 +98,7 @@ async def explore_edits(
         EditTrial(commands[new], result.score, bool(result.broken))
         for new, result in zip(edited, found, strict=True)
     ]
-    return _told(call, known.name, base, tried)
-
-
-def _told(call: Call, name: str, base: Simulation, tried: Sequence[EditTrial]) -> ToolResult:
-    workspace = call.workspace
     text = trials_text(base.score, bool(base.broken), tried) or "The machine has no score."
     rows = [{"script": t.edit, "score": t.score, "broken": t.broken} for t in tried]
-    data = {"machine": name, "score": base.score, "trials": rows, **workspace.budget_data}
-    return ToolResult(f"Machine {name}: {text}\n{workspace.budget_text}", data)
+    data = {"machine": known.name, "score": base.score, "trials": rows, **workspace.budget_data}
+    return ToolResult(f"Machine {known.name}: {text}\n{workspace.budget_text}", data)

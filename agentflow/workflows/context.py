@@ -96,7 +96,6 @@ class WorkflowContext:
         self._evaluations: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
         self._stages: list[Stage] = []
         self._opened = settings.trajectories
-        self._pooled = searches_whole_run(settings.search)
         self._tried: dict[int, set[Machine]] = {}
         """Trajectory -> the machines that were simulated in it."""
         self.memory = Memory(settings, self.note)
@@ -286,7 +285,7 @@ class WorkflowContext:
         no other; a search over the whole run deals them itself.
         """
         most, many = self.settings.max_simulations, self.settings.trajectories
-        if most is None or self._pooled:
+        if most is None or searches_whole_run(self.settings.search):
             return sys.maxsize
         share = most // many + (trajectory <= most % many)
         return share - len(self._tried.get(trajectory, ()))

@@ -46,10 +46,10 @@ async def hierarchical(run: WorkflowContext) -> WorkflowResult:
 class _Plans:
     """The blueprints of a search over the whole run, which begins more trajectories than others.
 
-    One of `STRUCTURES` trajectories follows a plan: it takes about as many calls as the others, in
-    which one designer makes the whole machine. The meta-designer plans anew after as many
-    trajectories as the settings say, so that the run does not depend on one plan; asked for another
-    mechanism, it splits the task anew for a trajectory.
+    One of `STRUCTURES` trajectories follows a plan: it takes about as many calls as the other ones
+    together, whose machines one designer each makes whole. The meta-designer plans anew after as
+    many trajectories as the settings say, so that the run does not depend on one plan; asked for
+    another mechanism, it splits the task anew for a trajectory.
     """
 
     def __init__(self, run: WorkflowContext, first: Blueprint) -> None:
@@ -111,7 +111,8 @@ def _calls(settings: WorkflowSettings) -> dict[str, int]:
     planned = math.ceil(begun / STRUCTURES)
     designs = planned * each + begun - planned
     first = {role: designs for role in (Designer.name, Drafter.name) if role in calls}
-    return {MetaDesigner.name: math.ceil(begun / settings.trajectories), **calls, **first}
+    plans = math.ceil(begun / max(STRUCTURES, settings.trajectories))
+    return {MetaDesigner.name: plans, **calls, **first}
 
 
 HIERARCHICAL = replace(ITERATIVE, name="hierarchical", stages=hierarchical, calls=_calls)

@@ -98,13 +98,14 @@ class WorkflowSettings(BaseModel):
         None,
         ge=1,
         description="simulations of a run; default: 3 per trajectory (random-dsl), 24 (tools), as "
-        "many as the rounds of a search can need (explore; ab-mcts and independent); else no limit",
+        "many as the rounds of a search can need (explore, and searches over the whole run, such "
+        "as halving); else no limit",
     )
     emitters: tuple[Emitter, ...] = Field(
         (),
         description="what makes new machines from others: edit (random), crossover, refiner; "
         "default: edit and crossover, equally often (explore); refiner and edit, as the search "
-        "decides (ab-mcts)",
+        "decides (searches over the whole run)",
     )
     candidates_per_stage: int = Field(
         8, ge=1, le=10_000, description="machines that an agent may submit in a stage (tools)"

@@ -5,6 +5,8 @@ import pytest
 
 from agentflow.llm.messages import Reply, Request
 from agentflow.machine.tree import Machine
+from agentflow.workflows.registry import WORKFLOWS
+from agentflow.workflows.settings import WorkflowSettings
 from tests.workflows.fakes import (
     BLUEPRINT,
     CRITIQUE,
@@ -381,3 +383,14 @@ async def test_no_rounds_skip_a_search_over_the_whole_run() -> None:
     run = Run(Author(refused=0.0), {**SMALL, "search": {"strategy": "halving", "rounds": 0}})
     result = await run()
     assert [stage.name for stage in result.stages] == ["initial", "blind_refinement"]
+
+
+@pytest.mark.parametrize(("trajectories", "plans"), [(1, 6), (3, 6), (8, 3)])
+def test_estimates_count_plans_that_some_first_machine_follows(
+    trajectories: int, plans: int
+) -> None:
+    """Every fourth one follows a plan, however often the meta-designer may plan anew."""
+    search = {"strategy": "independent"}
+    settings = {"trajectories": trajectories, "max_simulations": 24, "search": search}
+    hierarchical = WORKFLOWS["hierarchical"]
+    assert hierarchical.calls(WorkflowSettings.model_validate(settings))["meta_designer"] == plans

@@ -87,7 +87,8 @@ class Halving(PooledStrategy):
 
 
 class HalfAndHalf(Halving):
-    """Half of the budget makes first candidates; the arms, equally likely, improve the best."""
+    """Half of the budget makes first candidates, or less if most of them fail or repeat others; the
+    arms, equally likely, improve the best."""
 
     kept = (1,)
     most_begun = math.inf

@@ -16,7 +16,6 @@ from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Evaluation
 from agentflow.search.tree import is_better
 from agentflow.tools.exploring import EditTrial, trials_text
-from agentflow.workflows.base import SimulationSummary
 from agentflow.workflows.context import WorkflowContext
 
 
@@ -69,13 +68,10 @@ async def explore(
     for each in tried:
         if is_better(each.evaluation, gain.evaluation if gain else base):
             gain = each
-    told = [EditTrial(t.edit, t.evaluation.reward, _breaks(t.evaluation)) for t in tried]
-    text = trials_text(base.reward, _breaks(base), told)
+    told = [
+        EditTrial(t.edit, t.evaluation.reward, bool(t.evaluation.details.broken)) for t in tried
+    ]
+    text = trials_text(base.reward, bool(base.details.broken), told)
     rows = tuple(LocalTrial(t.edit, t.machine.digest, t.evaluation.score) for t in tried)
     run.note(LocalTrialsEvent(where, machine.digest, base.score, rows, text))
     return Explored(text, gain)
-
-
-def _breaks(evaluation: Evaluation) -> bool:
-    summary: SimulationSummary = evaluation.details
-    return bool(summary.broken)
