@@ -82,8 +82,7 @@ def test_an_endpoint_that_fails_costs_no_points(tmp_path: Path, capsys: Captured
 def test_items_without_a_run_are_missing_and_not_worth_nothing(
     folder: Path, tmp_path: Path
 ) -> None:
-    path = tmp_path / "small"
-    shutil.copytree(folder / "small", path)
+    path = shutil.copytree(folder / "small", tmp_path / "small")
     shutil.rmtree(path / "runs" / "refined.gearing-2.seed-0")
     with (path / "members.jsonl").open("a") as log:
         log.write('{"run": "refined.gearing-2.seed-0", "state": "failed", "reason": "no answer"}\n')

@@ -58,8 +58,7 @@ def test_a_run_records_its_engine_and_keeps_it(run: Path, capsys: Captured) -> N
 def test_a_run_of_an_engine_that_is_not_there_says_so(
     run: Path, tmp_path: Path, capsys: Captured
 ) -> None:
-    copy = tmp_path / "run"
-    shutil.copytree(run, copy)
+    copy = shutil.copytree(run, tmp_path / "run")
     document = read_document(copy)
     config = {**document["config"], "engine": "fast"}
     other = {**document, "engine": "fast 1", "config": config}
@@ -78,8 +77,7 @@ def test_a_run_of_an_engine_that_is_not_there_says_so(
 def test_a_run_from_before_engines_were_configured_keeps_its_recorded_engine(
     run: Path, tmp_path: Path
 ) -> None:
-    copy = tmp_path / "run"
-    shutil.copytree(run, copy)
+    copy = shutil.copytree(run, tmp_path / "run")
     document = read_document(copy)
     del document["config"]["engine"]
     (copy / "run.yaml").write_text(document_text(document))
@@ -144,8 +142,7 @@ def test_simulate_names_its_engine(name: str, capsys: Captured) -> None:
 def test_verification_shows_the_other_engine_outside_the_median(
     run: Path, tmp_path: Path, capsys: Captured
 ) -> None:
-    copy = tmp_path / "run"
-    shutil.copytree(run, copy)
+    copy = shutil.copytree(run, tmp_path / "run")
     found = json.loads(shown(capsys, "verify", str(copy), "--json"))
     assert found["engine"] == identity(MUJOCO)
     varied = [score["variation"] for score in found["verified"]["scores"]]

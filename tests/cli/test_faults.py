@@ -26,8 +26,7 @@ def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 
 def test_a_finished_run_without_a_score_has_a_page(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     content = json.loads((run / "result.json").read_text())
     content |= {"score": None, "verified": None, "valid": False, "machine": None, "reason": "none"}
     (run / "result.json").write_text(json.dumps(content))
@@ -38,8 +37,7 @@ def test_a_finished_run_without_a_score_has_a_page(tmp_path: Path) -> None:
 def test_malformed_tool_calls_in_a_record_are_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     first, *lines = (run / "calls.jsonl").read_text().splitlines()
     call = json.loads(first)
     for forged in ([{"name": "check"}], 7, ["check"]):

@@ -35,8 +35,7 @@ def contents(folder: Path) -> dict[Path, bytes]:
 
 
 def test_runs_are_one_line_each_however_long_the_path(tmp_path: Path, capsys: Captured) -> None:
-    run = tmp_path / ("a" * 100) / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / ("a" * 100) / "run")
     head, line, engine = shown(capsys, "runs", str(tmp_path)).splitlines()
     assert head.split() == [
         *("run", "state", "task", "workflow", "model", "seed"),
@@ -64,8 +63,7 @@ def test_a_damaged_run_does_not_hide_the_others(tmp_path: Path, capsys: Captured
 
 
 def test_a_finished_run_that_is_resumed_keeps_every_byte(tmp_path: Path, capsys: Captured) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     for picture in ("best.png", "best.gif"):  # the recorded run has none, to be small
         (run / picture).write_bytes(b"drawn")
     before = contents(run)
@@ -98,8 +96,7 @@ def test_show_tells_stages_costs_and_failures(capsys: Captured) -> None:
 def test_show_names_marginal_connections_of_the_best_machine(
     tmp_path: Path, capsys: Captured
 ) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     machine = read_machine(read_result(run).machine).machine
     assert machine is not None
     file = run / "rollouts" / f"{machine.digest}.npz"

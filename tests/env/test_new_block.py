@@ -76,8 +76,7 @@ print(json.dumps({
 def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What the program says, run on a copy of the package whose data files know the block."""
     root = tmp_path_factory.mktemp("copy")
-    package = root / "agentflow"
-    shutil.copytree(Path(agentflow.__file__).parent, package)
+    package = shutil.copytree(Path(agentflow.__file__).parent, root / "agentflow")
     blocks, fitted = package / "machine/blocks/blocks.json", package / "env/constants.json"
     document = json.loads(blocks.read_text())
     blocks.write_text(json.dumps({**document, "blocks": [*document["blocks"], ENTRY]}))

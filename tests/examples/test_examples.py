@@ -51,8 +51,7 @@ def test_a_model_of_ones_own(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_task_family_outside_the_package(tmp_path: Path) -> None:
     """Installed as far as that is possible without building a wheel: its entry point is found."""
-    project = tmp_path / "pushing"
-    shutil.copytree(EXAMPLES / "pushing", project)
+    project = shutil.copytree(EXAMPLES / "pushing", tmp_path / "pushing")
     run(
         "-W", "ignore", "-c", "import setuptools; setuptools.setup()", "-q", "egg_info", cwd=project
     )

@@ -89,8 +89,7 @@ def test_numbers_beyond_the_range_are_not_json(
     number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert parse_object(f'{{"score": {number}}}'.encode()) is None
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     lines = (run / "events.jsonl").read_text().splitlines()
     at, line = next((n, line) for n, line in enumerate(lines) if '"kind": "evaluation"' in line)
     event = json.loads(line)

@@ -189,8 +189,7 @@ def outcomes(
     for number in numbers:
         rng = random.Random(f"{seed} {number}")
         name = rng.choice(list(sources))
-        copy = folder / "copy"
-        shutil.copytree(sources[name].folder, copy)
+        copy = shutil.copytree(sources[name].folder, folder / "copy")
         files = sorted(path for path in copy.rglob("*") if path.is_file() and path.name != "lock")
         if rng.random() < 0.3 and (results := [f for f in files if f.name == "result.json"]):
             results[0].unlink()

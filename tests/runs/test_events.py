@@ -182,8 +182,7 @@ READERS: dict[str, Callable[[Path], object]] = {
 def test_every_reader_names_the_damaged_line(
     reader: str, damage: dict[str, Any], why: str, tmp_path: Path
 ) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     file = run / "events.jsonl"
     lines = file.read_text().splitlines()
     at = next(i for i, line in enumerate(lines) if json.loads(line)["kind"] == EvaluationEvent.kind)
@@ -196,8 +195,7 @@ def test_every_reader_names_the_damaged_line(
 
 
 def test_unknown_kinds_and_unknown_data_change_nothing(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     lines = [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
     unknown = {"kind": "tomorrow", "label": "a/b", "at": 0.5, "data": {"machine": 7}}
     events = [{**line, "data": {**line["data"], "new": 1}} for line in lines]

@@ -52,8 +52,7 @@ def test_a_forged_value_is_named(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file, place, value, problem = FORGED[name]
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     first, *lines = (
         (run / file).read_text().split("\n") if ".jsonl" in file else [(run / file).read_text()]
     )

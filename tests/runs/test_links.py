@@ -56,8 +56,7 @@ def test_links_are_refused_and_nothing_outside_changes(
     (tmp_path / "own.txt").write_text(OUTSIDE)
     (tmp_path / "own").mkdir()
     (tmp_path / "own" / ".1-kept").write_text(OUTSIDE)
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     if "--resume" in command:
         unfinished(run)
     change(run)
@@ -75,8 +74,7 @@ def test_links_are_refused_and_nothing_outside_changes(
 def test_a_pipe_in_a_run_does_not_stop_its_reader(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     (run / "calls.jsonl").unlink()
     os.mkfifo(run / "calls.jsonl")
     assert main(["failures", str(run)]) == 2

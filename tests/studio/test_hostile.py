@@ -30,8 +30,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     shutil.copytree(RECORDED, above / "outside")
     (above / "secret.txt").write_text(SECRET)
     os.symlink(above / "outside", runs / "linked")
-    holds_link = runs / "holds-link"
-    shutil.copytree(RECORDED, holds_link)
+    holds_link = shutil.copytree(RECORDED, runs / "holds-link")
     (holds_link / "machines" / f"{0:016x}.json").symlink_to(above / "secret.txt")
     with studio(runs, LIMITS) as found:
         yield found

@@ -201,8 +201,7 @@ def test_what_cannot_be_compared_is_refused(
 def test_an_evaluation_without_its_engine_is_damaged(
     learned: Path, tmp_path: Path, capsys: Captured
 ) -> None:
-    folder = tmp_path / "rl"
-    shutil.copytree(learned / "evaluations" / "rl", folder)
+    folder = shutil.copytree(learned / "evaluations" / "rl", tmp_path / "rl")
     about = json.loads((folder / "evaluation.json").read_text())
     del about["conditions"]["engine"]
     (folder / "evaluation.json").write_text(json.dumps(about))

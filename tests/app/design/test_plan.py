@@ -117,8 +117,7 @@ def test_a_run_without_a_recorded_engine_resumes_with_a_note(tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_replay_and_rescore_report_another_engine(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     document = {**read_document(run), "engine": "pybullet 0.0.1"}
     (run / "run.yaml").write_text(document_text(document))
     now = PLAN.engine.removeprefix("pybullet ")

@@ -45,8 +45,7 @@ def test_a_start_machine_is_recorded_and_improved(
     assert replay(run, ignore) is None
     assert main(["show", str(run)]) == 0
     assert "started from a machine with 7 blocks" in capsys.readouterr().out
-    other = tmp_path / "stopped"
-    shutil.copytree(run, other)
+    other = shutil.copytree(run, tmp_path / "stopped")
     (other / "result.json").unlink()
     lines = (other / "events.jsonl").read_text().splitlines(keepends=True)
     (other / "events.jsonl").write_text("".join(lines[: len(lines) // 2]))

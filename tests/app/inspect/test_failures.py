@@ -60,8 +60,7 @@ def test_no_run_and_a_missing_or_false_machine_are_said(tmp_path: Path) -> None:
     with pytest.raises(RunError) as caught:
         count_failures(tmp_path)
     assert str(caught.value) == f"{tmp_path} contains no run"
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     first, second, *_ = sorted((run / "machines").iterdir())
     for file in (run / "machines").iterdir():
         file.write_bytes(first.read_bytes())

@@ -132,8 +132,7 @@ def test_rescoring_repeats_every_machine_and_changes_nothing() -> None:
 
 @pytest.mark.slow
 def test_rescoring_finds_another_score(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     lines = (run / "events.jsonl").read_text().splitlines()
     at, event = next((i, json.loads(x)) for i, x in enumerate(lines) if '"evaluation"' in x)
     now = event["data"]["score"]

@@ -45,8 +45,7 @@ def test_only_numbers_before_names_count(text: str, found: list[tuple[int, int]]
 def test_a_design_with_fewer_blocks_than_it_says_is_counted(
     tmp_path: Path, said: str, structure: int, unfollowed: bool
 ) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     calls = [json.loads(line) for line in (run / "calls.jsonl").read_text().splitlines()]
     built = [call for call in calls if re.search(OF_FIRST, call["request"]["label"])]
     call = built[structure]

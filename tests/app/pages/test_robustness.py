@@ -95,8 +95,7 @@ def test_a_damaged_result_is_named(tmp_path: Path, kept: str) -> None:
 def test_the_report_of_a_run_shows_how_robust_its_best_machine_is(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     assert main(["robustness", str(run), "--n", "1", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["task"], found["edits"]["count"]) == ("throwing", 1)

@@ -56,8 +56,7 @@ def data_of(page: Path) -> dict[str, Any]:
 
 
 def test_machines_without_a_film_are_shown_as_built(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     shutil.rmtree(run / "rollouts")
     out = report(run, tmp_path / "r.html", films=0, workers=1, say=quiet)
     data = data_of(out)
@@ -78,8 +77,7 @@ def test_machines_without_a_film_are_shown_as_built(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_verified_score_is_shown_beside_the_score(tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     result = read_result(run)
     (run / "result.json").write_text(json.dumps({**result.to_json(), "verified": VERIFIED}))
     data = data_of(report(run, tmp_path / "r.html", films=0, workers=1, say=quiet))
@@ -112,8 +110,7 @@ def test_a_run_in_progress_is_read_once(tmp_path: Path) -> None:
 def test_recorded_films_are_shown_if_physics_has_changed(
     tmp_path: Path, name: str, value: str, change: str
 ) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(RECORDED, run)
+    run = shutil.copytree(RECORDED, tmp_path / "run")
     document = {**read_document(run), name: value}
     (run / "run.yaml").write_text(document_text(document))
     told: list[tuple[int, int]] = []

@@ -92,8 +92,7 @@ def test_verification_can_be_switched_off_and_made_later(
     assert (plain.verified, plain.data["verified"]) == (None, None)
     assert not events_of(plain.run, "verification")
     assert replay(plain.run, ignore) is None
-    run = tmp_path / "run"
-    shutil.copytree(plain.run, run)
+    run = shutil.copytree(plain.run, tmp_path / "run")
     found = verify_run(run, 1, pytest.fail)
     assert found["verified"] == with_holding(verified.data["verified"])
     assert read_result(run).to_json()["verified"] == verified.data["verified"]
@@ -113,8 +112,7 @@ def test_a_verified_run_is_not_verified_again(verified: agentflow.Design) -> Non
 def test_an_incomplete_verification_is_made_again(
     verified: agentflow.Design, tmp_path: Path
 ) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(verified.run, run)
+    run = shutil.copytree(verified.run, tmp_path / "run")
     result = read_result(run).to_json()
     for part in (result["verified"], (lost := result["verified"]["scores"][3])):
         part["score"] = None
@@ -129,8 +127,7 @@ def test_an_incomplete_verification_is_made_again(
 def test_a_score_that_physics_no_longer_gives_is_not_verified_in_the_run(
     plain: agentflow.Design, tmp_path: Path
 ) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(plain.run, run)
+    run = shutil.copytree(plain.run, tmp_path / "run")
     result = read_result(run).to_json()
     (run / "result.json").write_text(json.dumps({**result, "score": 99.0}))
     said: list[str] = []
@@ -146,8 +143,7 @@ def test_a_score_that_physics_no_longer_gives_is_not_verified_in_the_run(
 
 @pytest.mark.slow
 def test_a_damaged_verification_is_reported(verified: agentflow.Design, tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(verified.run, run)
+    run = shutil.copytree(verified.run, tmp_path / "run")
     wrongs: tuple[Any, ...] = ({}, [], {**verified.data["verified"], "low": "much"}, {"scores": []})
     for wrong in wrongs:
         (run / "result.json").write_text(json.dumps({**verified.data, "verified": wrong}))
@@ -193,8 +189,7 @@ def test_a_run_that_was_verified_otherwise_replays_identical(
     verified: agentflow.Design, tmp_path: Path
 ) -> None:
     """Other versions verify under other variations: those of the run are repeated."""
-    run = tmp_path / "run"
-    shutil.copytree(verified.run, run)
+    run = shutil.copytree(verified.run, tmp_path / "run")
     with_scores(run, lambda scores: scores[:3])
     assert replay(run, ignore) is None
     assert [item["variation"] for item in run_details(run)["verified"]["scores"]] == [
@@ -210,8 +205,7 @@ def test_a_machine_that_fails_under_a_variation_is_fragile_everywhere(
     verified: agentflow.Design, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The median is above 0, and the verified score alone would hide the failure."""
-    run = tmp_path / "run"
-    shutil.copytree(verified.run, run)
+    run = shutil.copytree(verified.run, tmp_path / "run")
     with_scores(run, lambda scores: [{**item, "score": item["score"] * (i != 2)}
                                      for i, item in enumerate(scores)])  # fmt: skip
     assert read_result(run).fragile is True
@@ -233,8 +227,7 @@ def test_a_machine_that_fails_under_a_variation_is_fragile_everywhere(
 def test_runs_from_before_verification_still_read_and_replay(
     verified: agentflow.Design, tmp_path: Path
 ) -> None:
-    run = tmp_path / "run"
-    shutil.copytree(verified.run, run)
+    run = shutil.copytree(verified.run, tmp_path / "run")
     result = read_result(run).to_json()
     del result["verified"]
     (run / "result.json").write_text(json.dumps(result))

@@ -187,8 +187,7 @@ def test_unfinished_and_half_created_runs_are_carried_out(
 ) -> None:
     """After a kill: a run without result, a folder without run.yaml, a run not started."""
     outcome, _, path = swept
-    copy = tmp_path / "tiny"
-    shutil.copytree(outcome.path, copy)
+    copy = shutil.copytree(outcome.path, tmp_path / "tiny")
     expected = json.loads((copy / "runs" / RUNS[0] / "result.json").read_text())
     (copy / "runs" / RUNS[0] / "result.json").unlink()
     shutil.rmtree(copy / "runs" / RUNS[1])
@@ -223,8 +222,7 @@ def test_a_sweep_with_runs_under_other_conditions_is_refused(
     swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path, name: str, value: str, words: str
 ) -> None:
     outcome, _, path = swept
-    copy = tmp_path / "tiny"
-    shutil.copytree(outcome.path, copy)
+    copy = shutil.copytree(outcome.path, tmp_path / "tiny")
     shutil.rmtree(copy / "runs" / RUNS[3])
     file = copy / "runs" / RUNS[1] / "run.yaml"
     file.write_text(document_text({**yaml.safe_load(file.read_text()), name: value}))
@@ -242,8 +240,7 @@ def test_resuming_a_sweep_with_another_engine_is_refused(
     swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path
 ) -> None:
     outcome, _, path = swept
-    copy = tmp_path / "tiny"
-    shutil.copytree(outcome.path, copy)
+    copy = shutil.copytree(outcome.path, tmp_path / "tiny")
     document = yaml.safe_load((copy / "sweep.yaml").read_text())
     assert document["engine"] == str(ENGINE)
     (copy / "sweep.yaml").write_text(yaml.safe_dump({**document, "engine": "other 1"}))

@@ -137,8 +137,7 @@ def test_a_run_that_was_killed_after_its_last_step_only_saves_the_model(
 
 
 def test_fresh_weights_know_nothing_of_the_car(model: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "trained"
-    shutil.copytree(model, folder)
+    folder = shutil.copytree(model, tmp_path / "trained")
     AutoConfig.from_pretrained(folder, use_cache=False).save_pretrained(folder)  # as TRL leaves it
     wanted = config(folder, "fresh=true", "steps=1", "save_every=1", "max_tokens=20")
     result = train_grpo(wanted, tmp_path / "run", resume=False, notify=lambda _: None)
@@ -148,8 +147,7 @@ def test_fresh_weights_know_nothing_of_the_car(model: Path, tmp_path: Path) -> N
 
 
 def test_a_chat_model_gets_the_real_prompt(model: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "chat"
-    shutil.copytree(model, folder)
+    folder = shutil.copytree(model, tmp_path / "chat")
     ModelFolder(label="chat").save(folder)
     template = "{% for message in messages %}{{ message.content }}\n{% endfor %}"
     (folder / "chat_template.jinja").write_text(template)
