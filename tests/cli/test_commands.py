@@ -11,6 +11,8 @@ import pytest
 from agentflow.cli import main
 from tests.env.test_rollout import KEYS
 
+Captured = pytest.CaptureFixture[str]
+
 CAR = [
     {"type": 0, "id": 0, "parent": -1, "face_id": -1},
     {"type": 1, "id": 1, "parent": 0, "face_id": 0},
@@ -29,9 +31,7 @@ def car(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_check_reports_exactly_the_documented_keys(
-    car: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_reports_exactly_the_documented_keys(car: str, capsys: Captured) -> None:
     assert main(["check", car, "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report == {
@@ -46,7 +46,7 @@ def test_check_reports_exactly_the_documented_keys(
     }
 
 
-def test_check_lists_positions_on_request(car: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_lists_positions_on_request(car: str, capsys: Captured) -> None:
     assert main(["check", car, "--geometry", "--json"]) == 0
     wheel = json.loads(capsys.readouterr().out)["blocks"][3]
     assert wheel["position"] == [-0.5, 0.0, 1.0]
@@ -54,9 +54,7 @@ def test_check_lists_positions_on_request(car: str, capsys: pytest.CaptureFixtur
     assert wheel["faces"] == [{"face_id": 0, "position": [-1.0, 0.0, 1.0], "facing": "x-"}]
 
 
-def test_check_lines_gives_one_report_per_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_lines_gives_one_report_per_line(tmp_path: Path, capsys: Captured) -> None:
     lines = [json.dumps(CAR), "no json at all", json.dumps("```json\n[{}]\n```"), "{}"]
     (tmp_path / "many.jsonl").write_text("\n".join(lines) + "\n")
     assert main(["check", str(tmp_path / "many.jsonl"), "--jsonl"]) == 0
@@ -69,9 +67,7 @@ def test_check_lines_gives_one_report_per_line(
     ]
 
 
-def test_simulate_gives_exactly_the_documented_keys(
-    car: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulate_gives_exactly_the_documented_keys(car: str, capsys: Captured) -> None:
     assert main(["simulate", car, "--task", "movement", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert list(result) == [*KEYS, "blocks", "most_blocks"]
@@ -79,12 +75,12 @@ def test_simulate_gives_exactly_the_documented_keys(
     assert 40 <= result["score"] <= 50
 
 
-def test_simulate_without_power_earns_nothing(car: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_simulate_without_power_earns_nothing(car: str, capsys: Captured) -> None:
     assert main(["simulate", car, "--task", "movement", "--power", "off", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["score"] == pytest.approx(0, abs=0.01)
 
 
-def test_an_invalid_machine_is_a_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_invalid_machine_is_a_result(tmp_path: Path, capsys: Captured) -> None:
     (tmp_path / "bad.json").write_text(json.dumps([*CAR, {**CAR[1], "id": 7}]))
     assert main(["simulate", str(tmp_path / "bad.json"), "--task", "movement", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
@@ -93,9 +89,7 @@ def test_an_invalid_machine_is_a_result(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 @pytest.mark.parametrize("ending", [".coords.json", ".bsg"])
-def test_simulate_takes_every_form(
-    car: str, ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulate_takes_every_form(car: str, ending: str, tmp_path: Path, capsys: Captured) -> None:
     other = str(tmp_path / f"car{ending}")
     assert main(["convert", car, other]) == 0
     capsys.readouterr()
@@ -107,16 +101,14 @@ def test_simulate_takes_every_form(
 
 
 @pytest.mark.parametrize("rate", ["0", "-5", "nan", "1e12"])
-def test_a_rate_out_of_range_is_refused(
-    car: str, rate: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_rate_out_of_range_is_refused(car: str, rate: str, capsys: Captured) -> None:
     assert main(["simulate", car, "--task", "movement", "--rate", rate]) == 2
     assert "it must be from 30 to 1000 Hz" in capsys.readouterr().err
 
 
 @pytest.mark.slow
 def test_simulate_lines_gives_one_result_per_line_in_order(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Captured
 ) -> None:
     short = [*CAR[:1], {"type": 63, "id": 1, "parent": 0, "face_id": 0}]
     lines = [json.dumps(machine) for machine in (CAR, short, CAR)]
@@ -141,7 +133,7 @@ QUERY = json.dumps({"id": 0, "duration": [0, 0.4], "properties": ["position"]})
     ],
 )
 def test_simulate_answers_queries(
-    car: str, interval: list[str], times: list[float], capsys: pytest.CaptureFixture[str]
+    car: str, interval: list[str], times: list[float], capsys: Captured
 ) -> None:
     arguments = ["simulate", car, "--task", "movement", "--query", QUERY, "--json"]
     assert main([*arguments, *interval]) == 0
@@ -150,9 +142,7 @@ def test_simulate_answers_queries(
 
 
 @pytest.mark.slow
-def test_simulate_answers_queries_on_every_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulate_answers_queries_on_every_line(tmp_path: Path, capsys: Captured) -> None:
     (tmp_path / "many.jsonl").write_text(f"{json.dumps(CAR)}\nnonsense\n")
     arguments = ["simulate", str(tmp_path / "many.jsonl"), "--jsonl", "--task", "movement"]
     assert main([*arguments, "--query", QUERY, "--interval", "0.4"]) == 0
@@ -164,13 +154,13 @@ def test_simulate_answers_queries_on_every_line(
 
 @pytest.mark.parametrize("interval", ["0", "-1", "nan"])
 def test_simulate_rejects_an_interval_that_is_not_above_zero(
-    car: str, interval: str, capsys: pytest.CaptureFixture[str]
+    car: str, interval: str, capsys: Captured
 ) -> None:
     assert main(["simulate", car, "--task", "movement", f"--interval={interval}"]) == 2
     assert "it must be above 0 s" in capsys.readouterr().err
 
 
-def test_blocks_and_tasks_are_data_too(capsys: pytest.CaptureFixture[str]) -> None:
+def test_blocks_and_tasks_are_data_too(capsys: Captured) -> None:
     assert main(["blocks", "--json"]) == 0
     assert len(json.loads(capsys.readouterr().out)) == 37
     assert main(["blocks", "log", "--json"]) == 0
@@ -239,7 +229,7 @@ def test_wrong_input_is_one_line_and_leaves_nothing(
     message: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Captured,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "words").write_text("this is no machine")
@@ -251,7 +241,7 @@ def test_wrong_input_is_one_line_and_leaves_nothing(
     assert os.listdir(tmp_path) == ["words"]
 
 
-def test_debug_shows_the_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+def test_debug_shows_the_traceback(capsys: Captured) -> None:
     assert main(["tasks", "thowing", "--debug"]) == 2
     told = capsys.readouterr().err
     assert told.startswith("Traceback")

@@ -14,6 +14,8 @@ from agentflow.cli import main
 from agentflow.metrics.tables import PUBLISHED
 from tests.machine.builders import CAR, CATAPULT, build
 
+Captured = pytest.CaptureFixture[str]
+
 NAMES = ("chamfer", "hausdorff", "iou", "graph_similarity", "tree_edit_distance")
 
 
@@ -26,14 +28,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def ask(*arguments: object, capsys: pytest.CaptureFixture[str]) -> str:
+def ask(*arguments: object, capsys: Captured) -> str:
     assert main(["diversity", *map(str, arguments)]) == 0
     return capsys.readouterr().out
 
 
-def test_json_has_a_mean_and_an_interval_of_each_measure(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_json_has_a_mean_and_an_interval_of_each_measure(folder: Path, capsys: Captured) -> None:
     (source,) = json.loads(ask(folder, "--json", capsys=capsys))["sources"]
     assert (source["source"], source["machines"], source["of"]) == (str(folder), 3, 3)
     assert list(source["left_out"]) == ["notes.json"]
@@ -42,18 +42,14 @@ def test_json_has_a_mean_and_an_interval_of_each_measure(
         assert low <= source[name]["mean"] <= high
 
 
-def test_a_sample_is_drawn_from_many_machines(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sample_is_drawn_from_many_machines(folder: Path, capsys: Captured) -> None:
     (one,) = json.loads(ask(folder, "--n", 2, "--json", capsys=capsys))["sources"]
     assert (one["machines"], one["of"]) == (2, 3)
     assert one["tree_edit_distance"]["interval"] is None
     assert f"{folder}: 2 of 3 machines, drawn at random." in ask(folder, "--n", 2, capsys=capsys)
 
 
-def test_one_machine_has_dashes_and_a_note(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_machine_has_dashes_and_a_note(tmp_path: Path, capsys: Captured) -> None:
     (tmp_path / "car.json").write_text(CAR.to_text())
     lines = ask(tmp_path, capsys=capsys).splitlines()
     (row,) = (line for line in lines if line.startswith(f"{tmp_path} "))
@@ -61,16 +57,14 @@ def test_one_machine_has_dashes_and_a_note(
     assert f"{tmp_path}: 1 machine, so no pairs." in lines
 
 
-def test_text_names_what_is_left_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_text_names_what_is_left_out(folder: Path, capsys: Captured) -> None:
     out = ask(folder, capsys=capsys)
     assert f"{folder}/notes.json is left out: contains no machine: " in out
     assert PUBLISHED not in out
 
 
 @pytest.mark.slow
-def test_published_values_are_separate_and_labelled(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_published_values_are_separate_and_labelled(folder: Path, capsys: Captured) -> None:
     out = ask(folder, "--published", "--format", "csv", capsys=capsys)
     rows = [row for row in csv.DictReader(io.StringIO(out)) if row["source"] == "published"]
     text = ask(folder, "--published", capsys=capsys).partition(PUBLISHED)[2]
@@ -97,11 +91,7 @@ EXTRA = "'agentflow-machines[diversity]'"
     ("library", "what"), [("gensim", "gensim"), ("apted", EXTRA), ("scipy", EXTRA)]
 )
 def test_a_missing_library_is_named(
-    library: str,
-    what: str,
-    folder: Path,
-    without: Callable[[str], None],
-    capsys: pytest.CaptureFixture[str],
+    library: str, what: str, folder: Path, without: Callable[[str], None], capsys: Captured
 ) -> None:
     without(library)
     assert main(["diversity", str(folder)]) == 2

@@ -27,6 +27,8 @@ from tests.metrics.events import attempt as answered
 from tests.metrics.events import candidate, evaluation
 from tests.metrics.test_niches import EVENTS as NICHES
 
+Captured = pytest.CaptureFixture[str]
+
 STAGE = StageEvent(
     Location("initial"),
     name="initial",
@@ -139,9 +141,7 @@ def test_the_curve_keeps_to_its_width() -> None:
     assert len(sparkline([float(i) for i in range(1000)])) == 40
 
 
-def test_without_a_terminal_there_is_one_line_per_event(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_without_a_terminal_there_is_one_line_per_event(capsys: Captured) -> None:
     with watch(quiet=False) as (listener, say):
         assert listener is not None
         for event in (*EVENTS, DrawingEvent()):
@@ -159,7 +159,7 @@ def test_without_a_terminal_there_is_one_line_per_event(
 
 
 def test_a_pipe_gets_few_lines_however_much_happens(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("time.monotonic", partial(next, itertools.count(0.0, 0.1)))
     with watch(quiet=False) as (listener, _say):
@@ -173,7 +173,7 @@ def test_a_pipe_gets_few_lines_however_much_happens(
 
 
 def test_calls_are_told_of_about_how_many(
-    live_view: RunView, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    live_view: RunView, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     live_view.expected = 250
     assert plain(seen(live_view, 100))[2].startswith("2 of about 250 calls, 3 in progress")
@@ -189,9 +189,7 @@ def test_calls_are_told_of_about_how_many(
 
 
 def test_what_a_model_wrote_does_not_reach_the_terminal_raw(
-    live_view: RunView,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    live_view: RunView, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evil = attempt(False, 1, "\x1b]0;title\x07\x1b[2J\u202e\rgone")
     live_view.note(evil)
@@ -205,7 +203,7 @@ def test_what_a_model_wrote_does_not_reach_the_terminal_raw(
     assert capsys.readouterr().err.endswith("\\u202e\\rgone\n")
 
 
-def test_quiet_leaves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_quiet_leaves_nothing(capsys: Captured) -> None:
     with watch(quiet=True) as (listener, say):
         assert listener is None
         say("a remark")
@@ -232,7 +230,7 @@ def test_progress_gives_the_reason_of_a_refused_reply_in_words_for_people(
     parsed: bool,
     problem: str,
     shown: str,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Captured,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("agentflow.cli.display.live.EVERY_S", 0.0)

@@ -19,6 +19,8 @@ from agentflow.machine.formats.bsg_writing import to_bsg
 from agentflow.machine.formats.coordinates import to_coordinates
 from tests.machine.builders import CAR, CATAPULT, build
 
+Captured = pytest.CaptureFixture[str]
+
 TREE = json.dumps(CAR.to_json())
 VALID = ["file_valid", "spatial_valid", "machine_valid", "repaired"]
 KEYS = [*VALID, "problems", "overlaps", "size", "warnings"]
@@ -36,7 +38,7 @@ def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("foreign.bsg").write_text(FOREIGN)
 
 
-def out(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+def out(capsys: Captured, *arguments: str) -> str:
     assert main(list(arguments)) == 0
     captured = capsys.readouterr()
     assert captured.err == ""
@@ -49,14 +51,14 @@ def typed(monkeypatch: pytest.MonkeyPatch, text: str | bytes) -> None:
 
 
 @pytest.mark.parametrize("file", ["car.json", "car.coords.json", "car.bsg", "utf16.bsg"])
-def test_check_takes_any_form(file: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_takes_any_form(file: str, capsys: Captured) -> None:
     report = json.loads(out(capsys, "check", file, "--json", "--geometry"))
     assert list(report) == [*KEYS, "blocks"]
     assert report["machine_valid"]
     assert report["blocks"][3]["orientation"] == "x-"
 
 
-def test_check_warns_of_joints_that_cannot_move(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_warns_of_joints_that_cannot_move(capsys: Captured) -> None:
     braced = build((5, 0, 0), (63, 1, 0), (7, 0, 4, 2, 9))
     Path("braced.json").write_text(json.dumps(braced.to_json()))
     told = out(capsys, "check", "braced.json")
@@ -68,9 +70,7 @@ def test_check_warns_of_joints_that_cannot_move(capsys: pytest.CaptureFixture[st
     assert [warning["code"] for warning in report["warnings"]] == ["locked"]
 
 
-def test_check_warns_of_a_two_ended_block_without_length(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_check_warns_of_a_two_ended_block_without_length(capsys: Captured) -> None:
     point = build((15, 0, 4), (15, 0, 0), (15, 2, 3), (9, 1, 4, 3, 3))
     Path("point.json").write_text(point.to_text())
     told = " ".join(out(capsys, "check", "point.json").split())
@@ -91,9 +91,7 @@ STRICT = {
 
 
 @pytest.mark.parametrize("name", STRICT)
-def test_a_strict_check_fails_on_problems_warnings_and_repairs(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_strict_check_fails_on_problems_warnings_and_repairs(name: str, capsys: Captured) -> None:
     text, status = STRICT[name]
     Path(name).write_text(text)
     plain = out(capsys, "check", name)
@@ -103,7 +101,7 @@ def test_a_strict_check_fails_on_problems_warnings_and_repairs(
 
 
 def test_a_strict_check_sees_the_rules_of_the_task_and_every_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     arguments = ["check", "car.json", "--strict"]
     assert [main(arguments), main([*arguments, "--task", "throwing"])] == [0, 1]
@@ -114,7 +112,7 @@ def test_a_strict_check_sees_the_rules_of_the_task_and_every_line(
         assert len(capsys.readouterr().out.splitlines()) == 2
 
 
-def test_check_with_a_given_form(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_with_a_given_form(capsys: Captured) -> None:
     for form, valid in (("coordinates", True), ("tree", False)):
         report = json.loads(out(capsys, "check", "car.coords.json", "--format", form, "--json"))
         assert report["machine_valid"] is valid
@@ -126,9 +124,7 @@ def test_check_with_a_given_form(capsys: pytest.CaptureFixture[str]) -> None:
     ]
 
 
-def test_every_line_gets_a_report(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_line_gets_a_report(monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
     lines = [
         TREE,
         "",
@@ -168,7 +164,7 @@ def test_reports_stream_in_constant_memory() -> None:
     assert sizes[2] - sizes[1] < 20_000
 
 
-def test_edit_a_file(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_edit_a_file(capsys: Captured, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("script").write_text("1. Remove [6]\n2. Add [35] to [0] in [4]\n")
     outcome = json.loads(out(capsys, "edit", "car.json", "--script", "script", "--json"))
     assert list(outcome) == ["outcome", "steps", "machine", "id_map"]
@@ -191,7 +187,7 @@ def test_edit_a_file(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Mon
     ]
 
 
-def test_an_edited_machine_is_written(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_edited_machine_is_written(capsys: Captured) -> None:
     Path("script").write_text("Remove 6")
     outcome = json.loads(
         out(capsys, "edit", "car.bsg", "--script", "script", "--out", "new.json", "--json")
@@ -202,7 +198,7 @@ def test_an_edited_machine_is_written(capsys: pytest.CaptureFixture[str]) -> Non
     assert not Path("other.json").exists()
 
 
-def test_a_tasks_blocks_bind_edits(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_tasks_blocks_bind_edits(capsys: Captured) -> None:
     Path("script").write_text("Add 13 to 0 in 4")
     arguments = ("edit", "car.json", "--script", "script", "--json")
     assert json.loads(out(capsys, *arguments))["outcome"] == "success"
@@ -237,9 +233,7 @@ def test_every_line_gets_an_outcome() -> None:
     )
 
 
-def test_edits_of_lines(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_edits_of_lines(monkeypatch: pytest.MonkeyPatch, capsys: Captured) -> None:
     typed(monkeypatch, json.dumps({"machine": CAR.to_text(), "script": "Remove 6\nbla"}) + "\nx\n")
     first, second = map(json.loads, out(capsys, "edit", "-", "--jsonl").splitlines())
     assert [step["verdict"] for step in first["steps"]] == ["Success", "Error"]
@@ -249,7 +243,7 @@ def test_edits_of_lines(
 
 @pytest.mark.parametrize("source", ["car.json", "car.coords.json", "car.bsg"])
 @pytest.mark.parametrize("ending", [".json", ".coords.json", ".bsg", ".BSG"])
-def test_conversion_is_exact(source: str, ending: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_conversion_is_exact(source: str, ending: str, capsys: Captured) -> None:
     assert out(capsys, "convert", source, f"made{ending}") == f"made{ending}: 7 blocks\n"
     assert json.loads(out(capsys, "convert", f"made{ending}", "back.json", "--json")) == {
         "out": "back.json",
@@ -261,9 +255,7 @@ def test_conversion_is_exact(source: str, ending: str, capsys: pytest.CaptureFix
     assert json.loads(Path("back.json").read_text()) == CAR.to_json()
 
 
-def test_an_invalid_machine_is_converted_with_a_warning(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_an_invalid_machine_is_converted_with_a_warning(capsys: Captured) -> None:
     Path("bad.json").write_text(OVERLAPPING.to_text())
     told = " ".join(out(capsys, "convert", "bad.json", "bad.bsg").split())
     assert told.startswith(
@@ -275,7 +267,7 @@ def test_an_invalid_machine_is_converted_with_a_warning(
     assert not Path("strict.bsg").exists()
 
 
-def test_a_run_stands_for_its_best_machine(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_stands_for_its_best_machine(capsys: Captured) -> None:
     best = json.loads((RECORDED / "result.json").read_text())["machine"]
     for ending in (".json", ".bsg", ".glb"):
         assert f"best{ending}: {len(best)} blocks" in out(
@@ -298,7 +290,7 @@ def test_extended_types_are_converted() -> None:
     assert main(["convert", "cogs.json", "cogs.bsg", "--strict"]) == 0
 
 
-def test_what_a_format_cannot_hold_is_noted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_a_format_cannot_hold_is_noted(capsys: Captured) -> None:
     assert out(capsys, "convert", "car.json", "car.urdf").splitlines() == [
         "note: URDF does not hold air drag, friction between surfaces, or the strength of "
         "connections",
@@ -311,7 +303,7 @@ def test_what_a_format_cannot_hold_is_noted(capsys: pytest.CaptureFixture[str]) 
 
 
 @pytest.mark.parametrize("ending", [".bsg", ".coords.json"])
-def test_a_plate_is_no_block_of_the_game(ending: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plate_is_no_block_of_the_game(ending: str, capsys: Captured) -> None:
     Path("train.json").write_text('[{"type": 9000, "id": 0, "parent": -1, "face_id": -1}]')
     assert main(["convert", "train.json", f"made{ending}"]) == 2
     assert capsys.readouterr().err == (
@@ -322,7 +314,7 @@ def test_a_plate_is_no_block_of_the_game(ending: str, capsys: pytest.CaptureFixt
     assert main(["convert", "train.json", "made.json"]) == 0
 
 
-def test_what_cannot_be_taken_over_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_taken_over_is_named(capsys: Captured) -> None:
     assert out(capsys, "convert", "foreign.bsg", "made.json").splitlines() == [
         "skipped: block 1 of the file (id '57', guid '" + guid(FOREIGN) + "'): type 57 is unknown; "
         "the nearest types are 56 (Water Cannon), 55 (Small Propeller), 60 (Large Unpowered Wheel)",
@@ -404,9 +396,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("arguments", "message"), WRONG, ids=lambda v: str(v)[:50])
-def test_wrong_input_is_one_line(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_input_is_one_line(arguments: list[str], message: str, capsys: Captured) -> None:
     Path("bad.json").write_text("[{}]")
     Path("bomb.bsg").write_text('<!DOCTYPE a [<!ENTITY b "c">]><Machine>&b;</Machine>')
     Path("overlap.json").write_text(OVERLAPPING.to_text())
@@ -423,18 +413,14 @@ def test_wrong_input_is_one_line(
     assert not list(Path().glob("x.*"))
 
 
-def test_check_says_whether_the_rules_of_the_task_are_met(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_check_says_whether_the_rules_of_the_task_are_met(capsys: Captured) -> None:
     assert "rules of movement: met\n" in out(capsys, "check", "car.json", "--task", "movement")
     assert "rules of" not in out(capsys, "check", "car.json")
     Path("none.json").write_text("[]")
     assert "rules of movement: met" not in out(capsys, "check", "none.json", "--task", "movement")
 
 
-def test_edit_with_out_names_the_file_in_place_of_its_content(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_edit_with_out_names_the_file_in_place_of_its_content(capsys: Captured) -> None:
     Path("script.txt").write_text("Remove 3")
     edit = ("edit", "car.json", "--script", "script.txt")
     assert '"blocks"' in out(capsys, *edit) or '"type"' in out(capsys, *edit)

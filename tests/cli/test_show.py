@@ -9,6 +9,8 @@ import pytest
 from agentflow.cli.display.show_machines import marginal_line, show_rollout
 from agentflow.cli.display.show_runs import ending_of, show_makers, show_result, show_tools
 
+Captured = pytest.CaptureFixture[str]
+
 
 def _stage(name: str, valid: int, attempts: int = 0, children: int = 0) -> dict[str, Any]:
     return {"name": name, "valid": valid, "attempts": attempts, "children": children}
@@ -49,9 +51,7 @@ def test_ending(changes: dict[str, Any], expected: str) -> None:
     assert ending_of(_result(**changes)) == expected
 
 
-def test_the_next_command_holds_where_a_folder_has_spaces(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_next_command_holds_where_a_folder_has_spaces(capsys: Captured) -> None:
     told = {"score": None, "model": "m", "calls": 1, "tokens": 0, "rollouts": 0, "seconds": 1.0}
     changes = {"valid": False, "reason": "none", "stages": [], "run": "my runs/one"}
     show_result(_result(**told, **changes), {})
@@ -59,9 +59,7 @@ def test_the_next_command_holds_where_a_folder_has_spaces(
     assert line in capsys.readouterr().out.splitlines()
 
 
-def test_a_rollout_with_marginal_connections_names_them(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_rollout_with_marginal_connections_names_them(capsys: Captured) -> None:
     facts = {"status": "ok", "score": 1.0, "blocks": None, "problems": [], "feedback": "Score: 1"}
     facts["engine"] = None
     named = {"block": 3, "partner": 1, "time": 0.25, "load": 0.97}
@@ -86,7 +84,7 @@ def test_the_marginal_connections_nearest_to_their_strength_are_named() -> None:
     )
 
 
-def test_calls_of_tools_are_shown_by_stage(capsys: pytest.CaptureFixture[str]) -> None:
+def test_calls_of_tools_are_shown_by_stage(capsys: Captured) -> None:
     check, edit = {"calls": 9, "refused": 2}, {"calls": 3, "refused": 0}
     show_tools(
         [
@@ -112,7 +110,7 @@ def test_a_connection_that_is_marginal_in_several_trials_is_told_once() -> None:
     assert marginal_line(found) == told
 
 
-def test_who_made_the_machines_of_a_search(capsys: pytest.CaptureFixture[str]) -> None:
+def test_who_made_the_machines_of_a_search(capsys: Captured) -> None:
     made = {"maker": "refiner", "machines": 20, "share": 0.25, "better": 4, "gain": 12.345}
     show_makers({"makers": [made]})
     show_makers({})

@@ -18,6 +18,8 @@ from tests.app.sweeps.test_run import DEAD, TINY
 from tests.metrics.events import evaluation
 from tests.runs.results import a_result
 
+Captured = pytest.CaptureFixture[str]
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -35,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_a_partly_failed_sweep_says_what_failed_and_how_to_go_on(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: Captured
 ) -> None:
     path = folder / "mixed"
     assert (
@@ -55,9 +57,7 @@ def test_a_partly_failed_sweep_says_what_failed_and_how_to_go_on(
 
 
 @pytest.mark.slow
-def test_the_outcome_as_json_is_alone_on_stdout(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_outcome_as_json_is_alone_on_stdout(folder: Path, capsys: Captured) -> None:
     assert main(["sweep", str(folder / "mixed"), "--resume", "--trust", "--json", "--quiet"]) == 3
     found = json.loads(capsys.readouterr().out)
     assert found["sweep"] == str(folder / "mixed")
@@ -74,7 +74,7 @@ def test_when_no_run_reaches_its_endpoint_the_status_says_so(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_a_sweep_is_not_begun_twice(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sweep_is_not_begun_twice(folder: Path, capsys: Captured) -> None:
     assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder), "--trust"]) == 2
     assert capsys.readouterr().err == (
         f"agentflow: {folder / 'mixed'} already holds this sweep: resume it with --resume, or "
@@ -82,7 +82,7 @@ def test_a_sweep_is_not_begun_twice(folder: Path, capsys: pytest.CaptureFixture[
     )
 
 
-def test_tables_say_what_is_missing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tables_say_what_is_missing(folder: Path, capsys: Captured) -> None:
     assert main(["table", str(folder / "mixed")]) == 0
     out = capsys.readouterr().out
     assert out.startswith("Tiny\n")
@@ -94,7 +94,7 @@ def test_tables_say_what_is_missing(folder: Path, capsys: pytest.CaptureFixture[
 
 
 def test_a_dry_run_lists_runs_and_costs_and_writes_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Captured
 ) -> None:
     words = ["sweep", str(ROOT / "configs/inspector.yaml"), "--seeds", "1", "--dry-run"]
     assert main([*words, "--out", str(tmp_path / "out")]) == 0
@@ -119,9 +119,7 @@ def test_a_dry_run_lists_runs_and_costs_and_writes_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_dry_run_of_very_many_runs_takes_seeds_together(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_dry_run_of_very_many_runs_takes_seeds_together(tmp_path: Path, capsys: Captured) -> None:
     words = ["sweep", str(ROOT / "configs/inspector.yaml"), "--seeds", "2000", "--dry-run"]
     assert main([*words, "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out.splitlines()[:2] == [
@@ -131,9 +129,7 @@ def test_a_dry_run_of_very_many_runs_takes_seeds_together(
     ]
 
 
-def test_a_dry_run_does_not_count_runs_of_other_seeds(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_dry_run_does_not_count_runs_of_other_seeds(tmp_path: Path, capsys: Captured) -> None:
     done = tmp_path / "inspector" / "runs" / "baseline.seed-5"
     done.mkdir(parents=True)
     (done / "result.json").touch()
@@ -142,7 +138,7 @@ def test_a_dry_run_does_not_count_runs_of_other_seeds(
     assert capsys.readouterr().out.splitlines()[-1].startswith("2 runs to do: about 90 calls ")
 
 
-def test_a_dry_run_counts_what_is_done(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dry_run_counts_what_is_done(folder: Path, capsys: Captured) -> None:
     assert main(["sweep", str(folder / "mixed"), "--dry-run"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "lives.seed-0: done" in lines
@@ -164,10 +160,7 @@ def test_a_dry_run_counts_what_is_done(folder: Path, capsys: pytest.CaptureFixtu
     ],
 )
 def test_bad_input_is_one_line(
-    words: list[str],
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    words: list[str], message: str, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
     assert main(words) == 2
@@ -199,10 +192,7 @@ def test_the_live_view_has_a_line_per_run_and_fits_the_terminal() -> None:
 
 @pytest.mark.slow
 def test_an_endpoint_answers_for_a_whole_sweep(
-    stub_url: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    stub_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     """A foreign server; what it is sent and what it costs is the runs' own record."""
     monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-of-a-test")

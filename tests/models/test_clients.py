@@ -21,6 +21,8 @@ from agentflow.runs import read_events
 from tests.app.test_doctor import threaded
 from tests.llm.hostile import body, completion, hang_up, reply
 
+Captured = pytest.CaptureFixture[str]
+
 KEY = "sk-models-4f1c77d09a"
 CAR = json.dumps(
     [
@@ -43,7 +45,7 @@ def small(model: dict[str, object]) -> DesignConfig:
     "words", [["design"], ["doctor"], ["sweep", "configs/inspector.yaml", "--dry-run"]]
 )
 def test_a_base_url_without_a_model_is_refused(
-    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(Path(__file__).parents[2])
     assert main([*words, "--base-url", "http://127.0.0.1:9/v1"]) == 2
@@ -90,11 +92,7 @@ def test_a_base_url_is_accepted_for_a_role_or_an_explicit_procedural_model() -> 
     ],
 )
 def test_invalid_models_are_refused_at_the_start(
-    setting: str,
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    setting: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["design", "--model", "m", "--set", setting, "--quiet"]) == 2
@@ -170,7 +168,7 @@ def test_a_run_records_endpoint_remarks_and_cost_but_no_key(
 
 @pytest.mark.slow
 def test_a_run_that_loses_its_endpoint_says_so_and_continues_numbering(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Captured
 ) -> None:
     with threaded(reply(f"```json\n{CAR}\n```"), hang_up) as server:
         settings = ["--set", "trajectories=1", "--set", "model.endpoint.retry.attempts=1"]

@@ -26,6 +26,8 @@ from agentflow.runs.reading import document_text
 from tests.app.test_doctor import threaded
 from tests.llm.hostile import body
 
+Captured = pytest.CaptureFixture[str]
+
 ROOT = Path(__file__).parents[3]
 SMALL = ROOT / "configs" / "small.yaml"
 
@@ -82,7 +84,7 @@ def test_a_run_directory_is_complete(run: Path) -> None:
 
 @pytest.mark.slow
 def test_simulating_the_best_machine_again_gives_the_recorded_score(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capsys: Captured
 ) -> None:
     result = read_result(run)
     (tmp_path / "best.json").write_text(json.dumps(result.machine))
@@ -210,10 +212,7 @@ def test_a_spent_budget_ends_a_run_cleanly_and_the_run_replays(run: Path, tmp_pa
 
 @pytest.mark.slow
 def test_any_endpoint_can_answer_instead_of_the_procedural_model(
-    stub_url: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    stub_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-1234567890")
     job = ["--task", "movement", "--workflow", "single", "--out", str(tmp_path)]
@@ -240,7 +239,7 @@ def test_json_output_is_only_the_result(said: tuple[str, str]) -> None:
 
 
 def test_an_unreachable_endpoint_leaves_nothing_behind(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
     attempts = ["--set", "model.endpoint.retry.attempts=1"]
@@ -254,10 +253,7 @@ def test_an_unreachable_endpoint_leaves_nothing_behind(
 
 
 def test_an_unknown_model_is_named(
-    stub_url: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    stub_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["design", "--model", "nonesuch", "--base-url", stub_url, "--quiet"]) == 4
@@ -266,7 +262,7 @@ def test_an_unknown_model_is_named(
 
 
 def test_an_endpoint_without_tools_is_refused_in_one_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
     refusal = {"error": {"message": "registry.ollama.ai/library/m does not support tools"}}

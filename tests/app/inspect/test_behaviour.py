@@ -18,11 +18,13 @@ from agentflow.metrics.behaviour.agents import agent_edits
 from agentflow.runs.events import read_typed_events
 from tests.machine.builders import build
 
+Captured = pytest.CaptureFixture[str]
+
 RUNS = Path(__file__).parents[3] / "runs"
 MODEL, PROCEDURAL = RUNS / "language-model-jumping", RUNS / "recorded-throwing"
 
 
-def shown(*arguments: object, capsys: pytest.CaptureFixture[str]) -> str:
+def shown(*arguments: object, capsys: Captured) -> str:
     assert main(["behaviour", *map(str, arguments)]) == 0
     return capsys.readouterr().out
 
@@ -34,9 +36,7 @@ def test_the_moving_blocks_are_the_mechanism() -> None:
     assert moving_types(build((container, 0, 4), (boulder, 1, 0))) == frozenset()
 
 
-def test_a_model_that_expects_the_same_result_gets_it(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_model_that_expects_the_same_result_gets_it(capsys: Captured) -> None:
     (found,) = json.loads(shown(MODEL, "--json", capsys=capsys))["sources"]
     assert (found["runs"], found["edits"]) == (1, 5)
     assert (found["misprediction"]["count"], found["misprediction"]["of"]) == (0, 5)
@@ -46,9 +46,7 @@ def test_a_model_that_expects_the_same_result_gets_it(
     assert list(found["effort"]["shares"]) == ["designer", "inspector", "refiner", "querier"]
 
 
-def test_the_procedural_model_always_predicts_a_higher_score(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_procedural_model_always_predicts_a_higher_score(capsys: Captured) -> None:
     (found,) = json.loads(shown(PROCEDURAL, "--json", capsys=capsys))["sources"]
     assert found["misprediction"]["of"] == found["edits"] == 6
     assert found["effort"]["shares"] == {}

@@ -18,6 +18,8 @@ from agentflow.errors import RunError
 from tests.env.machines import CAR
 from tests.machine.builders import build
 
+Captured = pytest.CaptureFixture[str]
+
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
 SHORT = ["--task", "movement", "--set", "window=1"]
 
@@ -41,12 +43,7 @@ def car(tmp_path: Path) -> str:
     ],
 )
 def test_the_suffix_decides_the_format(
-    ending: str,
-    first: bytes,
-    options: list[str],
-    car: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    ending: str, first: bytes, options: list[str], car: str, tmp_path: Path, capsys: Captured
 ) -> None:
     if ending == ".mp4" and not features.check("avif"):
         pytest.skip("this Pillow cannot encode AV1")
@@ -58,7 +55,7 @@ def test_the_suffix_decides_the_format(
 
 @pytest.mark.slow
 def test_without_a_suffix_both_a_picture_and_a_film_are_written(
-    car: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    car: str, tmp_path: Path, capsys: Captured
 ) -> None:
     assert main(["render", car, *SHORT, "--out", str(tmp_path / "it")]) == 0
     assert capsys.readouterr().out == f"{tmp_path / 'it.png'}\n{tmp_path / 'it.gif'}\n"
@@ -87,7 +84,7 @@ def test_writing_errors_are_reported_in_one_line(
     car: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Captured,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["render", car, *options]) == 2
@@ -111,7 +108,7 @@ def count_red(file: Path) -> int:
 
 @pytest.mark.slow
 def test_overlaps_of_an_invalid_machine_are_drawn_in_red(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("bad.json").write_text(build((1, 0, 0), (15, 0, 0), (1, 0, 1)).to_text())
@@ -142,7 +139,7 @@ def test_a_machine_is_converted_to_glb(car: str, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_pictures_that_a_kill_or_a_full_disk_has_cost_are_drawn_on_resume(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Captured
 ) -> None:
     few = ["--set", "window=1", "--set", "trajectories=1", "--set", "search.rounds=0"]
     job = ["design", "--task", "movement", "--workflow", "single", *few, "--quiet"]

@@ -15,6 +15,8 @@ from agentflow.training.record import About, TrainingRun
 from tests.app.pages.test_runs import data_of, quiet
 from tests.training.folders import Config, drives, throws, write_training
 
+Captured = pytest.CaptureFixture[str]
+
 CURVES = [
     {"loss": 0.5, "reward": 1.0, "valid": 0.5, "unheard_of": 3, "faults": 0, "clipped": 0.0},
     {"loss": 0.25, "reward": None, "valid": 0.75, "eval": {"throwing": {"valid": {"share": 0.75}}}},
@@ -81,9 +83,7 @@ def test_supervised_fine_tuning_has_curves_and_no_film(tmp_path: Path) -> None:
     assert [chart["title"] for chart in data["charts"]][:1] == ["Reward"]
 
 
-def test_a_folder_of_training_runs_names_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_of_training_runs_names_one(tmp_path: Path, capsys: Captured) -> None:
     for name in ("best-0", "pass1-0"):
         run_with(tmp_path / name, samples=False)
     assert main(["report", str(tmp_path)]) == 2
@@ -113,9 +113,7 @@ def test_forged_numbers_and_machines_break_nothing(tmp_path: Path) -> None:
         training_report(path, tmp_path / "r.html", films=9, workers=1, say=quiet)
 
 
-def test_the_command_knows_a_training_run(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_knows_a_training_run(tmp_path: Path, capsys: Captured) -> None:
     path = run_with(tmp_path / "run", samples=False)
     assert main(["report", str(path)]) == 0
     assert capsys.readouterr().out == f"{path / 'report.html'}\n"

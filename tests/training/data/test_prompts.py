@@ -16,6 +16,8 @@ from agentflow.training.data.prompts import prompt_rows
 from tests.training.data.test_pairs import MACHINE, PROMPT
 from tests.training.libraries import INSTALLED
 
+Captured = pytest.CaptureFixture[str]
+
 
 def test_tasks_take_turns_and_seeds_differ() -> None:
     rows = prompt_rows(["throwing", "movement/3"], 3, "auto")
@@ -43,18 +45,14 @@ def test_the_parquet_file_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(INSTALLED, reason="datasets is installed")
-def test_without_the_library_the_extra_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_the_library_the_extra_is_named(tmp_path: Path, capsys: Captured) -> None:
     assert main(["data", "prompts", "--out", str(tmp_path / "p.parquet")]) == 2
     assert capsys.readouterr().err == (
         f"agentflow: datasets is not installed; install it with: {install('train')}\n"
     )
 
 
-def test_what_is_asked_for_is_checked_before_the_library(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_asked_for_is_checked_before_the_library(tmp_path: Path, capsys: Captured) -> None:
     assert main(["data", "prompts", "--tasks", "", "--out", str(tmp_path / "p.parquet")]) == 2
     assert "name at least one task" in capsys.readouterr().err
 
