@@ -11,6 +11,14 @@ import pytest
 NODE = {"num_cpus": 1, "include_dashboard": False, "include_log_monitor": False, "no_monitor": True}
 """One processor for each node, and only those processes of Ray that a test needs."""
 
+ON_CLUSTER = [
+    pytest.mark.cluster,
+    pytest.mark.slow,
+    pytest.mark.timeout(600),
+    pytest.mark.usefixtures("cluster"),
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # Ray leaves processes to its reaper
+]
+
 
 @pytest.fixture(scope="session")
 def cluster() -> Iterator[Any]:

@@ -16,17 +16,12 @@ pytest.importorskip("ray")
 from agentflow.app.design.replay import replay
 from agentflow.cli import main
 from tests.app.sweeps.test_run import TINY
+from tests.cluster.conftest import ON_CLUSTER
 from tests.training.data.conftest import OBJECTIVES
 from tests.training.data.test_generate import generate
 
 Captured = pytest.CaptureFixture[str]
-pytestmark = [
-    pytest.mark.cluster,
-    pytest.mark.slow,
-    pytest.mark.timeout(600),
-    pytest.mark.usefixtures("cluster"),
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # Ray leaves processes to its reaper
-]
+pytestmark = ON_CLUSTER
 SMALL = (
     *("design", "--task", "movement", "--set", "window=1", "--set", "trajectories=2"),
     *("--rollouts", "8", "--set", "verify=false", "--quiet", "--json"),

@@ -17,16 +17,10 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import PluginError
 from agentflow.rewards.scoring import Sample, Scorer
-from tests.cluster.conftest import NODE
+from tests.cluster.conftest import NODE, ON_CLUSTER
 from tests.env.pool.test_pool import CAR, LONE_ROOT, trouble
 
-pytestmark = [
-    pytest.mark.cluster,
-    pytest.mark.slow,
-    pytest.mark.timeout(600),
-    pytest.mark.usefixtures("cluster"),
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # Ray leaves processes to its reaper
-]
+pytestmark = ON_CLUSTER
 
 
 async def test_results_are_those_of_this_process_in_the_order_of_asking() -> None:

@@ -20,16 +20,10 @@ from agentflow.app.sweeps.run import SweepOutcome, run_sweep
 from agentflow.runs import Event
 from tests.app.sweeps.test_run import TINY, Notes
 from tests.app.test_doctor import threaded
-from tests.cluster.conftest import NODE
+from tests.cluster.conftest import NODE, ON_CLUSTER
 from tests.llm.hostile import reply
 
-pytestmark = [
-    pytest.mark.cluster,
-    pytest.mark.slow,
-    pytest.mark.timeout(600),
-    pytest.mark.usefixtures("cluster"),
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # Ray leaves processes to its reaper
-]
+pytestmark = ON_CLUSTER
 LIMIT = 3
 RUNS = ("seed-0", "seed-1")
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Engine
+from agentflow.env.physics.engine import Engine, World
 from agentflow.env.physics.model import Assembly
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import compose, conjugate, rotate
@@ -26,6 +26,12 @@ ANCHOR = 1e6
 """kg."""
 FACINGS = ("z+", "z-", "x-", "x+", "y+", "y-")
 """Of the root's faces, in order."""
+
+
+def run(world: World, seconds: float) -> None:
+    """Make its steps."""
+    for _ in range(round(seconds * RATE)):
+        world.step()
 
 
 def weightless() -> Constants:

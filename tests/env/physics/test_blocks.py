@@ -16,6 +16,7 @@ from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import IDENTITY
 from agentflow.machine.tree import Machine
 from tests.env.machines import BALLASTED, CAR, CRADLE, machine
+from tests.env.physics.rig import run
 
 GRAVITY = 32.81
 
@@ -24,11 +25,6 @@ def start(engine: Engine, tree: Machine, scene: Scene | None = None) -> tuple[Wo
     assembly = assemble(tree, place(tree), constants())
     world = engine.build(assembly, scene or Scene(), 120.0)
     return world, assembly
-
-
-def advance(world: World, seconds: float) -> None:
-    for _ in range(round(seconds * 120)):
-        world.step()
 
 
 def test_a_machine_starts_on_the_ground_over_the_middle(engine: Engine) -> None:
@@ -52,10 +48,10 @@ def test_a_rotating_block_turns_clockwise_seen_from_its_front(
     arm = place(tree).blocks[5]
     assert arm.facing == "y+"
     world, _ = start(engine, tree)
-    advance(world, 0.3)
+    run(world, 0.3)
     before = world.centre(5)
     world.switch("motors", True)
-    advance(world, 0.1)
+    run(world, 0.1)
     assert sign * (world.centre(5)[2] - before[2]) > 0.3
 
 
@@ -72,10 +68,10 @@ def test_every_block_of_the_library_moves_without_fault(engine: Engine, kind: in
         if place(tree).overlaps:
             tree = machine(root, (kind, 0, 0), (63, 0, 1))
     world, _ = start(engine, tree)
-    advance(world, 0.5)
+    run(world, 0.5)
     for entry in ("motors", "springs", "steering_hinges"):
         world.switch(entry, True)
-    advance(world, 0.5)
+    run(world, 0.5)
     assert max(world.speeds()) < 60.0
     assert np.isfinite(world.state().position).all()
 
@@ -94,7 +90,7 @@ def test_a_cantilever_bears_what_statics_says(engine: Engine) -> None:
         (35, 5, 2),
     )
     world, assembly = start(engine, tree)
-    advance(world, 1.5)
+    run(world, 1.5)
     force = {joint.block: world.reactions[i] for i, joint in enumerate(assembly.joints)}
     assert np.linalg.norm(force[6][:3]) == pytest.approx(2 * GRAVITY, rel=0.01)
     assert np.linalg.norm(force[6][3:]) == pytest.approx(2 * GRAVITY * 3.0, rel=0.01)
@@ -107,7 +103,7 @@ def test_a_cantilever_bears_what_statics_says(engine: Engine) -> None:
 def test_a_boulder_stays_in_a_container(engine: Engine) -> None:
     world, _ = start(engine, CRADLE)
     before = world.centre(6)
-    advance(world, 3.0)
+    run(world, 3.0)
     assert world.centre(6) == pytest.approx(before, abs=0.06)
     assert world.touching(6) == {5}
     assert 6 in world.touching(5)
@@ -141,7 +137,7 @@ def test_wind_pushes_with_area_and_square_of_speed(engine: Engine) -> None:
 def test_a_suspension_gives_way_by_load_over_stiffness(engine: Engine) -> None:
     world, _ = start(engine, machine((0, -1, -1), (35, 0, 2), (35, 0, 3), (16, 0, 4), (35, 3, 0)))
     high = world.centre(4)[1] - world.centre(0)[1]
-    advance(world, 3.0)
+    run(world, 3.0)
     sunk = high - (world.centre(4)[1] - world.centre(0)[1])
     assert sunk == pytest.approx(3.5 * GRAVITY / constants()["suspension_stiffness"], rel=0.01)
 
@@ -152,10 +148,10 @@ def test_casters_roll_behind_driven_wheels(engine: Engine, kind: int, face: int)
     gained = []
     for tree in (machine(*car), machine(*car, (kind, 2, face))):
         world, _ = start(engine, tree)
-        advance(world, 0.5)
+        run(world, 0.5)
         before = world.centre(0)[2]
         world.switch("motors", True)
-        advance(world, 2.0)
+        run(world, 2.0)
         gained.append(world.centre(0)[2] - before)
     assert gained[1] > 1.04 * gained[0] > 5.0
     assert gained[1] > 15.5
@@ -167,7 +163,7 @@ def test_a_hinge_swings_down_until_its_log_meets_the_post(engine: Engine, face: 
     tree = machine(*base, (5, 6, face), (1, 7, 0))
     world, assembly = start(engine, tree)
     pivot = next(joint.pivot for joint in assembly.joints if joint.block == 7)
-    advance(world, 2.0)
+    run(world, 2.0)
     tip = world.centre(8)
     assert tip[1] < pivot[1] - 1.4
 
@@ -176,18 +172,18 @@ def test_a_spring_pulls_its_ends_together(engine: Engine) -> None:
     base = ((0, -1, -1), (35, 0, 1), (35, 0, 2), (35, 0, 3), (63, 0, 4), (63, 4, 0))
     tree = machine(*base, (5, 4, 9), (63, 6, 0), (9, 5, 9, 7, 9))
     world, _ = start(engine, tree)
-    advance(world, 0.5)
+    run(world, 0.5)
     before = world.state().length[0]
     world.switch("springs", True)
-    advance(world, 0.25)
+    run(world, 0.25)
     assert world.state().length[0] < before - 0.3
 
 
 def test_a_split_keeps_every_place_and_the_momentum(engine: Engine) -> None:
     world, _ = start(engine, BALLASTED)
-    advance(world, 0.3)
+    run(world, 0.3)
     world.switch("motors", True)
-    advance(world, 0.3)
+    run(world, 0.3)
     for joints in ([7], [0, 5], [10]):
         before, state = world.momentum(), world.state()
         world.split(joints)
@@ -196,7 +192,7 @@ def test_a_split_keeps_every_place_and_the_momentum(engine: Engine) -> None:
             assert np.abs(after[name] - value).max() <= 1e-10 * np.abs(value).max()
         for name in ("position", "rotation", "velocity", "angular_velocity"):
             assert getattr(same, name) == pytest.approx(getattr(state, name), abs=1e-9)
-        advance(world, 0.05)
+        run(world, 0.05)
 
 
 def test_a_brace_takes_over_when_the_tree_breaks(engine: Engine) -> None:
@@ -205,10 +201,10 @@ def test_a_brace_takes_over_when_the_tree_breaks(engine: Engine) -> None:
     broken = [i for i, joint in enumerate(assembly.joints) if joint.block == 5]
     high = world.centre(5)[1]
     world.split(broken)
-    advance(world, 0.5)
+    run(world, 0.5)
     assert world.centre(5)[1] == pytest.approx(high, abs=0.05)
     world.split([i for i, joint in enumerate(assembly.joints) if joint.partner == 5])
-    advance(world, 0.5)
+    run(world, 0.5)
     assert world.centre(5)[1] < high - 1.0
 
 
@@ -222,6 +218,6 @@ def test_centres_are_those_of_the_state(engine: Engine) -> None:
     tree = machine((0, -1, -1), (2, 0, 2), (2, 0, 3), (63, 0, 4), (9, 3, 0, 1, 0), (7, 3, 2, 0, 0))
     world, _ = start(engine, tree)
     world.switch("motors", 1.0)
-    advance(world, 0.5)
+    run(world, 0.5)
     assert (world.centres() == world.state().centre).all()
     assert world.centres()[:4] == pytest.approx(np.array([world.centre(i) for i in range(4)]))

@@ -21,7 +21,7 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from tests.env.machines import CAR, machine
-from tests.env.physics.rig import FACINGS, RATE
+from tests.env.physics.rig import FACINGS, RATE, run
 
 ROOT = (0, -1, -1)
 FOOT = (ROOT, (35, 0, 0), (35, 0, 1), (35, 0, 2), (35, 0, 3))
@@ -34,11 +34,6 @@ def start(engine: Engine, tree: Machine, scene: Scene | None = None) -> tuple[Wo
     assembly = assemble(tree, geometry, constants())
     world = engine.build(assembly, scene or Scene(), RATE)
     return world, assembly
-
-
-def run(world: World, seconds: float) -> None:
-    for _ in range(round(seconds * RATE)):
-        world.step()
 
 
 def crane(facing: str) -> tuple[Machine, int, int]:

@@ -14,6 +14,7 @@ from agentflow.env.physics.model import Assembly, Drive, Joint, Part, Shape, Str
 from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import IDENTITY
+from tests.env.physics.rig import run
 
 X, HEIGHT, LENGTH, WIDTH, RATE, G = (1.0, 0.0, 0.0), 10.0, 2.0, 4.0, 120.0, 32.81
 ROCKER, COUPLER = 1.0, 5.0
@@ -44,11 +45,6 @@ def linkage(drives: Sequence[Drive], order: Sequence[int]) -> Assembly:
     blocks = ((0,), (1,), (2,), (3,))
     turns = (IDENTITY,) * 4
     return Assembly(parts, tuple(joints[i] for i in order), blocks, centres, centres, turns)
-
-
-def run(world: World, seconds: float) -> None:
-    for _ in range(round(seconds * RATE)):
-        world.step()
 
 
 def spin(world: World) -> float:

@@ -30,7 +30,7 @@ from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import IDENTITY, Vec3
 from agentflow.machine.tree import Machine
 from tests.env.machines import Row, machine
-from tests.env.physics.rig import RATE, Rig, face_towards
+from tests.env.physics.rig import RATE, Rig, face_towards, run
 
 STRONG = Strength(7500.0, 7500.0)
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -82,11 +82,6 @@ def bank(
     centres = tuple(part.centre for part in parts)
     blocks = tuple((i,) for i in range(len(parts)))
     return Assembly(parts, tuple(joints), blocks, centres, centres, (IDENTITY,) * len(parts))
-
-
-def run(world: World, seconds: float) -> None:
-    for _ in range(round(seconds * RATE)):
-        world.step()
 
 
 def spin(world: World) -> float:

@@ -16,7 +16,7 @@ from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from tests.env.conftest import MakeEngine
 from tests.env.machines import machine
-from tests.env.physics.rig import FACINGS, RATE, Rig
+from tests.env.physics.rig import FACINGS, RATE, Rig, run
 
 ROOT = (0, -1, -1)
 GRIP, ELASTIC, BALLAST, BOULDER = 49, 87, 35, 36
@@ -27,11 +27,6 @@ def start(engine: Engine, tree: Machine, scene: Scene | None = None) -> World:
     geometry = place(tree)
     assert not geometry.overlaps
     return engine.build(assemble(tree, geometry, constants()), scene or Scene(), RATE)
-
-
-def run(world: World, seconds: float) -> None:
-    for _ in range(round(seconds * RATE)):
-        world.step()
 
 
 @pytest.mark.parametrize(("foot", "friction"), [(15, 0.8), (GRIP, sqrt(2.0 * 0.8)), (ELASTIC, 0.8)])

@@ -17,7 +17,7 @@ from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import Machine
 from tests.env.machines import Row, machine
-from tests.env.physics.rig import FACINGS, RATE, Rig
+from tests.env.physics.rig import FACINGS, RATE, Rig, run
 
 ROOT = (0, -1, -1)
 AXLES = {
@@ -48,11 +48,6 @@ def start(engine: Engine, tree: Machine, wind: Vec3 = (0.0, 0.0, 0.0)) -> World:
     geometry = place(tree)
     assert not geometry.overlaps
     return engine.build(assemble(tree, geometry, constants()), Scene(wind=wind), RATE)
-
-
-def run(world: World, seconds: float) -> None:
-    for _ in range(round(seconds * RATE)):
-        world.step()
 
 
 @pytest.mark.parametrize(("wheel", "other"), [(2, 40), (46, 60)], ids=["small", "large"])

@@ -29,6 +29,7 @@ from agentflow.runs.events import (
     read_stage,
 )
 from agentflow.runs.locations import FEEDBACK, INITIAL, STAGES, Location
+from tests.integrations.external.test_process import lives
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sessions and signals")
 ROOT = Path(__file__).parents[3]
@@ -279,7 +280,7 @@ def test_ctrl_c_ends_the_program_and_a_resumed_run_goes_on(tmp_path: Path) -> No
     (run,) = (tmp_path / "runs").iterdir()
     assert running.returncode == 130
     assert f"interrupted; continue with: agentflow design --resume runs/{run.name} --trust" in told
-    wait_for(lambda: not lives(int(child.read_text())), 5)
+    assert not lives(child)
     with pytest.raises(ConfigError, match="which you have not named on the command line"):
         resume(run)
     before = notes.read_text()
@@ -295,11 +296,3 @@ def wait_for(done: Callable[[], bool], seconds: float = 60) -> None:
     while not done():
         assert time.monotonic() < deadline
         time.sleep(0.05)
-
-
-def lives(pid: int) -> bool:
-    """Whether a process runs; one that nobody has waited for does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return False
