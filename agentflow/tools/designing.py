@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
@@ -196,17 +197,13 @@ def _difference(outcome: EditOutcome) -> str:
 def _renumbered(ids: Mapping[int, int | None]) -> list[str]:
     """Old and new ids; rows that moved alike as ranges."""
     moved = sorted((old, new) for old, new in ids.items() if new is not None and new != old)
-    rows: list[list[tuple[int, int]]] = []
-    for old, new in moved:
-        if rows and rows[-1][-1] == (old - 1, new - 1):
-            rows[-1].append((old, new))
-        else:
-            rows.append([(old, new)])
+    runs = groupby(enumerate(moved), key=lambda item: (item[1][0] - item[0], item[1][1] - item[0]))
+    rows = [[pair for _, pair in run] for _, run in runs]
     return [
-        f"{first[0]}-{last[0]} are now {first[1]}-{last[1]}"
-        if first != last
-        else f"{first[0]} is now {first[1]}"
-        for first, last in ((row[0], row[-1]) for row in rows)
+        f"{row[0][0]}-{row[-1][0]} are now {row[0][1]}-{row[-1][1]}"
+        if len(row) > 1
+        else f"{row[0][0]} is now {row[0][1]}"
+        for row in rows
     ]
 
 

@@ -122,7 +122,7 @@ def _is_greatest(workspace: Workspace, result: Simulation) -> bool:
 
 
 async def verify(call: Call, machine: str) -> ToolResult:
-    """Verify a simulated machine as its final score will be: simulate it under small changes.
+    """Verify a simulated machine, as final scores are made: simulate it under small changes.
 
     Args:
         machine: Name of the machine; it costs a simulation for each change, and nothing when it is

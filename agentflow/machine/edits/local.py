@@ -17,10 +17,10 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.changes import add_images
 from agentflow.machine.edits.draft import Draft, End
-from agentflow.machine.edits.moves import Kinds, Move, free_faces
+from agentflow.machine.edits.moves import Kinds, Move, free_faces, with_entries
 from agentflow.machine.edits.random import draw_legal, kinds_of_moves
 from agentflow.machine.problems import RefusedEdit
-from agentflow.machine.tree import Control, Machine, Step, renumber
+from agentflow.machine.tree import Machine, Step, renumber
 
 MAX_MISSES = 5
 """Edits of one kind that may be drawn in vain."""
@@ -168,13 +168,8 @@ def nudges(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG00
                 if name == "level":
                     value = max(-1.0, min(1.0, value))
                 changed = replace(control, **{name: value})
-                entries = (*machine.controls[:number], changed, *machine.controls[number + 1 :])
-                moves.append(partial(_with_controls, machine, entries))
+                moves.append(partial(with_entries, machine, number, (changed,)))
     return moves
-
-
-def _with_controls(machine: Machine, entries: tuple[Control, ...], rng: Random) -> Machine:  # noqa: ARG001
-    return replace(machine, controls=entries)
 
 
 def _replaced(machine: Machine, by: dict[int, tuple[Step, ...]], rng: Random) -> Machine:  # noqa: ARG001

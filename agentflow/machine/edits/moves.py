@@ -176,17 +176,20 @@ def _added(window: float, machine: Machine, rng: Random) -> Machine | None:
 
 
 def _changed(window: float, machine: Machine, number: int, rng: Random) -> Machine:
-    new = _timed(machine.controls[number].target, window, rng)
-    return replace(machine, controls=_with(machine, number, (new,)))
+    return with_entries(
+        machine, number, (_timed(machine.controls[number].target, window, rng),), rng
+    )
 
 
-def _removed(machine: Machine, number: int, rng: Random) -> Machine:  # noqa: ARG001
-    return replace(machine, controls=_with(machine, number, ()))
-
-
-def _with(machine: Machine, number: int, entries: tuple[Control, ...]) -> tuple[Control, ...]:
-    """The program with other entries in place of one."""
-    return (*machine.controls[:number], *entries, *machine.controls[number + 1 :])
+def with_entries(
+    machine: Machine,
+    number: int,
+    entries: tuple[Control, ...],
+    rng: Random,  # noqa: ARG001
+) -> Machine:
+    """The machine with other entries in place of one."""
+    controls = (*machine.controls[:number], *entries, *machine.controls[number + 1 :])
+    return replace(machine, controls=controls)
 
 
 def control_moves(window: float) -> Kinds:
@@ -194,7 +197,7 @@ def control_moves(window: float) -> Kinds:
     return {
         "control": lambda machine, _types: [partial(_added, window, machine)],
         "uncontrol": lambda machine, _types: [
-            partial(_removed, machine, number) for number in range(len(machine.controls))
+            partial(with_entries, machine, number, ()) for number in range(len(machine.controls))
         ],
         "retime": lambda machine, _types: [
             partial(_changed, window, machine, number) for number in range(len(machine.controls))
