@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from agentflow.api import sweep_async as sweep_async
     from agentflow.api import verify as verify
     from agentflow.api import verify_async as verify_async
+    from agentflow.app.tasks import KnobInfo as KnobInfo
+    from agentflow.app.tasks import TaskInfo as TaskInfo
     from agentflow.env.pool.pool import RolloutPool as RolloutPool
     from agentflow.env.rollout import Rollout as Rollout
     from agentflow.env.verification import Verification as Verification
@@ -43,8 +45,6 @@ if TYPE_CHECKING:
     from agentflow.machine import Report as Report
     from agentflow.machine.building import BuiltBlock as BuiltBlock
     from agentflow.machine.building import MachineBuilder as MachineBuilder
-    from agentflow.notebook.catalogue import KnobInfo as KnobInfo
-    from agentflow.notebook.catalogue import TaskInfo as TaskInfo
     from agentflow.notebook.catalogue import blocks as blocks
     from agentflow.notebook.catalogue import task as task
     from agentflow.notebook.catalogue import tasks as tasks
@@ -66,6 +66,7 @@ _MODULES = {
         "Design build check design design_async design_prompt resume resume_async "
         "simulate simulate_async sweep sweep_async verify verify_async"
     ),
+    "agentflow.app.tasks": "KnobInfo TaskInfo",
     "agentflow.env.pool.pool": "RolloutPool",
     "agentflow.env.rollout": "Rollout",
     "agentflow.env.verification": "Verification",
@@ -74,7 +75,7 @@ _MODULES = {
     "agentflow.llm.messages": "Message Reply Request Usage",
     "agentflow.machine": "BlockType Machine Problem Report",
     "agentflow.machine.building": "BuiltBlock MachineBuilder",
-    "agentflow.notebook.catalogue": "KnobInfo TaskInfo blocks task tasks",
+    "agentflow.notebook.catalogue": "blocks task tasks",
     "agentflow.notebook.figures.plot": "plot",
     "agentflow.notebook.loading": "Card Evaluation Training load",
     "agentflow.notebook.machine_rows": "CurvePoint",

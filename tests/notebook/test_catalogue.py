@@ -15,9 +15,9 @@ def test_a_task_says_what_the_command_says() -> None:
         agentflow.task("throwing/3", wall_height=2),
     )
     assert (found.name, found.family) == ("throwing/3", "throwing")
-    assert [*found.scene] == told["scene"]
-    assert [*found.schedule] == told["schedule"]
-    assert [*found.score] == told["score"]
+    assert found.scene == told["scene"]
+    assert found.schedule == told["schedule"]
+    assert found.score == told["score"]
     assert [(k.name, k.value, k.range, k.help) for k in found.knobs] == [
         tuple(knob.values()) for knob in told["knobs"]
     ]

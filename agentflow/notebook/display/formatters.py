@@ -17,7 +17,7 @@ SHOWN = {
     "agentflow.env.verification": ("Verification",),
     "agentflow.notebook.recorded": ("Run",),
     "agentflow.notebook.sweeps": ("Sweep",),
-    "agentflow.notebook.catalogue": ("TaskInfo",),
+    "agentflow.app.tasks": ("TaskInfo",),
 }
 """Module -> classes that are shown as HTML."""
 

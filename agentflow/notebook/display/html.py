@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.runs import run_page
+from agentflow.app.tasks import TaskInfo
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.variations import DEFAULT
@@ -20,7 +21,6 @@ from agentflow.errors import UsageError
 from agentflow.machine import Machine, Report
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.metrics.formats import counted
-from agentflow.notebook.catalogue import TaskInfo
 from agentflow.notebook.recorded import Run
 from agentflow.notebook.sweeps import Sweep
 from agentflow.progress import silent
