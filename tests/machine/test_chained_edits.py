@@ -10,6 +10,7 @@ from agentflow.machine import Machine, apply_script, check
 from agentflow.machine.edits.script import MAX_COMMANDS
 from tests.machine.builders import CAR, CATAPULT, build
 from tests.machine.strategies import draw_step, valid_machines
+from tests.machine.test_edits import refusals
 
 FRAME = build((1, 0, 0), (1, 0, 1))
 
@@ -63,112 +64,68 @@ def test_a_block_is_inserted_between_others() -> None:
     assert check(outcome.machine).machine_valid
 
 
-@pytest.mark.parametrize(
-    ("script", "line", "code", "reason"),
-    [
-        (
-            "Add 2 to leg in 0",
-            1,
-            "unknown_name",
-            "no block has the name leg; use an id, or give the name: 'Add 63 to 3 in 0 as a'",
-        ),
-        (
-            "Add 15 to 0 in 4 as a\nAdd 2 to leg in 0",
-            2,
-            "unknown_name",
-            "no block has the name leg; the names are: a",
-        ),
-        (
-            "Remove 6\nAdd 2 to a in 0\nAdd 15 to 0 in 4 as a",
-            2,
-            "name_not_yet_given",
-            "the name a is given only in a later line; move that line up",
-        ),
-        (
-            "Add 15 to a in 0 as a",
-            1,
-            "name_not_yet_given",
-            "the name a is given only in a later line; move that line up",
-        ),
-        (
-            "Add 15 to 0 in 4 as a\nAdd 15 to 0 in 5 as A",
-            2,
-            "name_taken",
-            "the name a is already taken by new block 7; choose another name",
-        ),
-        (
-            "Add 15 to 0 in 4 as 7",
-            1,
-            "bad_name",
-            "the name 7 looks like an id; give it a letter, as in 'as b7'",
-        ),
-        (
-            "Add 15 to 0 in 4 as -1",
-            1,
-            "bad_name",
-            "the name -1 looks like an id; give it a letter, as in 'as b1'",
-        ),
-        (
-            "Add 15 to 0 in 4 as to",
-            1,
-            "bad_name",
-            "to is a word of the commands; choose another name",
-        ),
-        (
-            "Add 15 to 0 in 4 as left-leg",
-            1,
-            "bad_name",
-            "the name left-leg is not allowed; use at most 32 letters, digits and underscores",
-        ),
-        (
-            f"Add 15 to 0 in 4 as {'x' * 33}",
-            1,
-            "bad_name",
-            f"the name {'x' * 33} is not allowed; use at most 32 letters, digits and underscores",
-        ),
-        (
-            "Add 15 to 0 in 4 as a\nRemove a\nAdd 2 to a in 0",
-            3,
-            "parent_removed",
-            "a was removed earlier in this script",
-        ),
-        (
-            "Add 15 to 0 in 4 as a\nAdd 15 to a in 0 as b\nMove a to b in 0",
-            3,
-            "parent_not_earlier",
-            "block 7 carries block 8; choose a parent that it does not carry",
-        ),
-        (
-            "Add 15 to 1 in 5 as a\nMove 1 to a in 0",
-            2,
-            "parent_not_earlier",
-            "block 1 carries block 7; choose a parent that it does not carry",
-        ),
-        (
-            "Add 15 to 0 in 4 as a\nAdd 2 to a in 0\nRemove a",
-            3,
-            "has_children",
-            "block 7 (Small Wooden Block) still carries 8; remove the blocks it carries first",
-        ),
-        (
-            "Add 63 to 1 in 3 as log",
-            1,
-            "face_occupied",
-            "face 3 of block 1 (Wooden Block) is already taken by block 4 (Powered Wheel); free "
-            "faces of block 1: 0, 2, 4, 5, 6, 7, 8",
-        ),
-        (
-            "Add 63 to 1 in 0 as log\nAdd 63 to log in 0\nAdd 63 to 0 in 4 as mast\nAdd 63 to mast "
-            "in 0 as top\nAdd 63 to top in 0 as tip",
-            5,
-            "size_limit",
-            "with Log as new block 11 (tip): the machine is 10.5 m along y, 1.0 m over the limit "
-            "of 9.5 m; block 3 (Powered Wheel) extends furthest to y- and block 11 (Log) to y+",
-        ),
-    ],
-)
-def test_refusals(script: str, line: int, code: str, reason: str) -> None:
-    assert failure(CAR, script) == (line, code, reason)
+REFUSED = """
+Add 2 to leg in 0
+line 1, unknown_name: no block has the name leg; use an id, or give the name: 'Add 63 to 3 in 0 as
+a'
+
+Add 15 to 0 in 4 as a; Add 2 to leg in 0
+line 2, unknown_name: no block has the name leg; the names are: a
+
+Remove 6; Add 2 to a in 0; Add 15 to 0 in 4 as a
+line 2, name_not_yet_given: the name a is given only in a later line; move that line up
+
+Add 15 to a in 0 as a
+line 1, name_not_yet_given: the name a is given only in a later line; move that line up
+
+Add 15 to 0 in 4 as a; Add 15 to 0 in 5 as A
+line 2, name_taken: the name a is already taken by new block 7; choose another name
+
+Add 15 to 0 in 4 as 7
+line 1, bad_name: the name 7 looks like an id; give it a letter, as in 'as b7'
+
+Add 15 to 0 in 4 as -1
+line 1, bad_name: the name -1 looks like an id; give it a letter, as in 'as b1'
+
+Add 15 to 0 in 4 as to
+line 1, bad_name: to is a word of the commands; choose another name
+
+Add 15 to 0 in 4 as left-leg
+line 1, bad_name: the name left-leg is not allowed; use at most 32 letters, digits and underscores
+
+Add 15 to 0 in 4 as xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx
+line 1, bad_name: the name xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx is not allowed; use at most 32
+letters, digits and underscores
+
+Add 15 to 0 in 4 as a; Remove a; Add 2 to a in 0
+line 3, parent_removed: a was removed earlier in this script
+
+Add 15 to 0 in 4 as a; Add 15 to a in 0 as b; Move a to b in 0
+line 3, parent_not_earlier: block 7 carries block 8; choose a parent that it does not carry
+
+Add 15 to 1 in 5 as a; Move 1 to a in 0
+line 2, parent_not_earlier: block 1 carries block 7; choose a parent that it does not carry
+
+Add 15 to 0 in 4 as a; Add 2 to a in 0; Remove a
+line 3, has_children: block 7 (Small Wooden Block) still carries 8; remove the blocks it carries
+first
+
+Add 63 to 1 in 3 as log
+line 1, face_occupied: face 3 of block 1 (Wooden Block) is already taken by block 4 (Powered
+Wheel); free faces of block 1: 0, 2, 4, 5, 6, 7, 8
+
+Add 63 to 1 in 0 as log; Add 63 to log in 0; Add 63 to 0 in 4 as mast; \
+Add 63 to mast in 0 as top; Add 63 to top in 0 as tip
+line 5, size_limit: with Log as new block 11 (tip): the machine is 10.5 m along y, 1.0 m over the
+limit of 9.5 m; block 3 (Powered Wheel) extends furthest to y- and block 11 (Log) to y+
+"""
+"""Edits of the car."""
+
+
+@pytest.mark.parametrize(("script", "told"), refusals(REFUSED))
+def test_refusals(script: str, told: str) -> None:
+    line, code, reason = failure(CAR, script)
+    assert f"line {line}, {code}: {reason}" == told
 
 
 def test_a_very_long_script_is_refused_as_a_whole() -> None:
