@@ -7,12 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from shlex import quote
 
-from agentflow.app.design.plan import task_of_run
-from agentflow.app.design.results import best_machine
 from agentflow.app.machines.files import read_source
 from agentflow.app.subjects.simulate import WORKERS, simulate_in_parallel
 from agentflow.app.subjects.subject import Subject
-from agentflow.config.run import build_config
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.gltf import rollout_glb
 from agentflow.env.drawing.stills import render_png
@@ -21,9 +18,9 @@ from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
 from agentflow.errors import AgentflowError, RunError, UnknownNameError, UsageError
 from agentflow.files.atomic import write_output
-from agentflow.machine import Machine, check, library
+from agentflow.machine import check, library
 from agentflow.progress import Progress, silent
-from agentflow.runs import Listener, Notify, read_document, read_result
+from agentflow.runs import Listener, Notify
 from agentflow.runs.events import DrawingEvent
 
 STILL, GIF, MP4, GLB = ".png", ".gif", ".mp4", ".glb"
@@ -44,15 +41,10 @@ def render_run(
 
     Films show a simulation with `engine`, by default that of the run.
     """
-    result, document = read_result(path), read_document(path)
-    seed = build_config(document.get("config")).seed
-    machine = best_machine(result)
-    if machine is None:
-        raise RunError(f"{path} has no valid machine to draw")
-    task = task_of_run(path, document)
-    task = replace(task, engine=engine or task.engine)
-    subject = Subject(machine, task, seed, str(path), recorded=True)
-    return _Drawing(machine, subject, view, say).save(out or path / "best")
+    subject = Subject.of_run(path)
+    if engine is not None:
+        subject = subject.on(engine)
+    return _Drawing(subject, view, say).save(out or path / "best")
 
 
 def draw_missing(
@@ -98,7 +90,7 @@ def render_file(
     if report.machine is None:
         raise UsageError(f"{source} cannot be built: {report.problems[0].message}")
     subject = Subject(report.machine, task, seed, source, recorded=True)
-    drawing = _Drawing(report.machine, subject, view, say)
+    drawing = _Drawing(subject, view, say)
     if report.machine_valid:
         return drawing.save(out)
     problem = report.problems[0].message
@@ -112,11 +104,9 @@ def render_file(
 
 @dataclass(frozen=True)
 class _Drawing:
-    """A machine, the simulation to film, and how to draw it."""
+    """What to draw or to film, and how."""
 
-    machine: Machine
     subject: Subject
-    """The machine on its task."""
     view: str
     say: Progress
     """Receives the progress of the simulation."""
@@ -134,15 +124,16 @@ class _Drawing:
         return {NAMES[file.suffix.lower()]: str(file) for file in reversed(files)}
 
     def _write(self, file: Path) -> None:
-        kind = file.suffix.lower()
+        kind, machine = file.suffix.lower(), self.subject.machine
+        assert machine is not None
         if kind == STILL:
-            render_png(self.machine, file, view=self.view, red=self.red)
+            render_png(machine, file, view=self.view, red=self.red)
         elif kind in SAMPLES:
             rollout = self._simulate(1.0 / SAMPLES[kind])
             if kind == GLB:
-                file.write_bytes(rollout_glb(self.machine, rollout))
+                file.write_bytes(rollout_glb(machine, rollout))
             else:
-                save_film(self.machine, self.subject.task, rollout, file, size=SIZES[kind])
+                save_film(machine, self.subject.task, rollout, file, size=SIZES[kind])
         else:
             raise UnknownNameError("kind of picture", kind, (STILL, *SAMPLES))
 

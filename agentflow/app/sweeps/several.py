@@ -36,24 +36,29 @@ def read_results(folders: Sequence[Path]) -> SweepResult:
     """The finished runs of sweeps and of folders of runs.
 
     Variants of several folders that have the same task, model and labels are named after their
-    folder, so that nothing is pooled across folders. The layout is that of the first sweep.
+    folder, so that nothing is pooled across folders. The layout is that of the first sweep. A
+    folder that is given twice counts once.
 
     Raises:
         RunError: Something is damaged, or a folder has no finished run.
     """
+    folders = list({path.resolve(): path for path in folders}.values())
     found = [read_sweep_result(path) if is_sweep(path) else _read_runs(path) for path in folders]
     if len(found) == 1:
         return found[0]
     keys = [{_key(run, run.planned) for run in result.finished} for result in found]
     shared = sum(map(len, keys)) > len(set().union(*keys))
-    parts = [_named(result, shared) for result in found]
+    names = [path.resolve().name for path in folders]
+    if len(set(names)) < len(names):
+        names = list(map(str, folders))
+    parts = [_named(*pair, shared) for pair in zip(found, names, strict=True)]
     layout = next((part.sweep.table for part in parts if part.sweep.axes), parts[0].sweep.table)
     sweep = SweepConfig(
         title=" and ".join(dict.fromkeys(part.sweep.title for part in parts)),
         seeds=tuple(dict.fromkeys(chain.from_iterable(part.sweep.seeds for part in parts))),
         axes={
-            f"{part.path.name} {name}": axis
-            for part in parts
+            f"{folder} {name}": axis
+            for folder, part in zip(names, parts, strict=True)
             for name, axis in part.sweep.axes.items()
         },
         table=layout,
@@ -68,9 +73,8 @@ def _key(run: FinishedRun, planned: SweepRun) -> tuple[str, ...]:
     return task_of(planned), run.result.model, planned.variant
 
 
-def _named(result: SweepResult, shared: bool) -> SweepResult:
+def _named(result: SweepResult, folder: str, shared: bool) -> SweepResult:
     """The result with its folder in the names of its runs and, if `shared`, in their labels."""
-    folder = result.path.name
 
     def rename(planned: SweepRun) -> SweepRun:
         labels = {"sweep": folder, **planned.labels} if shared else planned.labels

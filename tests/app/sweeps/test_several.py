@@ -108,6 +108,21 @@ def test_sweeps_stand_side_by_side_and_are_never_pooled(tmp_path: Path) -> None:
     assert apart["throwing", "hand-b, baseline", "mean"][:4] == (1, 2.0, 6.0, 4.0)
 
 
+def test_folders_of_one_name_are_told_apart_and_one_given_twice_counts_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for path in two(tmp_path):
+        path.rename(path.with_name("hand"))
+    monkeypatch.chdir(tmp_path)
+    table = view([Path("a/hand"), Path("b/hand"), Path("a/hand")])
+    assert [column.group for column in table.columns[::2]] == [
+        f"{folder}, {condition}"
+        for folder in ("a/hand", "b/hand")
+        for condition in ("baseline", "no_inspector")
+    ]
+    assert table.rows[0].values[1::2] == (2.0, None, 6.0, None)
+
+
 def test_sweeps_of_other_variants_share_the_columns(tmp_path: Path) -> None:
     first = two(tmp_path)[0]
     mine = runs(tmp_path / "mine", one=(3.0, {"task": "movement"}))
