@@ -149,7 +149,7 @@ class BaseWorld(ABC, Generic[Own]):
         self._ledger.add(self.now.forces, self._interval)
 
     def split(self, broken: Sequence[int]) -> None:
-        self._ledger.finish(self.now.forces)
+        self._ledger.interrupt(self.now.forces)
         self._works_of_joints.append(self._take_works())
         self._split(broken)
 

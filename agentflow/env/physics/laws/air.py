@@ -6,20 +6,19 @@ Drag is computed with plain floats: a machine has few clusters, and arrays only 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from operator import mul
 
 import numpy as np
 
 from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, Wrench
 from agentflow.env.physics.model import Part
-from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, WIDTH, Row
+from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, Row
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import cross, matrices, turn, turn_back
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import Vec3, rotate_vector
 
 _NONE = (0.0, 0.0, 0.0)
-_MATRIX = np.array([4, 7, 8, 7, 5, 9, 8, 9, 6])
-"""Where in the law of a cluster's drag the torque against its spin is."""
 
 
 class DragForce:
@@ -64,27 +63,10 @@ class DragForce:
         self.rows = [row for row, _, _ in self._isotropic] + [row for row, _ in self._general]
         """Rows of the clusters that it acts on."""
 
-    def powers(self, motions: Array) -> list[float]:
-        """Rate at which it does work on the clusters, W; not above 0.
-
-        Args:
-            motions: (T, D, 13) of the clusters of `rows`, at several times.
-        """
-        count, times = len(self._isotropic), len(motions)
-        motions = motions.reshape(times, len(self.rows), WIDTH)  # without drag, it is flat
-        loss, spin = np.array([law for _, *law in self._isotropic]).reshape(-1, 2).T
-        square = motions * motions
-        taken = loss * square[:, :count, VELOCITY].sum(axis=2)
-        taken += spin * square[:, :count, SPIN].sum(axis=2)
-        own = motions[:, count:].reshape(-1, WIDTH)
-        law = np.tile(np.array([law for _, law in self._general]).reshape(-1, 10), (times, 1))
-        axes = matrices(own[:, ROTATION])
-        u, p = turn_back(axes, own[:, VELOCITY]), turn_back(axes, own[:, SPIN])
-        resisted = (law.take(_MATRIX, 1).reshape(-1, 3, 3) * p[:, None]).sum(axis=2)
-        general = law[:, 0] * (u * u).sum(axis=1) + (p * resisted).sum(axis=1)
-        general -= 2.0 * (u * cross(law[:, 1:4], p)).sum(axis=1)
-        found: list[float] = (-taken.sum(axis=1) - general.reshape(times, -1).sum(axis=1)).tolist()
-        return found
+    def power(self, rows: Sequence[Row]) -> float:
+        """Rate at which it does work on the clusters, W; not above 0."""
+        wrenches = zip(self.rows, self.turned(rows), strict=True)
+        return sum(sum(map(mul, wrench, rows[row][VELOCITY.start :])) for row, wrench in wrenches)
 
     def turned(self, rows: Sequence[Row]) -> list[tuple[float, ...]]:
         """Force and torque on each cluster of `rows` in the engine's axes, as six numbers."""

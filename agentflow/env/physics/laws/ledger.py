@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from agentflow.env.physics.laws.select import Forces, Power
@@ -22,10 +20,8 @@ class Ledger:
         """Steps noted so far, how long they took (s), and how many they are at the next reading."""
         self._at, self._times = [0], [0.0]
         """The same of each reading."""
-        self._powers, self._drag = [Power(0.0, 0.0)], [0.0]
-        """What was read each time, and the power of drag (W), which is computed later."""
-        self._motions: list[Any] = []
-        """The motion of what has drag at readings without that power."""
+        self._powers = [Power(0.0, 0.0)]
+        """What was read each time."""
 
     def add(self, forces: Forces, step: float) -> None:
         """Note that a step of this length, s, was taken with these forces."""
@@ -35,23 +31,15 @@ class Ledger:
             self._read(forces)
 
     def interrupt(self, forces: Forces) -> None:
-        """Note that something is switched: from now on, the power may be another."""
+        """Note that something is switched or splits: from now on, the power may be another."""
         if self._at[-1] != self._steps:
             self._read(forces)
         self._due = self._steps + 1
 
-    def finish(self, forces: Forces) -> None:
-        """Note that the machine splits: these forces act no more."""
-        self.interrupt(forces)
-        if self._motions:
-            self._drag += forces.drag_powers(np.array(self._motions))
-            self._motions = []
-
     def works(self, forces: Forces) -> Array:
         """(2, S + 1) work of thrusters and of the air until the end of each step, J."""
-        self.finish(forces)
-        thrust, air = np.array(self._powers).T
-        powers = np.array([thrust, air + self._drag])
+        self.interrupt(forces)
+        powers = np.array(self._powers).T
         each = np.diff(self._times) * (powers[:, :-1] + powers[:, 1:]) / 2
         works = np.concatenate([np.zeros((2, 1)), each.cumsum(axis=1)], axis=1)
         return np.array([np.interp(np.arange(self._steps + 1), self._at, work) for work in works])
@@ -60,5 +48,4 @@ class Ledger:
         self._at.append(self._steps)
         self._times.append(self._time)
         self._powers.append(forces.power())
-        self._motions.append(forces.dragged())
         self._due = self._steps + SELDOM

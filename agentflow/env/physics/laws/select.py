@@ -18,7 +18,6 @@ from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.rows import Row, Rows
 from agentflow.env.physics.structure.layout import RowLayout, drag_locations
 from agentflow.env.physics.structure.spanning_tree import Skeleton
-from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
 
 Law = Callable[[Sequence[Row]], list[PartForce]]
@@ -86,7 +85,6 @@ class Power(NamedTuple):
 
     thrust: float
     air: float
-    """Without drag: of wind, and of what pushes blades."""
 
 
 class Forces(ABC):
@@ -108,13 +106,10 @@ class Forces(ABC):
     def __call__(self) -> None:
         """Apply everything for one step."""
 
-    @abstractmethod
-    def dragged(self) -> Sequence[Row] | Array:
-        """(D, 13) the rows of the clusters that drag acts on, after the last step."""
-
-    def drag_powers(self, motions: Array) -> list[float]:
-        """The power of drag, W, for (T, D, 13) results of `dragged`."""
-        return self._drag.powers(motions)
+    @property
+    def _read(self) -> Sequence[Row]:
+        """The rows after the last step, at least those on which drag acts."""
+        return self._rows.all
 
     def _of_laws(self, rows: Sequence[Row]) -> list[list[PartForce]]:
         """The forces of each law in this step."""
@@ -123,9 +118,9 @@ class Forces(ABC):
         return self._exerted
 
     def power(self) -> Power:
-        """Mean power of thrusters and of the air in the last step."""
+        """Mean power of thrusters and of the air in the last step; that of drag at its end."""
         rows, blocks = self._rows, len(self._locations.row)
-        thrust = air = 0.0
+        thrust, air = 0.0, self._drag.power(self._read)
         for law, forces in zip(self._laws, self._exerted, strict=False):
             if forces and not isinstance(law, SpringForce | WinchForce):
                 own = [force for force in forces if force[0] < blocks]

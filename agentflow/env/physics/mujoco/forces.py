@@ -12,7 +12,6 @@ from agentflow.env.physics.mujoco.sensing import Rows
 from agentflow.env.physics.rows import POSITION
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Skeleton
-from agentflow.env.rollout import Array
 from agentflow.machine.geometry.vectors import Vec3, cross, rotate_vector, subtract
 
 _STILL = (0.0, 0.0, 0.0)
@@ -48,7 +47,7 @@ class AppliedForces(Forces):
         """Bodies on which forces acted in the last step."""
 
     def __call__(self) -> None:
-        rows = self._rows.all
+        rows = self._read
         if not self._laws:  # nothing else acts
             for at, wrench in zip(self._dragged, self._drag.turned(rows), strict=True):
                 _PACK(self._target, at * _SIZE, *wrench)
@@ -66,9 +65,6 @@ class AppliedForces(Forces):
                 if part >= self._count and place is not None:
                     self._turn(own, part, force, place)
         self._write(total)
-
-    def dragged(self) -> Array:
-        return self._rows.table.take(self._drag.rows, 0)
 
     def _write(self, total: dict[int, list[float]]) -> None:
         """Replace the forces of the last step."""

@@ -46,9 +46,13 @@ class AppliedForces(Forces):
         self._far = bool(laws) or not set(self._drag.rows) <= set(rows.heads)
         """Whether any force acts on a row that is not a head."""
 
+    @property
+    def _read(self) -> Sequence[Row]:
+        return self._heads.all if self._far else self._heads.known
+
     def __call__(self) -> None:
         client = self._client
-        rows = self._heads.all if self._far else self._heads.known
+        rows = self._read
         for row, local, force, torque in self._drag(rows):
             uid, index = self._leading[row]
             frame = pybullet.LINK_FRAME if local else pybullet.WORLD_FRAME
@@ -63,7 +67,3 @@ class AppliedForces(Forces):
                 uid, index = self._at[part]
                 frame = pybullet.LINK_FRAME if place is None else pybullet.WORLD_FRAME
                 pybullet.applyExternalForce(uid, index, force, place or CENTRE, frame, client)
-
-    def dragged(self) -> list[Row]:
-        rows = self._heads.all if self._far else self._heads.known
-        return [rows[row] for row in self._drag.rows]
