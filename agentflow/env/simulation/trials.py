@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from agentflow.env.rollout import Feedback, Rollout
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.knobs import knobs_of
 
 SUCCESS, OUTCOME, MISS = "success", "outcome", "miss"
 """Terms of every trial: whether it succeeded, a phrase on its outcome, and by how many metres it
@@ -30,22 +32,12 @@ def middle_trial(trials: Sequence[Task]) -> int:
 
     It depends on the seed alone, so feedback on different machines is about the same conditions.
     """
-    knobs = [_numbers(trial.parameters.model_dump()) for trial in trials]
-    values = np.array([[each.get(name, 0.0) for name in knobs[0]] for each in knobs])
+    knobs = knobs_of(type(trials[0].parameters))
+    names = [knob.name for knob in knobs if isinstance(knob.default, int | float)]
+    values = np.array([[attrgetter(name)(each.parameters) for name in names] for each in trials])
     spread = np.ptp(values, axis=0)
     away = np.abs(values - np.median(values, axis=0)) / np.where(spread > 0.0, spread, 1.0)
     return int(away.sum(axis=1).argmin())
-
-
-def _numbers(knobs: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
-    """All numbers among knobs, by the path of their names."""
-    found: dict[str, float] = {}
-    for name, value in knobs.items():
-        if isinstance(value, Mapping):
-            found |= _numbers(value, f"{prefix}{name}.")
-        elif isinstance(value, int | float):
-            found[prefix + name] = float(value)
-    return found
 
 
 def combine_trials(played: Sequence[Rollout], trials: Sequence[Task]) -> Rollout:
