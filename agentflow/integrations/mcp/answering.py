@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import anyio
+from anyio.abc import ObjectReceiveStream
 from mcp import types
 from mcp.shared.message import SessionMessage
 from pydantic import ValidationError
@@ -14,7 +14,7 @@ Item = SessionMessage | Exception
 """A message, or why a line is not one."""
 
 
-class AnsweringStream:
+class AnsweringStream(ObjectReceiveStream[Item]):
     """The messages of a client. Each line that is not one is answered with an error."""
 
     def __init__(self, incoming: Any, outgoing: Any) -> None:
@@ -37,21 +37,6 @@ class AnsweringStream:
     async def aclose(self) -> None:
         """Close the stream of items."""
         await self._incoming.aclose()
-
-    def __aiter__(self) -> AnsweringStream:
-        return self
-
-    async def __anext__(self) -> Item:
-        try:
-            return await self.receive()
-        except anyio.EndOfStream:
-            raise StopAsyncIteration from None
-
-    async def __aenter__(self) -> AnsweringStream:
-        return self
-
-    async def __aexit__(self, *_: object) -> None:
-        await self.aclose()
 
 
 def answer_to(error: ValidationError) -> types.JSONRPCError:
