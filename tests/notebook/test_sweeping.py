@@ -99,6 +99,7 @@ async def test_a_design_with_several_seeds_has_mean_interval_and_best(tmp_path: 
     assert row["best"] == max(scores)
     assert repr(found) == f"Sweep({str(found.path)!r}, 3 of 3 runs done)"
     assert len(agentflow.load_runs(tmp_path)) == 3
+    assert await agentflow.sweep_async(found.path, answer=car, resume=True) == found
 
 
 def test_what_is_wrong_is_said_before_any_run(tmp_path: Path) -> None:
