@@ -263,8 +263,8 @@ def sweep(
         resume: Continue the sweep that the directory holds.
         trust: Send prompts and keys where the file in `config` says, even if neither the call nor
             the environment names it.
-        say: Receives messages, one line each; by default they are printed to stderr, and notebooks
-            show progress.
+        say: Receives messages, one line each; by default they are printed to stderr. Notebooks
+            also show progress.
 
     Raises:
         UsageError: A name or value is wrong, or the folder holds a sweep and `resume` is not set.

@@ -20,7 +20,7 @@ from agentflow.env.verification import Verification
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, Report
 from agentflow.machine.brief import LONE_ROOT
-from agentflow.metrics.formats import counted
+from agentflow.metrics.formats import cell_text, counted
 from agentflow.notebook.recorded import Run
 from agentflow.notebook.sweeps import Sweep
 from agentflow.progress import silent
@@ -72,8 +72,8 @@ def _report(report: Report) -> str:
 @to_html.register
 def _rollout(rollout: Rollout) -> str:
     """The film with loads and events, the score and its terms."""
-    title = f"{rollout.status}, score {_number(rollout.score)}"
-    terms = _table(("term", "value"), [(k, _number(v)) for k, v in rollout.terms.items()])
+    title = f"{rollout.status}, score {cell_text(rollout.score)}"
+    terms = _table(("term", "value"), [(k, cell_text(v)) for k, v in rollout.terms.items()])
     if rollout.machine is None or rollout.trace is None:
         return f"<p><b>{title}</b></p><p>{escape(rollout.feedback.text)}</p>{terms}"
     return _viewer(rollout.machine, rollout, title) + _folded("Terms of the score", terms)
@@ -88,7 +88,7 @@ def _verification(found: Verification) -> str:
     rows = [
         (
             "default conditions" if name == DEFAULT.name else name,
-            _number(score) if score is not None else found.rollouts[name].status,
+            cell_text(score) if score is not None else found.rollouts[name].status,
             _Markup(_bar((score or 0.0) / most, name in fails)),
         )
         for name, score in scores.items()
@@ -96,8 +96,8 @@ def _verification(found: Verification) -> str:
     spread = (
         "incomplete"
         if found.score is None
-        else f"verified score {_number(found.score)}, from {_number(found.low)} to "
-        f"{_number(found.high)}; {found.holding}"
+        else f"verified score {cell_text(found.score)}, from {cell_text(found.low)} to "
+        f"{cell_text(found.high)}; {found.holding}"
     )
     return f"<p><b>{escape(spread)}</b></p>{_table(('simulation', 'score', ''), rows)}"
 
@@ -119,7 +119,7 @@ def _sweep(sweep: Sweep) -> str:
     """What each condition reached."""
     rows = sweep.summary_rows()
     heads = list(rows[0]) if rows else ["condition"]
-    cells = [[_number(value) for value in row.values()] for row in rows]
+    cells = [[cell_text(value) for value in row.values()] for row in rows]
     return f"<p><b>{escape(repr(sweep))}</b></p>{_table(heads, cells)}"
 
 
@@ -137,8 +137,8 @@ def _task(task: TaskInfo) -> str:
 
 def design_html(found: Any) -> str:
     """The best machine of a design, and what is known of it."""
-    verified = "" if found.verified is None else f", verified {_number(found.verified)}"
-    title = f"score {_number(found.score)}{verified}{', fragile' * bool(found.fragile)}"
+    verified = "" if found.verified is None else f", verified {cell_text(found.verified)}"
+    title = f"score {cell_text(found.score)}{verified}{', fragile' * bool(found.fragile)}"
     below = f"<p><code>{escape(str(found.run))}</code></p>"
     if found.machine is None:
         return f"<p><b>{escape(str(found.data.get('reason') or 'no valid machine'))}</b></p>{below}"
@@ -206,12 +206,6 @@ def _bar(share: float, fails: bool) -> str:
         f'<span style="display: inline-block; width: {wide}px; height: 0.8em; '
         f'background: {fill}"></span>{note}'
     )
-
-
-def _number(value: object) -> str:
-    if value is None:
-        return "none"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _wait(work: Coroutine[Any, Any, _Found]) -> _Found:

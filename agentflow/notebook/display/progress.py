@@ -6,7 +6,7 @@ import time
 from html import escape
 from typing import Any
 
-from agentflow.metrics.formats import counted
+from agentflow.metrics.formats import counted, number
 from agentflow.notebook.display.formatters import in_notebook
 from agentflow.runs import Event, Listener, Notify, RunResult
 from agentflow.runs.events import RunEvent
@@ -54,7 +54,7 @@ class RunLine:
         record.add(event)
         ending = ENDINGS.get(event.kind)
         stage = record.stage.location.name.replace("_", " ") if record.stage else "starting"
-        best = "" if record.best is None else f", best score {record.best:.4g}"
+        best = "" if record.best is None else f", best score {number(record.best)}"
         numbers = f"{counted(record.calls, 'call')}, {counted(len(record.machines), 'machine')}"
         self._line.show(f"{ending or stage}: {numbers}{best}", at_once=ending is not None)
 
@@ -93,7 +93,7 @@ class SweepLine:
 
     def _show(self, what: str, *, at_once: bool = False) -> None:
         if self._line is not None:
-            best = "" if self._best is None else f", best score {self._best:.4g}"
+            best = "" if self._best is None else f", best score {number(self._best)}"
             text = f"{self._done} of {self._of} runs{best}; {what}"
             self._line.show(text, self._done, self._of, at_once=at_once)
 

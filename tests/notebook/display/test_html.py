@@ -60,7 +60,7 @@ def test_a_rollout_is_its_film_with_loads_and_events(rollout: Rollout) -> None:
     assert rollout.machine == CAR
     html = to_html(rollout)
     data = frame_data(html)
-    assert data["title"] == f"ok, score {rollout.score:.4g}"
+    assert data["title"] == f"ok, score {rollout.score:.2f}"
     assert data["machine"]["film"]["samples"] >= 10
     assert data["machine"]["film"]["loads"] == 6
     assert "Terms of the score" in html
@@ -83,7 +83,7 @@ def test_a_verification_is_its_spread(rollout: Rollout) -> None:
     scores = {"default": 10.0, "friction -2 %": 9.0, "masses +2 %": 1.0}
     found = Verification({name: replace(rollout, score=score) for name, score in scores.items()})
     html = to_html(found)
-    assert "verified score 9, from 1 to 10; holds in 2 of 3, fragile" in html
+    assert "verified score 9.00, from 1.00 to 10.00; holds in 2 of 3, fragile" in html
     assert html.count("does not hold") == 1
     assert repr(found) == "<Verification 9, 1 to 10; holds in 2 of 3, fragile>"
     broken = Verification({"default": replace(rollout, score=None, status="crashed")})
@@ -126,7 +126,7 @@ def test_tasks_and_designs_say_what_they_are() -> None:
     assert "good score" in html
     result = agentflow.Run(RECORDED).result
     found = agentflow.Design(RECORDED, True, 11.0, 10.5, True, CAR, "m", (), None, {"reason": ""})
-    assert frame_data(design_html(found))["title"] == "score 11, verified 10.5, fragile"
+    assert frame_data(design_html(found))["title"] == "score 11.00, verified 10.50, fragile"
     without = replace(found, machine=None, data={"reason": "no valid machine was found"})
     assert "no valid machine was found" in design_html(without)
     assert result.valid
@@ -182,7 +182,7 @@ def test_a_line_of_a_notebook_shows_the_progress() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     result = agentflow.Run(RECORDED).result
-    reached = f"{result.calls} calls, {result.rollouts} machines, best score {result.score:.4g}"
+    reached = f"{result.calls} calls, {result.rollouts} machines, best score {result.score:.2f}"
     lines = done.stdout.splitlines()
     assert lines[0] == "starting: 0 calls, 0 machines", done.stderr
     assert f"workflow done: {reached}" in lines
@@ -190,7 +190,7 @@ def test_a_line_of_a_notebook_shows_the_progress() -> None:
     assert lines[ended + 1 :] == [
         "0 of 2 runs; a has begun",
         "told: a has failed: no luck",
-        f"2 of 2 runs, best score {result.score:.4g}; c is done",
+        f"2 of 2 runs, best score {result.score:.2f}; c is done",
     ]
 
 
