@@ -20,8 +20,8 @@ from agentflow.env.drawing.cameras import VIEWS as CAMERA_VIEWS
 from agentflow.env.physics.registry import ENGINES
 from agentflow.machine.formats.detect import Form
 from agentflow.metrics.tables import FORMATS
-from agentflow.notebook.figures.panels import LABELS
 from agentflow.notebook.figures.plot import DRAWN
+from agentflow.notebook.words import By
 from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.study.episodes import Label
 from agentflow.training.views import VIEWS as TRAINING_VIEWS
@@ -34,7 +34,7 @@ OFFERED = {
     ("diagnose", "name"): tuple(DIAGNOSTICS),
     ("new-plugin", "kind"): tuple(KINDS),
     ("plot", "view"): tuple(DRAWN),
-    ("plot", "by"): tuple(LABELS),
+    ("plot", "by"): get_args(By),
     ("table", "show"): tuple(dict.fromkeys((*SWEEP_VIEWS, *TRAINING_VIEWS))),
 }
 OF_SEVERAL = {
