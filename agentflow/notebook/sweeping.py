@@ -127,8 +127,9 @@ def plan_seeds(
     base = config.model_dump(mode="json", exclude={"seed"})
     title = f"{config.task}, {config.workflow}"
     table = TableLayout(metrics=METRICS, conditions="none")
-    plan = SweepPlan.of(title, SweepConfig(title=title, base=base, seeds=several, table=table))
+    sweep = SweepConfig(title=title, base=base, seeds=several, table=table)
     functions = {} if client is None else {EVERY: client}
+    plan = plan_config(title, sweep, (), {}, None, source=title, answered=bool(functions))
     return SweepWork(plan, _new_folder(out, None, plan), functions)
 
 

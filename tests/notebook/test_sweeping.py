@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import statistics
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,6 +22,8 @@ from agentflow.errors import (
 )
 from agentflow.metrics.intervals import bootstrap_mean
 from agentflow.notebook.sweeping import EVERY, plan_sweep
+from agentflow.runs import Event
+from agentflow.runs.events import RunEvent
 
 CAR = (Path(__file__).parents[2] / "examples" / "car.json").read_text()
 BASE: Mapping[str, Any] = {
@@ -121,6 +124,8 @@ def test_what_is_wrong_is_said_before_any_run(tmp_path: Path) -> None:
         agentflow.design(settings=BASE, answer=car, seed=1, seeds=2, out=tmp_path)
     with pytest.raises(UsageError, match="seeds= needs at least one seed"):
         agentflow.design(settings=BASE, answer=car, seeds=[], out=tmp_path)
+    with pytest.raises(ConfigError, match="program"):
+        agentflow.design("movement", workflow="external", answer=car, seeds=2, out=tmp_path)
     assert not any(tmp_path.iterdir())
 
 
@@ -137,11 +142,14 @@ async def test_a_sweep_whose_runs_all_fail_says_why(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_says_how_a_sweep_continues(tmp_path: Path) -> None:
-    def interrupt(_event: object) -> None:
-        raise KeyboardInterrupt
+    def interrupt(event: RunEvent | Event) -> None:
+        if event.kind == "run":
+            signal.raise_signal(signal.SIGINT)
 
     with pytest.raises(InterruptedRunError) as stopped:
-        agentflow.design(settings=BASE, answer=car, seeds=2, out=tmp_path, listener=interrupt)
+        agentflow.design(
+            settings=BASE, answer=car, seeds=2, jobs=1, out=tmp_path, listener=interrupt
+        )
     [folder] = tmp_path.iterdir()
     told = "interrupted; 0 of 2 runs are done; continue in Python: agentflow.sweep"
     assert str(stopped.value) == f"{told}({str(folder)!r}, answer=..., resume=True)"
