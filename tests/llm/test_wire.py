@@ -164,23 +164,13 @@ def test_answers_that_are_not_completions(text: str, kind: type[Exception]) -> N
         decode(text)
 
 
+KEYS = ("choices", "message", "delta", "content", "text", "usage", "finish_reason", "model")
 JSON = st.recursive(
     st.none() | st.booleans() | st.floats() | st.text(max_size=5),
     lambda inner: (
         st.lists(inner, max_size=3)
         | st.dictionaries(
-            st.sampled_from(
-                [
-                    "choices",
-                    "message",
-                    "delta",
-                    "content",
-                    "text",
-                    "usage",
-                    "finish_reason",
-                    "model",
-                ]
-            ),
+            st.sampled_from(KEYS),
             inner,
             max_size=4,
         )

@@ -62,3 +62,19 @@ def draw_step(draw: st.DrawFn, steps: list[Step]) -> Step:
         parent = draw(st.sampled_from(carriers))
         ends += [parent.id, draw(st.integers(0, len(library()[parent.type].faces) - 1))]
     return Step(len(steps), kind, *ends)
+
+
+@st.composite
+def mutations(
+    draw: st.DrawFn,
+    texts: st.SearchStrategy[str],
+    junk: st.SearchStrategy[list[str]],
+    least: int,
+    most: int,
+) -> str:
+    """A text with so many random deletions and insertions of junk."""
+    text = draw(texts)
+    for _ in range(draw(st.integers(least, most))):
+        at = draw(st.integers(0, len(text)))
+        text = text[:at] + "".join(draw(junk)) + text[at + draw(st.integers(0, 9)) :]
+    return text

@@ -13,6 +13,7 @@ from agentflow.machine.formats.bsg_writing import to_bsg
 from agentflow.machine.formats.coordinates import to_coordinates
 from agentflow.machine.formats.detect import Form, read_any
 from tests.machine.builders import CATAPULT, build
+from tests.machine.strategies import mutations
 from tests.timing import assert_linear, repeated
 
 COORDINATES = json.dumps(to_coordinates(CATAPULT))
@@ -65,14 +66,9 @@ junk = st.lists(
 )
 
 
-@st.composite
-def mutated(draw: st.DrawFn) -> str:
-    """A valid document with random deletions and insertions."""
-    text = draw(st.sampled_from((COORDINATES, f"```json\n{COORDINATES}\n```", BSG, SPRUNG)))
-    for _ in range(draw(st.integers(1, 5))):
-        at = draw(st.integers(0, len(text)))
-        text = text[:at] + "".join(draw(junk)) + text[at + draw(st.integers(0, 9)) :]
-    return text
+documents = st.sampled_from((COORDINATES, f"```json\n{COORDINATES}\n```", BSG, SPRUNG))
+mutated = mutations(documents, junk, least=1, most=5)
+"""A valid document with random deletions and insertions."""
 
 
 def never_raises(text: str, form: Form) -> None:
@@ -87,14 +83,14 @@ forms = st.sampled_from(get_args(Form))
 
 
 @settings(deadline=None)
-@given(mutated() | junk.map("".join), forms)
+@given(mutated | junk.map("".join), forms)
 def test_random_documents_never_raise(text: str, form: Form) -> None:
     never_raises(text, form)
 
 
 @pytest.mark.slow
 @settings(max_examples=1_000, deadline=None)
-@given(mutated() | junk.map("".join), forms)
+@given(mutated | junk.map("".join), forms)
 def test_many_random_documents_never_raise(text: str, form: Form) -> None:
     never_raises(text, form)
 

@@ -23,7 +23,7 @@ from agentflow.machine import (
 )
 from agentflow.machine.geometry.placement import overlap_of
 from tests.machine.builders import CATAPULT
-from tests.machine.strategies import draw_step, machines, valid_machines
+from tests.machine.strategies import draw_step, machines, mutations, valid_machines
 
 
 @given(machines())
@@ -141,23 +141,7 @@ def test_everything_can_be_described(machine: Machine) -> None:
     json.dumps(check(machine).to_json(), allow_nan=False)
 
 
-PIECES = (
-    "[",
-    "]",
-    "{",
-    "}",
-    '"',
-    "'",
-    ",",
-    ":",
-    "\n",
-    "```json\n",
-    "```",
-    "//",
-    "-1",
-    "0",
-    "1e999",
-)
+PIECES = (*"[]{}\"',:\n", "```json\n", "```", "//", "-1", "0", "1e999")
 WORDS = ("type", "id", "parent", "face_id", "parent_a", "Add", "Remove", "Move", " to ", " in ")
 junk = st.lists(st.sampled_from((*PIECES, *WORDS, "\\", "NaN", "\ud800")) | st.text(max_size=5))
 replies = st.sampled_from(
@@ -169,14 +153,8 @@ replies = st.sampled_from(
 )
 
 
-@st.composite
-def mutated(draw: st.DrawFn) -> str:
-    """A valid reply with random deletions and insertions."""
-    text = draw(replies)
-    for _ in range(draw(st.integers(0, 6))):
-        at = draw(st.integers(0, len(text)))
-        text = text[:at] + "".join(draw(junk)) + text[at + draw(st.integers(0, 9)) :]
-    return text
+mutated = mutations(replies, junk, least=0, most=6)
+"""A valid reply with random deletions and insertions."""
 
 
 def never_raises(text: str) -> None:
@@ -189,7 +167,7 @@ def never_raises(text: str) -> None:
     assert outcome.success == all(step.verdict == "Success" for step in outcome.steps)
 
 
-any_text = st.text() | junk.map("".join) | mutated()
+any_text = st.text() | junk.map("".join) | mutated
 
 
 @given(any_text)

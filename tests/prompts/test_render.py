@@ -13,13 +13,7 @@ from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.prompts.render import PromptSet, block_functions
 
 ROLES = (
-    "agent",
-    "designer",
-    "drafter",
-    "inspector",
-    "meta_designer",
-    "placer",
-    "querier",
+    *("agent", "designer", "drafter", "inspector", "meta_designer", "placer", "querier"),
     "refiner",
 )
 

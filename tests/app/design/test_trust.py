@@ -72,39 +72,23 @@ def test_a_received_run_or_file_sends_no_variable_of_the_user_anywhere(
         assert len(server.asked) == 1
 
 
+OWN = {"OPENAI_BASE_URL": "https://own.example/v1"}
+ELSEWHERE = {"roles": {"refiner": {"name": "n", "base_url": "http://b"}}}
+
+
 @pytest.mark.parametrize(
     ("model", "named", "environment", "refused"),
     [
         ({}, {}, {}, ""),
-        ({}, {}, {"OPENAI_BASE_URL": "https://own.example/v1"}, "https://api.openai.com with the"),
-        (
-            {"base_url": "https://own.example"},
-            {},
-            {"OPENAI_BASE_URL": "https://own.example/v1"},
-            "",
-        ),
-        (
-            {"base_url": "http://own.example"},
-            {},
-            {"OPENAI_BASE_URL": "https://own.example/v1"},
-            "http://own.example with the key in OPENAI_API_KEY",
-        ),
+        ({}, {}, OWN, "https://api.openai.com with the"),
+        ({"base_url": "https://own.example"}, {}, OWN, ""),
+        ({"base_url": "http://own.example"}, {}, OWN, "http://own.example with the key in OPENAI"),
         ({"base_url": "http://a/v1"}, {"base_url": "http://a:80/"}, {}, ""),
         ({"base_url": "http://a:81/v1"}, {"base_url": "http://a"}, {}, "http://a:81 with the key"),
         ({"key_variable": "HOME"}, {}, {}, "https://api.openai.com with the key in HOME"),
         ({"key_variable": "MINE"}, {"key_variable": "MINE"}, {}, ""),
-        (
-            {"roles": {"refiner": {"name": "n", "base_url": "http://b"}}},
-            {},
-            {},
-            "http://b with no key",
-        ),
-        (
-            {"roles": {"refiner": {"name": "n", "base_url": "http://b"}}},
-            {"roles": {"refiner": {"base_url": "http://b"}}},
-            {},
-            "",
-        ),
+        (ELSEWHERE, {}, {}, "http://b with no key"),
+        (ELSEWHERE, {"roles": {"refiner": {"base_url": "http://b"}}}, {}, ""),
     ],
 )
 def test_what_the_user_names_is_allowed(
