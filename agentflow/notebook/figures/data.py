@@ -49,7 +49,9 @@ def read_rows(sources: Sequence[Source], view: View, by: By) -> list[Datum]:
     runs = _name_runs(sources)
     rows = [row for run in runs for row in _ROWS[view](run, view, by)]
     if not rows:
-        raise UsageError(f"there is nothing to plot: {_NOTHING[view]}")
+        if view == "validity":
+            raise UsageError("there is nothing to plot: these runs have no finished trajectories")
+        raise UsageError("there is nothing to plot: no machine of these runs has a score")
     if view in ("curve", "pareto") and not any(row.x for row in rows):
         raise UsageError(f"there is nothing to plot: the runs report no {by}; choose another --by")
     return rows
@@ -171,11 +173,4 @@ _ROWS: Mapping[View, Callable[[PlottedRun, View, By], list[Datum]]] = {
     "pareto": _cost,
     "ranks": _score,
     "validity": _validity,
-}
-_NOTHING: Mapping[View, str] = {
-    "curve": "no machine of these runs has a score",
-    "scores": "these runs have no result",
-    "pareto": "no machine of these runs has a score",
-    "ranks": "these runs have no result",
-    "validity": "these runs have no trajectories with a first attempt",
 }

@@ -188,6 +188,7 @@ def test_what_cannot_be_plotted_is_said_in_one_sentence(sweep: Path, tmp_path: P
         ([tmp_path / "gone"], {}, "no such file or directory"),
         ([empty], {}, r"no run of .*empty is finished, so there is nothing to plot"),
         ([unscored], {}, "there is nothing to plot: no machine of these runs has a score"),
+        ([unscored], {"view": "validity"}, "these runs have no finished trajectories"),
         ([growing], {"view": "scores"}, r"has no result.json: the run is unfinished"),
         ([sweep], {"by": "tokens"}, "the runs report no tokens; choose another --by"),
         ([RECORDED], {"view": "ranks"}, "ranks compare conditions: name a sweep with an axis"),
