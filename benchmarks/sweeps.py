@@ -21,7 +21,7 @@ from agentflow.app.design.execution import execute
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.replay import MemoryRecord
 from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
-from agentflow.app.sweeps.run import run_sweep
+from agentflow.app.sweeps.run import run_sweep_async
 from agentflow.app.sweeps.views import view
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
@@ -109,7 +109,7 @@ def main() -> None:
             bare = asyncio.run(in_memory(every, pool, call_log))
         where = sweep_folder(plan, path, folder / "out")
         began, wall = time.process_time(), time.perf_counter()
-        run_sweep(plan, where, watcher, jobs=2, resume=False, pool=pool)
+        asyncio.run(run_sweep_async(plan, where, watcher, jobs=2, resume=False, pool=pool))
         whole, wall = time.process_time() - began, time.perf_counter() - wall
         print(f"{len(plan.runs)} runs, {watcher.events} events, {wall:.1f} s wall")
         print(f"CPU time without recording: {bare:.1f} s; as a sweep: {whole:.1f} s")

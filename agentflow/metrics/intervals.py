@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CONFIDENCE = 0.95
+ENDS = ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
+"""Quantiles at the ends of an interval."""
 RESAMPLES = 10_000
 """Resamples of a bootstrap; the usual number for percentile intervals."""
 POWER = 0.8
@@ -76,7 +78,7 @@ def wilson(successes: int, trials: int) -> Interval | None:
         return None
     from statistics import NormalDist  # slow to import, and every command needs the table formats
 
-    share, z = successes / trials, NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
+    share, z = successes / trials, NormalDist().inv_cdf(ENDS[1])
     middle = share + z * z / (2 * trials)
     reach = z * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
     scale = 1 + z * z / trials
@@ -138,7 +140,7 @@ def seeds_needed(differences: Sequence[float]) -> int | None:
 
     if len(differences) < 2 or not (mean := fmean(differences)):
         return None
-    reach = NormalDist().inv_cdf((1 + CONFIDENCE) / 2) + NormalDist().inv_cdf(POWER)
+    reach = NormalDist().inv_cdf(ENDS[1]) + NormalDist().inv_cdf(POWER)
     return max(2, math.ceil((reach * stdev(differences) / mean) ** 2))
 
 
@@ -165,8 +167,7 @@ def bootstrap_pairs(matrix: NDArray[np.float64], seed: int = 0) -> Interval | No
     times = np.random.default_rng(seed).multinomial(count, [1 / count] * count, RESAMPLES)
     pairs = count**2 - (times**2).sum(axis=1)
     totals = ((times @ others) * times).sum(axis=1)
-    tail = (1 - CONFIDENCE) / 2
-    low, high = np.quantile(totals[pairs > 0] / pairs[pairs > 0], (tail, 1 - tail))
+    low, high = np.quantile(totals[pairs > 0] / pairs[pairs > 0], ENDS)
     return Interval(float(low), float(high))
 
 
@@ -192,8 +193,7 @@ def bootstrap_band(
 
     times = np.random.default_rng(seed).multinomial(count, [1 / count] * count, RESAMPLES)
     means = (times / count) @ matrix
-    tail = (1 - CONFIDENCE) / 2
-    low, high = np.quantile(means, (tail, 1 - tail), axis=0)
+    low, high = np.quantile(means, ENDS, axis=0)
     return low, high
 
 

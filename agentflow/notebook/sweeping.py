@@ -12,7 +12,7 @@ from typing import Any
 from agentflow.app.sweeps.folder import is_sweep
 from agentflow.app.sweeps.plan import SweepPlan, plan_config
 from agentflow.app.sweeps.plan import plan_sweep as plan_sweep_file
-from agentflow.app.sweeps.run import continue_command, run_blocking, run_sweep_async
+from agentflow.app.sweeps.run import run_blocking, run_sweep_async
 from agentflow.config.grid import ANSWER, METRICS, function_name, sweep_document
 from agentflow.config.run import DesignConfig
 from agentflow.config.sweep import SweepConfig, SweepRun, TableLayout, read_sweep
@@ -47,7 +47,7 @@ class SweepWork:
         elif self.functions:
             again = f"with the same call, name={self.folder.name!r} and resume=True"
         else:
-            again = continue_command(self.plan, self.folder)
+            again = ""
         return run_blocking(work, self.plan, self.folder, again)
 
     async def carry_out(

@@ -16,7 +16,7 @@ pytest.importorskip("ray")
 
 from agentflow.app.design.replay import replay
 from agentflow.app.sweeps.plan import plan_sweep
-from agentflow.app.sweeps.run import SweepOutcome, run_sweep
+from agentflow.app.sweeps.run import SweepOutcome, run_sweep_async
 from agentflow.runs import Event
 from tests.app.sweeps.test_run import TINY, Notes
 from tests.app.test_doctor import threaded
@@ -82,7 +82,8 @@ def sweep(folder: Path, base_url: str, watcher: Notes) -> SweepOutcome:
     path = folder / "two.yaml"
     path.write_text(yaml.safe_dump({**TINY, "base": base, "axes": {}}))
     plan = plan_sweep(path, (), {}, approve=lambda _sentence: True)
-    return run_sweep(plan, folder / "two", watcher, jobs=2, resume=False, on="ray")
+    work = run_sweep_async(plan, folder / "two", watcher, jobs=2, resume=False, on="ray")
+    return asyncio.run(work)
 
 
 def test_runs_on_two_nodes_share_the_limits_of_their_endpoint(tmp_path: Path) -> None:

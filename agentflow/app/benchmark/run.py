@@ -23,7 +23,7 @@ from agentflow.app.benchmark.plan import FIRST, ITEM, PART, REFINED, Item, condi
 from agentflow.app.design.results import best_machine
 from agentflow.app.design.trust import trust_option
 from agentflow.app.sweeps.plan import SweepPlan
-from agentflow.app.sweeps.run import Watcher, run_sweep
+from agentflow.app.sweeps.run import Watcher, run_blocking, run_sweep_async
 from agentflow.app.sweeps.tables import FinishedRun, SweepResult, read_sweep_result
 from agentflow.app.sweeps.views import total_usage
 from agentflow.config.run import build_config
@@ -49,12 +49,13 @@ class BenchmarkOutcome:
 def run_benchmark(
     plan: SweepPlan, folder: Path, watcher: Watcher, *, jobs: int, resume: bool
 ) -> BenchmarkOutcome:
-    """Carry out the unfinished runs, and write the card; see `run_sweep`.
+    """Carry out the unfinished runs, and write the card; see `run_sweep_async`.
 
     Raises:
         EndpointError: All runs failed because of the endpoint.
     """
-    runs = run_sweep(plan, folder, watcher, jobs=jobs, resume=resume)
+    work = run_sweep_async(plan, folder, watcher, jobs=jobs, resume=resume)
+    runs = run_blocking(work, plan, folder)
     if runs.endpoint and not runs.done:
         raise EndpointError(
             "no run could use its endpoint, so there is no scorecard; when it answers, continue "

@@ -70,47 +70,20 @@ class SweepOutcome:
     """Whether every failure was the endpoint's."""
 
 
-def run_sweep(
-    plan: SweepPlan,
-    folder: Path,
-    watcher: Watcher,
-    *,
-    jobs: int,
-    resume: bool,
-    pool: Simulator | None = None,
-    on: Where = "local",
-    shared_store: str | None = None,
-) -> SweepOutcome:
-    """Like `run_sweep_async`, on a new event loop.
-
-    Raises:
-        InterruptedRunError: Ctrl-C; the sweep can be resumed.
-    """
-    work = run_sweep_async(
-        plan, folder, watcher, jobs=jobs, resume=resume, pool=pool, on=on, shared_store=shared_store
-    )
-    return run_blocking(work, plan, folder, continue_command(plan, folder))
-
-
-def run_blocking(work: Coroutine[Any, Any, T], plan: SweepPlan, folder: Path, again: str) -> T:
+def run_blocking(work: Coroutine[Any, Any, T], plan: SweepPlan, folder: Path, again: str = "") -> T:
     """The result of the work on a sweep, on a new event loop.
 
     Raises:
-        InterruptedRunError: Ctrl-C; the message has `again`, which says how to continue.
+        InterruptedRunError: Ctrl-C; the message has `again`, which says how to continue, by default
+            with the command.
     """
     try:
         return asyncio.run(work)
     except KeyboardInterrupt:
-        done = len(_done(plan, folder))
-        raise InterruptedRunError(
-            f"interrupted; {done} of {len(plan.runs)} runs are done; continue {again}"
-        ) from None
-
-
-def continue_command(plan: SweepPlan, folder: Path) -> str:
-    """The command that continues a sweep, for `run_blocking`."""
-    command = f"agentflow {plan.sweep.command} {quote(str(folder))} --resume"
-    return f"with: {command}{trust_option(plan.configs)}"
+        done = f"{len(_done(plan, folder))} of {len(plan.runs)} runs are done"
+        command = f"agentflow {plan.sweep.command} {quote(str(folder))} --resume"
+        again = again or f"with: {command}{trust_option(plan.configs)}"
+        raise InterruptedRunError(f"interrupted; {done}; continue {again}") from None
 
 
 async def run_sweep_async(

@@ -17,13 +17,14 @@ from agentflow.app.sweeps.tables import (
     require_same_engine,
     task_of,
 )
+from agentflow.config.grid import METRICS
 from agentflow.config.run import DesignConfig, build_config, changed_keys, differing_text
 from agentflow.config.sweep import SweepConfig, SweepRun, TableLayout
 from agentflow.errors import RunError
 from agentflow.runs import find_runs, read_document
 from agentflow.runs.reading import RESULT
 
-LAYOUT = TableLayout(conditions="none", metrics=("valid", "mean", "max", "verified"))
+LAYOUT = TableLayout(conditions="none", metrics=METRICS)
 """Of runs without a sweep."""
 
 

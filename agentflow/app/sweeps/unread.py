@@ -20,8 +20,7 @@ def unread_note(sweep: SweepConfig) -> str:
     """A note for a sweep that the procedural model answers; "" if that reads all axes."""
     varied: dict[str, list[object]] = {}
     for axis in sweep.axes.values():
-        keys = {key for settings in axis.values() for key in settings}
-        for key in keys:
+        for key in {key for settings in axis.values() for key in settings}:
             varied[key.removeprefix("settings.")] = [s.get(key) for s in axis.values()]
     unread = sorted(
         key

@@ -63,7 +63,7 @@ def sweep(
     """
     from agentflow.app.design.trust import trust_option
     from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
-    from agentflow.app.sweeps.run import run_sweep
+    from agentflow.app.sweeps.run import run_blocking, run_sweep_async
     from agentflow.cli.display.sweep_live import watch_sweep
 
     keys = {
@@ -79,15 +79,10 @@ def sweep(
         print_estimate(plan, folder, as_json)
         return
     with watch_sweep(len(plan.runs), quiet) as watcher:
-        outcome = run_sweep(
-            plan,
-            folder,
-            watcher,
-            jobs=jobs,
-            resume=resume,
-            on=backend,
-            shared_store=store,
+        work = run_sweep_async(
+            plan, folder, watcher, jobs=jobs, resume=resume, on=backend, shared_store=store
         )
+        outcome = run_blocking(work, plan, folder)
     if as_json:
         done, failed = list(outcome.done), dict(outcome.failed)
         print_json({"sweep": str(outcome.path), "done": done, "failed": failed})

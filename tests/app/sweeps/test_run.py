@@ -18,7 +18,7 @@ import yaml
 
 from agentflow.app.design.replay import replay
 from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
-from agentflow.app.sweeps.run import SweepOutcome, run_sweep
+from agentflow.app.sweeps.run import SweepOutcome, run_blocking, run_sweep_async
 from agentflow.app.sweeps.views import view
 from agentflow.env.physics.engines import default_engine
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
@@ -91,7 +91,9 @@ def carry_out(
     path: Path, out: Path, watcher: Notes | None = None, *, resume: bool = False
 ) -> SweepOutcome:
     plan = plan_sweep(path, (), {}, approve=lambda _sentence: True)
-    return run_sweep(plan, sweep_folder(plan, path, out), watcher or Notes(), jobs=2, resume=resume)
+    folder = sweep_folder(plan, path, out)
+    work = run_sweep_async(plan, folder, watcher or Notes(), jobs=2, resume=resume)
+    return run_blocking(work, plan, folder)
 
 
 @pytest.fixture(scope="module")

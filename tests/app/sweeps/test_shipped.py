@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 
 import pytest
 
 from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
 from agentflow.app.sweeps.registry import VIEWS
-from agentflow.app.sweeps.run import run_sweep
+from agentflow.app.sweeps.run import run_sweep_async
 from agentflow.app.sweeps.tables import layout_table, read_sweep_result
 from agentflow.app.sweeps.views import view
 from agentflow.config.run import load_document
@@ -64,8 +65,8 @@ class Quiet(Notes):
 @pytest.mark.parametrize("path", SWEEPS, ids=lambda path: path.stem)
 def test_a_sweep_runs_and_has_the_published_table(path: Path, tmp_path: Path) -> None:
     plan = plan_sweep(path, reduced(path), {}, seeds=1, adapt=shortened)
-    notes = Quiet()
-    outcome = run_sweep(plan, sweep_folder(plan, path, tmp_path), notes, jobs=2, resume=False)
+    notes, folder = Quiet(), sweep_folder(plan, path, tmp_path)
+    outcome = asyncio.run(run_sweep_async(plan, folder, notes, jobs=2, resume=False))
     assert outcome.failed == {}
     assert len(outcome.done) == len(plan.runs)
     swept = read_sweep_result(outcome.path)
