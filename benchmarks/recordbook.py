@@ -81,6 +81,7 @@ class Target:
             platform=here(),
             blocks=tuple(step.to_json() for step in machine),
             controls=tuple(control.to_json() for control in machine.controls),
+            controllers=machine.controllers and machine.controllers.to_json(),
         )
 
 

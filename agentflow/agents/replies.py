@@ -12,7 +12,7 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.formats.coordinates import coordinates_of, read_coordinates, to_coordinates
 from agentflow.machine.formats.parse import find_document, read_machine
 from agentflow.machine.problems import REQUIRED_COUNT, Problem
-from agentflow.machine.tree import Machine, lines_of, with_controls
+from agentflow.machine.tree import Machine, lines_of
 from agentflow.machine.validity import Report, check
 
 Representation = Literal["tree", "coordinates"]
@@ -69,9 +69,7 @@ def _whole(text: str, given: Machine | None, representation: Representation) -> 
     if document.fault or whole:
         return text, False
     blocks = [*machine_items(given, representation), *document.blocks]
-    if document.controls is None:
-        return with_controls(blocks, given), document.repaired
-    return document.but(blocks), document.repaired
+    return document.but(blocks, given), document.repaired
 
 
 def _keep_attachments(report: Report, brief: Brief, given: Machine | None) -> Report:

@@ -31,6 +31,8 @@ class Limits:
     controls: float | None = field(default=None, repr=False)
     """Latest end of a machine's own controls, in seconds since t = 0; None: it may have none. The
     digest of a brief leaves it out, as its schedule says the same."""
+    senses: bool = field(default=False, repr=False)
+    """Whether it may have controllers as well."""
     trials: int = field(default=1, repr=False)
     """Rollouts of a design: after each but the last, its controls alone may be revised, and the
     best one counts."""

@@ -23,6 +23,7 @@ NOT_DESIGNED = (
     "this task switches all blocks by its own schedule, so a machine cannot bring controls: write "
     "it as a bare JSON list of blocks"
 )
+NOT_SENSED = "this task accepts no controllers: leave them out"
 
 
 def driven_blocks(machine: Machine) -> dict[int, Group]:
@@ -61,19 +62,30 @@ def switches(machine: Machine) -> tuple[tuple[float, int, float], ...]:
     """When each block gets which level: (seconds, block, level), in order of time.
 
     If several controls of a block hold at a time, the one that started last counts, and if they
-    started together, the last in the program.
+    started together, the last in the program. Blocks that follow a controller are left out.
     """
-    driven = driven_blocks(machine)
+    driven, followers = driven_blocks(machine), following(machine)
     own: dict[int, list[Control]] = {}
     for control in machine.controls:
         for block in blocks_of(control, driven):
-            own.setdefault(block, []).append(control)
+            if block not in followers:
+                own.setdefault(block, []).append(control)
     found = (
         (time, block, level)
         for block, controls in own.items()
         for time, level in _levels(controls, REST_LEVELS.get(driven[block], 0.0))
     )
     return tuple(sorted(found))
+
+
+def following(machine: Machine) -> dict[int, int]:
+    """The output that each block follows, by its number among the controllers' outputs."""
+    driven, outputs = driven_blocks(machine), getattr(machine.controllers, "outputs", ())
+    return {
+        block: number
+        for number, output in enumerate(outputs)
+        for block in output.blocks or (b for b, group in driven.items() if group == output.group)
+    }
 
 
 @dataclass(frozen=True)
@@ -173,9 +185,13 @@ def _groups_text(driven: Mapping[int, Group]) -> str:
     return comma_list(group for group in GROUPS if group in driven.values())
 
 
-def window_problems(machine: Machine, window: float | None) -> list[Problem]:
+def window_problems(
+    machine: Machine, window: float | None, *, senses: bool = False
+) -> list[Problem]:
     """What is wrong with the controls of a machine on a task: that it allows none (`window` is
-    None), or that they go on after its window, s."""
+    None), that they go on after its window, s, or that it accepts no controllers."""
+    if machine.controllers and not senses:
+        return [Problem("controllers_not_allowed", (), NOT_SENSED)]
     if window is None:
         return [Problem("controls_not_allowed", (), NOT_DESIGNED)] if machine.controls else []
     return [

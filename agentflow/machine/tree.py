@@ -1,17 +1,20 @@
-"""Machines: the ordered steps that build one, its control program, and their JSON form."""
+"""Machines: the ordered steps that build one, what controls it, and their JSON form."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from agentflow.machine.blocks.types import Group
+
+if TYPE_CHECKING:
+    from agentflow.machine.controllers.model import Controllers
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,13 +104,16 @@ class Machine:
     steps: tuple[Step, ...] = (ROOT,)
     """One step for each block, in order of id; a lone root by default."""
     controls: tuple[Control, ...] = ()
-    """Its own control program; without one, the task's schedule drives it."""
+    """Its own control program; without one or controllers, the task's schedule drives it."""
+    controllers: Controllers | None = field(default=None, hash=False)
+    """What it senses, and which blocks follow it; the control program drives the others."""
 
     def __eq__(self, other: object) -> bool:
-        """Whether the trees and controls are the same, whatever is known about them."""
+        """Whether the trees and what controls them are the same, whatever is known about them."""
         if not isinstance(other, Machine):
             return NotImplemented
-        return (self.steps, self.controls) == (other.steps, other.controls)
+        own = self.steps, self.controls, self.controllers
+        return own == (other.steps, other.controls, other.controllers)
 
     def __len__(self) -> int:
         return len(self.steps)
@@ -120,18 +126,25 @@ class Machine:
 
     def __repr__(self) -> str:
         controls = f", {len(self.controls)} controls" if self.controls else ""
-        return f"<Machine {self.digest}: {len(self)} blocks{controls}>"
+        laws = f", {len(self.controllers.laws)} laws" if self.controllers else ""
+        return f"<Machine {self.digest}: {len(self)} blocks{controls}{laws}>"
+
+    @property
+    def controlled(self) -> bool:
+        """Whether it brings what drives it, in place of the task's schedule."""
+        return bool(self.controls or self.controllers)
 
     @property
     def wording(self) -> str:
         """All steps and controls in words; digests of briefs are made of it, so it stays as it
         is."""
         controls = f", controls={self.controls!r}" if self.controls else ""
-        return f"Machine(steps={self.steps!r}{controls})"
+        laws = f", controllers={self.controllers.to_json()!r}" if self.controllers else ""
+        return f"Machine(steps={self.steps!r}{controls}{laws})"
 
     def to_json(self) -> MachineJson:
-        """The machine as JSON data: a list with one object per block, in id order; with controls,
-        an object with `blocks` and `controls`."""
+        """The machine as JSON data: a list with one object per block, in id order; with controls
+        or controllers, an object with `blocks` and `controls`, `controllers`."""
         data: MachineJson = with_controls([step.to_json() for step in self.steps], self)
         return data
 
@@ -204,32 +217,46 @@ def _functions() -> Any:
     return import_module("agentflow.api")
 
 
-MachineJson = list[dict[str, int]] | dict[str, list[dict[str, Any]]]
-"""A list of blocks, or an object with `blocks` and `controls`."""
+MachineJson = list[dict[str, int]] | dict[str, Any]
+"""A list of blocks, or an object with `blocks`, `controls` and `controllers`."""
 
 
 def with_controls(blocks: list[Any], machine: Machine) -> Any:
     """The JSON data of a machine whose blocks are written in some form."""
-    if not machine.controls:
+    if not machine.controlled:
         return blocks
-    return {"blocks": blocks, "controls": [control.to_json() for control in machine.controls]}
+    controls = [control.to_json() for control in machine.controls]
+    return {
+        "blocks": blocks,
+        **({"controls": controls} if controls else {}),
+        **({"controllers": machine.controllers.to_json()} if machine.controllers else {}),
+    }
 
 
-def lines_of(data: list[Any] | dict[str, list[Any]]) -> str:
-    """The JSON data of a machine as text, one block or control per line."""
+def lines_of(data: list[Any] | dict[str, Any]) -> str:
+    """The JSON data of a machine as text, one block, control, sensor, law or output per line."""
     if isinstance(data, dict):
-        parts = (f'"{key}": {lines_of(items)}' for key, items in data.items())
+        parts = (
+            f'"{key}": {lines_of(items) if key in _PARTS else json.dumps(items)}'
+            for key, items in data.items()
+        )
         return "{" + ",\n".join(parts) + "}"
     return "[\n" + ",\n".join("  " + json.dumps(item) for item in data) + "\n]"
 
 
+_PARTS = frozenset({"blocks", "controls", "controllers", "sensors", "laws", "outputs"})
+"""Keys of what is written on several lines."""
+
+
 def renumber(
-    steps: Iterable[Step], controls: Iterable[Control] = ()
+    steps: Iterable[Step],
+    controls: Iterable[Control] = (),
+    controllers: Controllers | None = None,
 ) -> tuple[Machine, dict[int, int]]:
     """Close gaps in the ids of steps; return the machine and the map from old to new ids.
 
-    Controls no longer name blocks that are not among the steps; one that names no block is left
-    out.
+    Controls and controllers no longer name blocks that are not among the steps; what names no block
+    is left out (see `Controllers.renamed`).
     """
     kept = tuple(steps)
     ids = {step.id: index for index, step in enumerate(kept)}
@@ -244,7 +271,8 @@ def renumber(
         )
         for step in kept
     )
-    return Machine(tuple(new), tuple(rename_blocks(controls, ids))), ids
+    laws = controllers and controllers.renamed(ids)
+    return Machine(tuple(new), tuple(rename_blocks(controls, ids)), laws), ids
 
 
 def carried_by(steps: Iterable[Step], block: int, *, alone: bool = False) -> list[int]:

@@ -22,7 +22,7 @@ def likeness(machine: Machine, brief: Brief) -> str:
     way there. Powered wheels are, as they drive forward on either side.
     """
     key = tree_key(machine)
-    if not brief.symmetric or machine.controls or any(_turns(step) for step in machine):
+    if not brief.symmetric or machine.controlled or any(_turns(step) for step in machine):
         return key
     image = mirrored(machine)
     return key if image is None else min(key, tree_key(image))
@@ -46,7 +46,13 @@ def tree_key(machine: Machine) -> str:
         [_target_key(item.target, keys), item.at, item.lasts, item.level]
         for item in machine.controls
     ]
-    return _hash([sorted(keys.values()), controls])
+    laws: list[object] = []
+    if machine.controllers:  # the ids of the blocks that they name stay
+        laws = [
+            machine.controllers.to_json(),
+            [keys[b] for b in sorted(machine.controllers.blocks)],
+        ]
+    return _hash([sorted(keys.values()), controls, *laws])
 
 
 def _target_key(target: Collection[int] | str, keys: Mapping[int, str]) -> object:

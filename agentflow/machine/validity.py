@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief, Limits
-from agentflow.machine.controls import control_problems, window_problems
-from agentflow.machine.formats.parse import Reading, file_problems, read_machine
+from agentflow.machine.controls import window_problems
+from agentflow.machine.formats.parse import Reading, driving_problems, file_problems, read_machine
 from agentflow.machine.geometry.pieces import locked_joints
 from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.geometry.pose import to_metres
@@ -30,7 +30,7 @@ class ValidMachine(Machine):
     @classmethod
     def proven(cls, machine: Machine, brief: Brief) -> ValidMachine:
         """The machine with the proof that it is valid for a task; only `check` gives it."""
-        found = cls(machine.steps, machine.controls)
+        found = cls(machine.steps, machine.controls, machine.controllers)
         object.__setattr__(found, "_demands", brief.demands)
         return found
 
@@ -114,7 +114,7 @@ def check(
     """
     blocks, given = (None, None) if brief is None else (brief.blocks, brief.given)
     if isinstance(source, Machine):
-        problems = file_problems(source.steps, blocks, given) or control_problems(source)
+        problems = file_problems(source.steps, blocks, given) or driving_problems(source)
         reading = Reading(source, problems=tuple(problems))
     else:
         reading = source if isinstance(source, Reading) else read_machine(source, blocks, given)
@@ -126,7 +126,8 @@ def check(
     spatial = (*reading.loose, *spatial_problems(geometry, limits))
     demanded: tuple[Problem, ...] = ()
     if brief is not None:
-        unfit = window_problems(reading.machine, brief.limits.controls)
+        window, senses = brief.limits.controls, brief.limits.senses
+        unfit = window_problems(reading.machine, window, senses=senses)
         demanded = (*task_problems(geometry, brief), *unfit)
     task_valid = not spatial and not demanded
     machine = None if reading.loose else reading.machine

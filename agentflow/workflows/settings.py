@@ -61,7 +61,7 @@ class WorkflowSettings(BaseModel):
         description="what the plan says: structures (what each is for), detailed (how to build "
         "each, step by step), or off: no plan, whole machines (hierarchical)",
     )
-    start: tuple[dict[str, int], ...] | dict[str, list[dict[str, Any]]] = Field(
+    start: tuple[dict[str, int], ...] | dict[str, Any] = Field(
         (), description="construction tree of a machine to improve, in place of first designs"
     )
     rationales: tuple[str, ...] = Field(

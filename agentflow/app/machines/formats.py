@@ -51,7 +51,11 @@ def _coordinates(machine: Machine) -> str:
 
 def _bsg(machine: Machine, _: Task | None) -> Written:
     """With the keys that a player holds in place of the control program."""
-    return to_bsg(machine).encode(), tuple(map(str, bind_keys(machine)))
+    senses = ("the game has no controllers: blocks that follow one get no keys",)
+    return to_bsg(machine).encode(), (
+        *map(str, bind_keys(machine)),
+        *(senses if machine.controllers else ()),
+    )
 
 
 def _mjcf(machine: Machine, task: Task | None) -> Written:

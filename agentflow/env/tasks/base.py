@@ -121,7 +121,7 @@ class Task(ABC):
 
     def switches(self, machine: Machine) -> tuple[Switch, ...]:
         """What is switched when: by the machine's own controls, else by the schedule."""
-        return control_switches(machine) if machine.controls else self.schedule.switches()
+        return control_switches(machine) if machine.controlled else self.schedule.switches()
 
     @property
     @abstractmethod

@@ -54,6 +54,8 @@ class TaskRecord(BaseModel):
     """The machine's construction tree."""
     controls: tuple[dict[str, Any], ...] = ()
     """Its control program, if it brings one."""
+    controllers: dict[str, Any] | None = None
+    """Its controllers, if it senses."""
 
     @property
     def engine(self) -> str:
@@ -72,7 +74,11 @@ class TaskRecord(BaseModel):
         Raises:
             ValueError: The tree is not one.
         """
-        data = {"blocks": list(self.blocks), "controls": list(self.controls)}
+        data = {
+            "blocks": list(self.blocks),
+            "controls": list(self.controls),
+            "controllers": self.controllers,
+        }
         reading = read_machine(data, tuple(library()))
         if reading.machine is None:
             raise ValueError(f"the record of {self.task}: {reading.problems[0].message}")
@@ -80,7 +86,8 @@ class TaskRecord(BaseModel):
 
     def to_text(self) -> str:
         """The content of the file, one block or control per line."""
-        head = self.model_dump(mode="json", exclude={"blocks", "controls"})
+        own = {"blocks", "controls", *([] if self.controllers else ["controllers"])}
+        head = self.model_dump(mode="json", exclude=own)
         lines = [f" {json.dumps(key)}: {json.dumps(value)}" for key, value in head.items()]
         for key, items in (("blocks", self.blocks), ("controls", self.controls)):
             rows = ",\n".join("  " + json.dumps(item) for item in items)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby, pairwise
 
@@ -26,7 +27,7 @@ def describe(machine: Machine, brief: Brief | None = None) -> dict[str, object]:
     the machine. What rests on a bank is on the ground as well. `drives` lists the powered wheels on
     the ground, with a null direction for those that face up or down. `pulls` lists springs and
     winches: each pulls `from_block` along `direction` and `to_block` the opposite way. `controls`
-    are there if the machine has some.
+    and `controllers` are there if the machine has some.
     """
     geometry = _placed(machine, brief)
     frame = GroundFrame(geometry.lo[1])
@@ -41,6 +42,7 @@ def describe(machine: Machine, brief: Brief | None = None) -> dict[str, object]:
         "pulls": [_pull(placed) for placed in filter(_pulls, geometry.blocks)],
         "auto_connections": [loop._asdict() for loop in geometry.auto_connections],
         **({"controls": [each.to_json() for each in machine.controls]} if machine.controls else {}),
+        **({"controllers": machine.controllers.to_json()} if machine.controllers else {}),
     }
 
 
@@ -151,13 +153,16 @@ def list_text(machine: Machine) -> str:
 
 
 def control_lines(machine: Machine, brief: Brief | None = None) -> list[str]:
-    """The control program as the commands that write it, numbered from 0; a machine without one
+    """The control program as the commands that write it, numbered from 0, and the controllers; a
+    machine without either
     gets a line only if the task lets machines bring controls."""
+    laws = machine.controllers
+    sensed = [f"Controllers: {json.dumps(laws.to_json())}"] if laws else []
     if not machine.controls:
         allowed = brief is not None and brief.limits.controls is not None
-        return ["No controls."] * allowed
+        return sensed or ["No controls."] * allowed
     lines = (f"{number}. {control_text(each)}" for number, each in enumerate(machine.controls))
-    return [_CONTROLS, *lines]
+    return [_CONTROLS, *lines, *sensed]
 
 
 _CONTROLS = "Controls, by their numbers:"

@@ -23,6 +23,11 @@ CONTROL_GRAMMAR = (
     "Set [number] at [s] for [s] level [level]",
 )
 """Those for machines with control programs."""
+CONTROLLER_GRAMMAR = (
+    "Controllers [JSON on one line, or none]",
+    "Set [path of a number, such as laws.NAME.p] [number]",
+)
+"""Those for machines with controllers."""
 NAMING = (
     "an Add line may end in 'as NAME', and later lines may use the name in place of an id; "
     "names consist of letters, digits and underscores"
@@ -57,6 +62,11 @@ _CONTROL = re.compile(rf"control (.{{1,800}}) at {_DECIMAL} for {_DECIMAL} level
 _CHANGE = r" (at|for|level) (-?[0-9]{0,6}\.?[0-9]{0,9})(?: ?s)?"
 _SET = re.compile(rf"set (-?[0-9]{{1,9}})((?:{_CHANGE}){{1,3}})")
 _QUANTITY = re.compile(_CHANGE)
+_SET_NUMBER = re.compile(
+    r"set ((?:laws|outputs)\.[a-z0-9_.]{1,200}) (?:to )?"
+    r"(-?[0-9]{0,9}\.?[0-9]{0,12}(?:e-?[0-9]{1,2})?)"
+)
+_CONTROLLERS = re.compile(r"controllers ?:? ?(none|\{.*\})")
 _UNCONTROL = re.compile(r"uncontrol (-?[0-9]{1,9})")
 _TARGET = re.compile(r"-?[0-9]{1,9}|[0-9]{0,9}[a-z_][a-z0-9_]{0,79}")
 _NUMBERING = re.compile(
@@ -140,10 +150,28 @@ class RemoveControl:
     """Its place in the program of the given machine, from 0."""
 
 
-TELLING = (Replace, Mirror, SetControl, RemoveControl)
+@dataclass(frozen=True)
+class WriteControllers:
+    """Gives the machine other controllers, or none."""
+
+    text: str
+    """JSON of an object, in lower case; "" for none."""
+
+
+@dataclass(frozen=True)
+class SetNumber:
+    """Changes one number of the controllers."""
+
+    path: str
+    """As `numbers_of` lists them."""
+    value: float
+
+
+TELLING = (Replace, Mirror, SetControl, RemoveControl, SetNumber)
 """Those whose verdict says what they have changed, as their lines do not."""
+ControllerCommand = WriteControllers | SetNumber
 ControlCommand = AddControl | SetControl | RemoveControl
-Command = Add | Remove | Move | Replace | Mirror | ControlCommand
+Command = Add | Remove | Move | Replace | Mirror | ControlCommand | ControllerCommand
 
 
 def script_lines(script: str) -> list[str]:
@@ -165,6 +193,8 @@ def read_command(line: str) -> Command | None:
     plain = " ".join(line.partition("//")[0].replace("`", "").replace("*", "").split()).lower()
     numbering = _NUMBERING.match(plain)
     plain = plain[numbering.end() if numbering else 0 :].rstrip(" .;,")
+    if match := _CONTROLLERS.fullmatch(plain):
+        return WriteControllers("" if match[1] == "none" else match[1])
     if "face" in plain:
         plain = " ".join(_FACE_AT.sub(r" \2 in \1 ", plain).split())
     if match := _ADD.fullmatch(plain):
@@ -184,10 +214,15 @@ def read_command(line: str) -> Command | None:
     return _read_control(" ".join(re.sub(r"[\[\]]", " ", plain).split()))
 
 
-def _read_control(plain: str) -> ControlCommand | None:
+def _read_control(plain: str) -> ControlCommand | SetNumber | None:
     """The command of a line without brackets that begins with Control, Set or Uncontrol."""
     if match := _UNCONTROL.fullmatch(plain):
         return RemoveControl(int(match[1]))
+    if match := _SET_NUMBER.fullmatch(plain):
+        try:
+            return SetNumber(match[1], float(match[2]))
+        except ValueError:
+            return None
     if match := _SET.fullmatch(plain):
         return _read_set(int(match[1]), _QUANTITY.findall(match[2]))
     match = _CONTROL.fullmatch(plain)

@@ -58,7 +58,7 @@ def _graft(machine: Machine, place: Step, donor: Machine, part: Step) -> Machine
     ids = {block: block + len(machine) for block in brought}
     controls = (*machine.controls, *rename_blocks(driving, ids))
     kept = (step for step in machine if step.id not in removed)
-    return renumber([*kept, *moved], controls)[0]
+    return renumber([*kept, *moved], controls, machine.controllers)[0]
 
 
 def _shifted(step: Step, by: int) -> Step:

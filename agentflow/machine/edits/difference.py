@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 
 from agentflow.machine.blocks.library import library
@@ -23,7 +24,7 @@ def edit_commands(before: Machine, after: Machine, brief: Brief | None = None) -
     """Commands of an edit script that make one machine from another; () if none were found.
 
     They are found for machines that one edit separates: blocks added at the end, one block removed,
-    types or places changed, one control added, removed or changed.
+    types or places changed, one control added, removed or changed, other controllers.
     """
     commands = tuple(_commands(before, after))
     outcome = apply_script(before, "\n".join(commands), brief)
@@ -33,6 +34,9 @@ def edit_commands(before: Machine, after: Machine, brief: Brief | None = None) -
 def _commands(before: Machine, after: Machine) -> Iterator[str]:
     if before.steps == after.steps:
         yield from _control_commands(before, after)
+        if after.controllers != before.controllers:
+            laws = after.controllers and json.dumps(after.controllers.to_json())
+            yield f"Controllers {laws or 'none'}"
     elif after.steps[: len(before)] == before.steps:
         yield from _additions(before, after)
     elif len(after) < len(before):

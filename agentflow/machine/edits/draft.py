@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from math import dist
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
@@ -24,6 +24,9 @@ from agentflow.machine.problems import (
 from agentflow.machine.space import ANYWHERE, MAX_FACES, spatial_problems
 from agentflow.machine.tree import Machine, Step, carried_by, renumber
 from agentflow.machine.validity import budget_problems
+
+if TYPE_CHECKING:
+    from agentflow.machine.controllers.model import Controllers
 
 NO_CONTROLS = "this task switches all blocks by its own schedule; remove the line"
 End = tuple[int, int]
@@ -44,6 +47,7 @@ class Draft:
         self.steps = {step.id: step for step in machine}
         """In building order: parents come first."""
         self.program = Program(machine.controls)
+        self.controllers = machine.controllers
         self.next_id = self.original
         self.brief = brief
         self.limits = ANYWHERE if brief is None else brief.limits
@@ -68,7 +72,8 @@ class Draft:
         return added
 
     def detach(self, block: int) -> None:
-        """Remove a block that carries nothing; controls no longer name it."""
+        """Remove a block that carries nothing; controls no longer name it. Refused if controllers
+        do."""
         removed = self.editable(block, "removed")
         carried = [step.id for step in self.steps.values() if block in step.parents]
         if carried:
@@ -76,6 +81,7 @@ class Draft:
             raise RefusedEdit("has_children", f"{what}; remove the blocks it carries first")
         del self.steps[block]
         self.program.forget(block)
+        self._require_controllers(block)
 
     def reattach(self, block: int, to: End) -> None:
         """Attach a block, with everything attached to it, to another face."""
@@ -151,6 +157,7 @@ class Draft:
             self.program.forget(block)
         if group != before:
             self.program.require_groups(block, self.steps.values())
+        self._require_controllers(block)
         return "; ".join(said)
 
     def _kept_faces(self, old: Step, kind: int) -> dict[tuple[int, int], int]:
@@ -256,7 +263,24 @@ class Draft:
 
     def finish(self) -> tuple[Machine, dict[int, int]]:
         """The renumbered machine, and the map from ids to its ids."""
-        return renumber(self.steps.values(), self.program.controls)
+        return renumber(self.steps.values(), self.program.controls, self.controllers)
+
+    def set_controllers(self, controllers: Controllers | None) -> None:
+        """Give the machine other controllers, or none."""
+        if controllers is not None:
+            from agentflow.machine.controllers.reading import controller_problems  # needs pydantic
+
+            for problem in controller_problems(controllers, self.steps.values()):
+                raise RefusedEdit(problem.code, problem.message)
+        self.controllers = controllers
+
+    def _require_controllers(self, changed: int) -> None:
+        """Refuse a change of a block that the controllers cannot do without."""
+        try:
+            self.set_controllers(self.controllers)
+        except RefusedEdit as refused:
+            how = f"{refused.reason}; before block {changed} is changed, write other Controllers"
+            raise RefusedEdit(refused.code, how) from None
 
     def _require_face(self, end: End) -> None:
         parent, face = end

@@ -179,7 +179,7 @@ def _replaced(machine: Machine, by: dict[int, tuple[Step, ...]], rng: Random) ->
 def _rebuilt(machine: Machine, by: dict[int, tuple[Step, ...]]) -> Machine:
     """The machine with other steps in place of some, in building order."""
     steps = (new for step in machine for new in by.get(step.id, (step,)))
-    return renumber(steps, machine.controls)[0]
+    return renumber(steps, machine.controls, machine.controllers)[0]
 
 
 def local_moves(brief: Brief) -> Kinds:

@@ -54,7 +54,7 @@ def removals(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG
 
 def _remove(machine: Machine, removed: Step, rng: Random) -> Machine:  # noqa: ARG001
     kept = (step for step in machine if step is not removed)
-    return renumber(kept, machine.controls)[0]
+    return renumber(kept, machine.controls, machine.controllers)[0]
 
 
 def swaps(machine: Machine, types: Sequence[int]) -> list[Move]:

@@ -15,6 +15,8 @@ from agentflow.machine.edits.commands import (
     RemoveControl,
     Replace,
     SetControl,
+    SetNumber,
+    WriteControllers,
 )
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
@@ -84,6 +86,10 @@ def command_text(command: Command) -> Text:
     if isinstance(command, SetControl):
         numbers = (f" {name} {value:g}" for name, value in command.values)
         return (f"Set {command.number}", *numbers)
+    if isinstance(command, WriteControllers):  # its block ids were those of then
+        return ("Controllers {...}" if command.text else "Controllers none",)
+    if isinstance(command, SetNumber):
+        return (f"Set {command.path} {command.value:g}",)
     if isinstance(command, RemoveControl):
         return (f"Uncontrol {command.number}",)
     if isinstance(command, AddControl):

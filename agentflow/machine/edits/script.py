@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -10,16 +11,18 @@ from typing import Literal
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import Group
 from agentflow.machine.brief import Brief
-from agentflow.machine.controls import GROUPS
+from agentflow.machine.controls import GROUPS, NOT_SENSED
 from agentflow.machine.edits.changes import add_images
 from agentflow.machine.edits.commands import (
     CONTROL_GRAMMAR,
+    CONTROLLER_GRAMMAR,
     GRAMMAR,
     NAMING,
     Add,
     AddControl,
     Command,
     ControlCommand,
+    ControllerCommand,
     Face,
     Mirror,
     Move,
@@ -28,12 +31,14 @@ from agentflow.machine.edits.commands import (
     RemoveControl,
     Replace,
     SetControl,
+    SetNumber,
+    WriteControllers,
     read_command,
     script_lines,
 )
 from agentflow.machine.edits.draft import NO_CONTROLS, Draft, End
-from agentflow.machine.problems import RefusedEdit, comma_list
-from agentflow.machine.tree import Machine
+from agentflow.machine.problems import Problem, RefusedEdit, comma_list
+from agentflow.machine.tree import Machine, shorten
 
 MAX_NAME = 32
 """Most characters of a name."""
@@ -211,7 +216,12 @@ class _Application:
         Raises `RefusedEdit` if it cannot be applied.
         """
         if command is None:
-            raise _bad_format(*(CONTROL_GRAMMAR if self._draft.brief and self._controlled else ()))
+            more = CONTROL_GRAMMAR if self._draft.brief and self._controlled else ()
+            raise _bad_format(*more, *(CONTROLLER_GRAMMAR if self._draft.limits.senses else ()))
+        if isinstance(command, WriteControllers | SetNumber):
+            if self._draft.brief and not self._draft.limits.senses:
+                raise RefusedEdit("controllers_not_allowed", f"{NOT_SENSED}; remove the line")
+            return self._sense(command)
         if isinstance(command, AddControl | SetControl | RemoveControl):
             if not self._controlled:
                 raise RefusedEdit("controls_not_allowed", NO_CONTROLS)
@@ -301,6 +311,45 @@ class _Application:
         target = group or tuple(self._find(ref, "block", "controlled") for ref in command.target)
         draft.program.add(target, command, steps, window)
         return ""
+
+    def _sense(self, command: ControllerCommand) -> str:
+        from agentflow.machine.controllers.numbers import numbers_of, with_number  # needs pydantic
+        from agentflow.machine.controllers.reading import read_controllers
+
+        draft, problems = self._draft, list[Problem]()
+        if isinstance(command, WriteControllers):
+            written = command.text and read_controllers(self._identified(command.text), problems)
+            for problem in problems:
+                raise RefusedEdit(problem.code, problem.message)
+            draft.set_controllers(written or None)
+            return ""
+        if draft.controllers is None:
+            reason = "the machine has no controllers: write them with Controllers first"
+            raise RefusedEdit("number_not_found", reason)
+        before = draft.controllers
+        draft.set_controllers(with_number(before, command.path, command.value))
+        old = {path: value for path, value, *_ in numbers_of(before)}.get(command.path)
+        was = "none" if old is None else shorten(old)
+        return f"{command.path} {was} -> {shorten(command.value)}"
+
+    def _identified(self, text: str) -> object:
+        """The JSON data of controllers, with ids in place of the names that the script gives."""
+        try:
+            data = json.loads(text)
+        except (ValueError, RecursionError):
+            reason = "the controllers are no JSON: write one object on one line, or none"
+            raise RefusedEdit("not_a_controller", reason) from None
+        sensors, outputs = data.get("sensors"), data.get("outputs")
+        found = [*sensors.values()] if isinstance(sensors, dict) else []
+        for item in found + outputs if isinstance(outputs, list) else found:
+            if isinstance(item, dict) and isinstance(name := item.get("block"), str):
+                item["block"] = self._find(name, "block", "sensed")
+            if isinstance(item, dict) and isinstance(names := item.get("blocks"), list):
+                item["blocks"] = [
+                    self._find(each, "block", "driven") if isinstance(each, str) else each
+                    for each in names
+                ]
+        return data
 
     def _group_of(self, target: Sequence[Ref]) -> Group | None:
         """The group that words name; None if they name blocks."""

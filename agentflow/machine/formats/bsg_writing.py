@@ -40,7 +40,7 @@ def to_bsg(machine: Machine) -> str:
     for placed in geometry.blocks:
         digest = hashlib.sha256(f"{machine.digest}/{placed.id}".encode()).digest()
         settings = _settings(placed)
-        if machine.controls:
+        if machine.controlled:
             settings = _bound(settings, placed, keys.get(placed.id, (NO_KEY, NO_KEY)))
         _write_block(blocks, placed, settings, str(uuid.UUID(bytes=digest[:16], version=4)))
     indent(root)

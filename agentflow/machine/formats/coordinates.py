@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
-from agentflow.machine.controls import control_problems
 from agentflow.machine.formats.connect import LocatedBlock, connect
 from agentflow.machine.formats.control_json import read_controls
 from agentflow.machine.formats.parse import (
     MAX_COORDINATE,
     MISSING,
     Reading,
+    driving_problems,
     find_document,
     read_whole_number,
 )
@@ -21,6 +21,9 @@ from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.pose import to_metres
 from agentflow.machine.problems import Problem, comma_list, short_repr, type_problem
 from agentflow.machine.tree import Control, Machine, rename_blocks, with_controls
+
+if TYPE_CHECKING:
+    from agentflow.machine.controllers.model import Controllers
 
 FORM = (
     'a JSON list of objects like {"type": 1, "Position": [0, 0, 0.5], "Rotation": [0, 0, 0, 1]}, '
@@ -76,24 +79,34 @@ def read_coordinates(source: object, blocks: Collection[int] | None = None) -> R
     ]
     located = [block for block in read if block is not None]
     controls = read_controls(document.controls, notes, problems)
+    controllers = document.read_controllers(problems)
     if problems:
         return Reading(None, repaired, tuple(notes), tuple(problems))
-    return with_controls_of(connect(located, repaired=repaired, notes=notes), controls)
+    reading = connect(located, repaired=repaired, notes=notes)
+    return with_controls_of(reading, controls, controllers)
 
 
-def with_controls_of(reading: Reading, controls: Sequence[Control]) -> Reading:
-    """The reading of a machine with controls, which name blocks by their indices in the document.
+def with_controls_of(
+    reading: Reading, controls: Sequence[Control], controllers: Controllers | None = None
+) -> Reading:
+    """The reading of a machine with controls and controllers, which name blocks by their indices in
+    the document.
 
-    Blocks that are not attached to the machine keep their numbers, which no block has.
+    Blocks that are not attached to the machine have numbers that no block has.
     """
-    if reading.machine is None or not controls:
+    if reading.machine is None or not (controls or controllers):
         return reading
     named = {block for each in controls if isinstance(each.target, tuple) for block in each.target}
+    named |= controllers.blocks if controllers else set()
     ids = dict.fromkeys(named, -1) | {
         placed.id: index for index, placed in enumerate(reading.blocks)
     }
-    machine = replace(reading.machine, controls=tuple(rename_blocks(controls, ids)))
-    return replace(reading, machine=machine, problems=tuple(control_problems(machine)))
+    machine = replace(
+        reading.machine,
+        controls=tuple(rename_blocks(controls, ids)),
+        controllers=controllers and controllers.renamed(ids),
+    )
+    return replace(reading, machine=machine, problems=tuple(driving_problems(machine)))
 
 
 def _read_block(

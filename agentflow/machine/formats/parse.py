@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
@@ -14,7 +14,10 @@ from agentflow.machine.formats.control_json import read_controls
 from agentflow.machine.formats.json_text import iter_json
 from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.problems import Problem, comma_list, face_problem, short_repr, type_problem
-from agentflow.machine.tree import ROOT, Machine, Step
+from agentflow.machine.tree import ROOT, Machine, Step, with_controls
+
+if TYPE_CHECKING:
+    from agentflow.machine.controllers.model import Controllers
 
 MAX_BLOCKS = 800
 """Maximum number of blocks; machines that fit the building volume have far fewer."""
@@ -65,9 +68,10 @@ def read_machine(
     problems += file_problems(steps, blocks, given)
     problems.sort(key=lambda problem: problem.blocks)
     controls = read_controls(document.controls, notes, problems)
+    controllers = document.read_controllers(problems)
     if not problems:
-        machine = Machine(tuple(step for step in steps if step is not None), controls)
-        problems = control_problems(machine)
+        machine = Machine(tuple(step for step in steps if step is not None), controls, controllers)
+        problems = driving_problems(machine)
         if not problems:
             return Reading(machine, repaired, tuple(notes))
     return Reading(None, repaired, tuple(notes), tuple(problems))
@@ -80,15 +84,40 @@ class Document(NamedTuple):
     """Its list of blocks."""
     controls: object = None
     """What is under `controls`; None if it has none."""
+    controllers: object = None
+    """What is under `controllers`; None if it has none."""
     notes: tuple[str, ...] = ()
     repaired: bool = False
     """Whether the JSON had to be repaired."""
     fault: Problem | None = None
     """Why it holds no machine."""
 
-    def but(self, blocks: list[Any]) -> object:
-        """JSON data with other blocks and the same controls."""
-        return {"blocks": blocks, "controls": self.controls} if self.controls else blocks
+    def but(self, blocks: list[Any], given: Machine | None = None) -> object:
+        """JSON data with other blocks, and the same controls and controllers; those that it does
+        not state are those of a given machine."""
+        controlled = given is not None and given.controlled
+        data = with_controls(blocks, given) if given and controlled else {"blocks": blocks}
+        own = {"controls": self.controls, "controllers": self.controllers}
+        data |= {key: value for key, value in own.items() if value is not None}
+        return data if len(data) > 1 else blocks
+
+    def read_controllers(self, problems: list[Problem]) -> Controllers | None:
+        """The controllers, if there are any that can be read; adds what is wrong with them."""
+        if self.controllers is None:
+            return None
+        from agentflow.machine.controllers.reading import read_controllers  # needs pydantic
+
+        return read_controllers(self.controllers, problems)
+
+
+def driving_problems(machine: Machine) -> list[Problem]:
+    """What is wrong with the controls and controllers of a machine on any task."""
+    found = control_problems(machine)
+    if machine.controllers is not None:
+        from agentflow.machine.controllers.reading import controller_problems  # needs pydantic
+
+        found += controller_problems(machine.controllers, machine.steps)
+    return found
 
 
 def find_document(source: object, form: str) -> Document:
@@ -98,7 +127,7 @@ def find_document(source: object, form: str) -> Document:
         source: any text, or JSON data.
         form: description of the expected form, for messages.
     """
-    repaired, controls = False, None
+    repaired, controls, controllers = False, None, None
     notes: tuple[str, ...] = ()
     if isinstance(source, str):
         source, repaired = _find_machine(source)
@@ -106,9 +135,11 @@ def find_document(source: object, form: str) -> Document:
             message = f"no JSON list found; write the whole machine as {form}"
             return Document([], repaired=repaired, fault=Problem("not_json", (), message))
     if isinstance(source, dict) and "blocks" in source:
-        extra = [short_repr(key) for key in source if key not in ("blocks", "controls")]
+        known = ("blocks", "controls", "controllers")
+        extra = [short_repr(key) for key in source if key not in known]
         notes = (f"the machine: ignored {comma_list(extra[:8])}",) if extra else ()
-        controls, source = source.get("controls"), source["blocks"]
+        controls, controllers = source.get("controls"), source.get("controllers")
+        source = source["blocks"]
     code = message = ""
     if not isinstance(source, list):
         code = "not_a_list"
@@ -120,7 +151,7 @@ def find_document(source: object, form: str) -> Document:
         message = f"the machine has {len(source)} blocks; the maximum is {MAX_BLOCKS}"
     if code or not isinstance(source, list):
         return Document([], repaired=repaired, fault=Problem(code, (), message))
-    return Document(source, controls, notes, repaired)
+    return Document(source, controls, controllers, notes, repaired)
 
 
 def _find_machine(text: str) -> tuple[object, bool]:

@@ -69,7 +69,7 @@ class _Assembler:
             centres=tuple(add(b.center, self.shift) for b in self.geometry.blocks),
             rotations=tuple(b.quaternion for b in self.geometry.blocks),
             spans=tuple(self.spans),
-            devices=control_devices(devices, self.parts) if self.machine.controls else devices,
+            devices=control_devices(devices, self.parts) if self.machine.controlled else devices,
         )
 
     def _add(self, parts: list[Part]) -> tuple[int, ...]:
@@ -101,7 +101,7 @@ class _Assembler:
 
     def _drive(self, placed: Placed, kind: BlockType) -> Drive:
         drive = joint_drive(placed, kind, self.constants)
-        controlled = self.machine.controls and kind.group is not None
+        controlled = self.machine.controlled and kind.group is not None
         return replace(drive, starts=placed.id) if controlled else drive
 
     def _axle(self, placed: Placed, fork: int, wheel: int) -> Joint:

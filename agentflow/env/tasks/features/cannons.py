@@ -25,7 +25,7 @@ class CannonWatch:
     def __init__(self, machine: Machine) -> None:
         kinds = [(step.id, library()[step.type]) for step in machine]
         self._entries = {
-            block: block if machine.controls else "motors"
+            block: block if machine.controlled else "motors"
             for block, kind in kinds
             if kind.steam is not None
         }
