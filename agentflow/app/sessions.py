@@ -72,8 +72,6 @@ class RunSession:
             await run.carry_out()
         except EndpointError:  # of _work
             return
-        finally:
-            self._bench = None  # with every rollout of the run
         self._verifying = await self._verify(run.directory.path)
 
     def _tell_failure(self, working: asyncio.Task[None]) -> None:
@@ -102,6 +100,11 @@ class RunSession:
             bench.end("the client left")
 
     @property
+    def last(self) -> Bench | None:
+        """The bench of the last stage, for a client that has not left and reads there."""
+        return self._bench
+
+    @property
     def path(self) -> Path:
         """The directory of the run, which its first bench begins."""
         assert self._run is not None
@@ -121,9 +124,12 @@ class RunSession:
                 told += f"{result.score:.2f})"
             elif self._verifying:
                 told += "; it is still being verified, and any later call tells the result"
+        reading = self._bench.reading if self._bench else ()
+        still = ", ".join(f"`{spec.name}`" for spec in reading)
         return (
             f"The design is finished, {told}. It is in {path}; `agentflow show` and `agentflow "
-            "report` show more. Connect again to start another one."
+            f"report` show more. These tools still answer: {still}. Connect again to start another "
+            "one."
         )
 
     @property
@@ -149,6 +155,7 @@ class RunSession:
     def leave(self) -> None:
         """End the run with what the client has done."""
         self._gone.set()
+        self._bench = None  # with every rollout of the run
 
     async def finish(self) -> None:
         """Leave, and wait until the run is complete."""

@@ -44,6 +44,8 @@ TOOLS = (
 )
 """All tools, in the order in which clients list them."""
 TOOL_NAMES = frozenset(tool.spec.name for tool in TOOLS)
+READING = frozenset({"brief", "describe", "query", "look", "history"})
+"""Tools that change nothing, and still answer once the last stage has ended."""
 UNKNOWN = "unknown"
 """Name in the record of tools that do not exist, of which agents may call any number."""
 MOST_CHARACTERS = 200_000
@@ -78,6 +80,11 @@ class Bench:
     def tools(self) -> tuple[ToolSpec, ...]:
         """The tools on offer in this stage."""
         return tuple(self._spec_of(tool) for tool in self._tools.values())
+
+    @property
+    def reading(self) -> tuple[ToolSpec, ...]:
+        """Those that `review` calls."""
+        return tuple(spec for spec in self.tools if spec.name in READING)
 
     def _spec_of(self, tool: BenchTool) -> ToolSpec:
         """A tool as clients see it: where machines bring controls, also how to write them."""
@@ -159,9 +166,19 @@ class Bench:
             )
         except RefusedCall as refused:
             code = refused.code
-            result = ToolResult(str(refused), {"refused": str(refused), **refused.data}, None, True)
+            result = refused.result
         self._note(location, name, given, result, code)
         return result
+
+    async def review(self, name: str, arguments: object) -> ToolResult:
+        """Call a tool of `reading` once the stage has ended; the run does not record it."""
+        call = Call(self._workspace, Location(self._workspace.stage), recorded=False)
+        try:
+            if name not in READING:
+                raise StageEnded
+            return await self._find(name)(call, _read_arguments(arguments))
+        except RefusedCall as refused:
+            return refused.result
 
     async def _before_end(self, work: Awaitable[ToolResult]) -> ToolResult:
         """The result of a call, or refuse it once the stage has ended without it."""

@@ -116,9 +116,12 @@ class BenchHost(Protocol):
             UsageError: There is no such trial.
         """
 
-    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> Told:
+    async def query(
+        self, machine: Machine, queries: Sequence[object], location: Location | None
+    ) -> Told:
         """Recorded states of a simulated machine, as tables and as a list with one item for each
-        query; a query may name a `trial` and an `interval` between rows, s."""
+        query; a query may name a `trial` and an `interval` between rows, s. Without a location, the
+        run does not record it."""
 
     async def look(self, machine: Machine, shot: Shot) -> bytes:
         """A PNG picture of a machine.

@@ -155,7 +155,8 @@ async def query(
     known = _simulated(call.workspace, machine)
     named = ({"interval": interval} if interval else {}) | ({"trial": trial} if trial else {})
     asked = [item.model_dump() | named for item in queries]
-    told = await call.workspace.host.query(known.machine, asked, call.location)
+    location = call.location if call.recorded else None
+    told = await call.workspace.host.query(known.machine, asked, location)
     return ToolResult(
         f"In the world frame:\n{told.text}",
         {"machine": known.name, "answers": brief_numbers(told.data)},

@@ -39,6 +39,11 @@ class RefusedCall(Exception):
         super().__init__(text)
         self.code, self.data = code, data
 
+    @property
+    def result(self) -> ToolResult:
+        """The answer to such a call."""
+        return ToolResult(str(self), {"refused": str(self), **self.data}, refused=True)
+
 
 class StageEnded(RefusedCall):
     """A call that came, or was still in progress, when its stage had ended."""

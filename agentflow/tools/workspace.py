@@ -168,6 +168,8 @@ class Call:
 
     workspace: Workspace
     location: Location
+    recorded: bool = True
+    """Whether the run records it."""
 
 
 @dataclass

@@ -257,10 +257,13 @@ class WorkflowContext:
         """What happened in a trial of an evaluated machine."""
         return await self._evaluator.feedback(machine, trial)
 
-    async def query(self, machine: Machine, queries: Sequence[object], location: Location) -> Told:
+    async def query(
+        self, machine: Machine, queries: Sequence[object], location: Location | None
+    ) -> Told:
         """Answer queries on an evaluated machine, recorded at the location of the querier."""
         answer = await self._evaluator.query(machine, queries)
-        self.note(QueryEvent(location, machine.digest, list(queries), answer.text))
+        if location is not None:
+            self.note(QueryEvent(location, machine.digest, list(queries), answer.text))
         return answer
 
     @property

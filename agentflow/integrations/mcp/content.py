@@ -8,12 +8,10 @@ from collections.abc import Mapping
 from mcp import types
 from mcp.shared.exceptions import MCPError
 
-from agentflow.tools import Bench, ToolResult, ToolSpec
+from agentflow.tools import READING, Bench, ToolResult, ToolSpec
 
 BRIEF, EVENTS, MACHINE = "task://brief", "run://events", "machine://"
 TEXT, JSON, LINES = "text/plain", "application/json", "application/jsonl"
-READING = frozenset({"brief", "describe", "query", "look", "history"})
-"""Tools that change nothing."""
 INSTRUCTIONS = (
     "Design a machine for the task that the tool `brief` describes. Write a machine and `check` "
     "it, `simulate` it, `edit` what fell short, and `submit` the best machine at the end."

@@ -17,7 +17,7 @@ from mcp.types.version import HANDSHAKE_PROTOCOL_VERSIONS, MODERN_PROTOCOL_VERSI
 
 from agentflow.errors import AgentflowError
 from agentflow.integrations.mcp import content
-from agentflow.tools import Bench, ToolResult
+from agentflow.tools import READING, Bench, ToolResult
 from agentflow.version import __version__
 
 BEAT: Final = 1.0
@@ -37,6 +37,10 @@ class ClientSession(Protocol):
         Raises:
             AgentflowError: The work cannot begin or go on.
         """
+
+    @property
+    def last(self) -> Bench | None:
+        """The bench of the last stage, once that has ended, if clients may still read there."""
 
     @property
     def farewell(self) -> str:
@@ -63,6 +67,7 @@ class OneBench:
     """A session at a bench that belongs to somebody else, who also records what happens."""
 
     only: Bench
+    last: None = None
     farewell: str = "This stage has ended; there is nothing more to do here."
     events: str = ""
     outcome: Mapping[str, Any] = field(default_factory=dict)
@@ -137,16 +142,18 @@ class _Answers:
         return found
 
     async def _find_bench(self, ctx: Context) -> Bench | None:
-        """The bench of the current stage, if there is one, for requests besides tool calls."""
+        """The bench of the current or last stage, if there is one, for requests besides calls."""
+        session = self._session(ctx)
         try:
-            return await self._session(ctx).bench()
+            return await session.bench() or session.last
         except AgentflowError as error:
             raise MCPError(types.INTERNAL_ERROR, str(error)) from None
 
-    async def _bench(self, ctx: Context) -> Bench:
-        """The bench of the current stage, or an error that says how the last one ended."""
+    async def _bench(self, ctx: Context, *, ended: bool = False) -> Bench:
+        """The bench of the current or, if `ended`, last stage; else an error that says how the
+        last one ended."""
         bench = await self._find_bench(ctx)
-        if bench is None:
+        if bench is None or (bench.ended and not ended):
             raise MCPError(types.INVALID_REQUEST, self._session(ctx).farewell)
         return bench
 
@@ -154,8 +161,8 @@ class _Answers:
         self, ctx: Context, _params: types.PaginatedRequestParams | None
     ) -> types.ListToolsResult:
         bench = await self._find_bench(ctx)
-        tools = [content.tool(spec) for spec in bench.tools] if bench else []
-        return types.ListToolsResult(tools=tools)
+        specs = (bench.reading if bench.ended else bench.tools) if bench else ()
+        return types.ListToolsResult(tools=[content.tool(spec) for spec in specs])
 
     async def call_tool(
         self, ctx: Context, params: types.CallToolRequestParams
@@ -190,7 +197,7 @@ class _Answers:
         uri = str(params.uri)
         if uri == content.EVENTS:
             return content.text_of(uri, self._session(ctx).events)
-        bench = await self._bench(ctx)
+        bench = await self._bench(ctx, ended=True)
         return content.text_of(uri, content.read(bench, uri))
 
     async def list_prompts(
@@ -213,10 +220,12 @@ async def _call(
         session: Where the call came.
         name: Name of the tool.
         arguments: As the client sent them.
-        on_change: Is called if the next stage has other tools.
+        on_change: Is called if other tools are on offer from now on.
     """
     bench = await session.bench()
     if bench is None:
+        if name in READING and (last := session.last):
+            return _part(session, await last.review(name, arguments))
         data = {"refused": session.farewell, **session.outcome}
         return ToolResult(session.farewell, data, refused=True)
     result = await bench.call(name, arguments)
@@ -224,12 +233,19 @@ async def _call(
         return result
     following = await session.bench()
     if following is None:
-        data = {**result.data, **session.outcome}
-        return replace(result, text=f"{result.text}\n\n{session.farewell}", data=data)
+        if session.last:
+            await on_change()
+        return _part(session, result)
     if following.tools != bench.tools:
         await on_change()
     tools = ", ".join(tool.name for tool in following.tools)
     return replace(result, text=f"{result.text}\n\nThe next stage begins. Its tools: {tools}.")
+
+
+def _part(session: ClientSession, result: ToolResult) -> ToolResult:
+    """An answer, and how the run ended."""
+    data = {**result.data, **session.outcome}
+    return replace(result, text=f"{result.text}\n\n{session.farewell}", data=data)
 
 
 def _client_name(ctx: Context) -> str:

@@ -79,8 +79,8 @@ async def test_a_car_in_five_calls_over_stdio(tmp_path: Path) -> None:
         assert (told["run"], told["verifying"]) == (str(run), False)
         assert late.is_error
         assert text_of(late).startswith("The design is finished")
-        assert (await client.list_tools()).tools == []
-        assert [item.name for item in (await client.list_resources()).resources] == ["events"]
+        resources = (await client.list_resources()).resources
+        assert [item.name for item in resources] == ["brief", "events", name]
         (events,) = (await client.read_resource("run://events")).contents
         assert isinstance(events, types.TextResourceContents)
         assert events.text == (run / "events.jsonl").read_text(encoding="utf-8")
@@ -91,6 +91,37 @@ async def test_a_car_in_five_calls_over_stdio(tmp_path: Path) -> None:
     ]  # fmt: skip
     assert log.read_text() == f"agentflow: MCP client test 1: {run}\n"
     await check_run(run)
+
+
+async def test_after_the_end_reading_tools_still_answer_and_nothing_is_recorded(
+    tmp_path: Path,
+) -> None:
+    async with stdio_session(tmp_path) as (client, _):
+        name, words = await design_a_car(client)
+        run = only_run(tmp_path)
+        before = {path: path.read_bytes() for path in run.rglob("*") if path.is_file()}
+        reading = ["brief", "describe", "query", "look", "history"]
+        assert ", ".join(f"`{tool}`" for tool in reading) in words
+        assert [tool.name for tool in (await client.list_tools()).tools] == reading
+        queries = [{"id": 0, "duration": [0, 0.1], "properties": ["position"]}]
+        calls: dict[str, tuple[dict[str, object], str]] = {
+            "brief": ({}, "Task: movement"),
+            "describe": ({"machine": name}, "in the machine frame"),
+            "query": ({"machine": name, "queries": queries, "interval": 0.01}, "Block 0"),
+            "look": ({"machine": name, "time": 1}, "the recorded state nearest to 1 s"),
+            "history": ({}, name),
+        }
+        for tool, (arguments, wanted) in calls.items():
+            told = await client.call_tool(tool, arguments)
+            assert not told.is_error
+            assert wanted in text_of(told)
+            assert "The design is finished" in text_of(told)
+        unknown = await client.call_tool("describe", {"machine": "deadbeef"})
+        assert unknown.is_error
+        assert "there is no machine 'deadbeef'" in text_of(unknown)
+        for tool in ("simulate", "verify", "submit"):
+            assert (await client.call_tool(tool, {"machine": name})).is_error
+    assert {path: path.read_bytes() for path in run.rglob("*") if path.is_file()} == before
 
 
 async def test_a_client_that_leaves_without_an_answer_is_judged_by_its_best_simulation(
