@@ -98,6 +98,8 @@ class Prompt(ABC, Generic[In, Out]):
     def variables(self, given: In) -> Mapping[str, object]:
         """Variables of the templates."""
 
+    sees: ClassVar[bool] = False
+    """Whether it is shown the user's sketch."""
     templates: ClassVar[Path | None] = None
     """Folder with its `system.j2` and `user.j2`, for prompt sets that lack them."""
 
@@ -114,7 +116,7 @@ class Prompt(ABC, Generic[In, Out]):
                 f"{self.name}/system.j2 and {self.name}/user.j2 to it, or let `templates` of the "
                 "role name a folder with both"
             )
-        return found.render(self.name, self.variables(given))
+        return found.render(self.name, {**self.variables(given), "sees": self.sees})
 
     def images(self, given: In) -> tuple[str, ...]:  # noqa: ARG002
         """PNG data URLs to send with the user prompt."""
@@ -148,6 +150,10 @@ class Role(Prompt[In, Out]):
     own calls have the first of them."""
     script: ClassVar[Script | None] = None
     """How the procedural model plays it; None if it cannot."""
+
+    def images(self, given: Any) -> tuple[str, ...]:
+        """The user's sketch, for a role that sees it and whose input has a `brief`."""
+        return given.brief.sketch if self.sees else ()
 
     @classmethod
     @abstractmethod

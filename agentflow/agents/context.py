@@ -109,6 +109,8 @@ def task_context(brief: Brief) -> dict[str, object]:
             "schedule": brief.schedule,
             "score": [*brief.score, *_greatest_text(brief)],
         },
+        "wishes": brief.wishes,
+        "sketch": bool(brief.sketch),
         "blocks": block_rows(kinds),
         "types": list(brief.blocks),
         "example_type": EXAMPLE if EXAMPLE in plain else plain[0],

@@ -72,6 +72,7 @@ class Designer(Role[DesignerInput, DesignedMachine]):
 
     name: ClassVar[str] = "designer"
     stage: ClassVar[str] = "initial"
+    sees: ClassVar[bool] = True
     tokens: ClassVar[tuple[int, int]] = (3230, 220)
     labels: ClassVar[tuple[str, ...]] = ("Build",)
     script: ClassVar[Script] = Script(design, "First the rationale", needs_machine=False)
@@ -121,6 +122,7 @@ class Drafter(Role[DesignerInput, Draft]):
 
     name: ClassVar[str] = "drafter"
     stage: ClassVar[str] = "initial"
+    sees: ClassVar[bool] = True
     tokens: ClassVar[tuple[int, int]] = Designer.tokens
     model_role: ClassVar[str] = Designer.name
     labels: ClassVar[tuple[str, ...]] = Designer.labels

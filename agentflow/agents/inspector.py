@@ -157,6 +157,7 @@ class Inspector(Role[InspectorInput, Inspection]):
 
     name: ClassVar[str] = "inspector"
     stage: ClassVar[str] = "blind_refinement"
+    sees: ClassVar[bool] = True
     tokens: ClassVar[tuple[int, int]] = (4010, 230)
     labels: ClassVar[tuple[str, ...]] = ("Diagnose", "Observe", "Reflect")
     script: ClassVar[Script] = Script(inspect, f"<{ORIENTATION}>")

@@ -81,6 +81,7 @@ class MetaDesigner(Role[MetaDesignerInput, Blueprint]):
 
     name: ClassVar[str] = "meta_designer"
     stage: ClassVar[str] = "initial"
+    sees: ClassVar[bool] = True
     tokens: ClassVar[tuple[int, int]] = (1250, 670)
     labels: ClassVar[tuple[str, ...]] = ("Plan", "Hypothesize")
     script: ClassVar[Script] = Script(plan, "machine_structure", needs_machine=False)

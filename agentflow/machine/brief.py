@@ -76,6 +76,11 @@ class Brief:
     """Whether neither scene nor score tells left from right, so that a machine and its mirror image
     do the same. The digest of a brief leaves it out, as its scene says the same."""
 
+    wishes: str = field(default="", repr=False)
+    """What the user asks of the machine besides, in their own words; no part of the digest."""
+    sketch: tuple[str, ...] = field(default=(), repr=False)
+    """PNG data URL of the user's sketch, if there is one; no part of the digest."""
+
     @property
     def demands(self) -> tuple[object, ...]:
         """What decides whether a machine is valid for the task."""

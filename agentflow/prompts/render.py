@@ -34,7 +34,9 @@ CONTROLS = "_controls"
 """Folder of what is added to every prompt of a task with control programs."""
 ELSEWHERE = "_elsewhere"
 """Folder of what is added to prompts that show what was learnt elsewhere."""
-_APART = frozenset({"agent", "drafter", "_questions", "_sessions", CONTROLS, ELSEWHERE})
+WISHES = "_wishes"
+"""Folder of what is added to prompts of a task with the user's wishes or sketch."""
+_APART = frozenset({"agent", "drafter", "_questions", "_sessions", CONTROLS, ELSEWHERE, WISHES})
 """Folders that came later, whose templates must not change the digests of runs without them: a run
 records the digest of its prompts, and can be continued and replayed only with the same ones. So
 each counts only for what uses it; `agent` and `drafter` are roles like others, but younger than
@@ -151,6 +153,8 @@ class PromptSet:
             user = self._with_controls(self._render(f"{role}/user.j2", given), given, edits)
             if given.get("elsewhere"):
                 user = _insert(user, self._render(f"{ELSEWHERE}/elsewhere.j2", given))
+            if given.get("wishes") or (given.get("sketch") and given.get("sees")):
+                user = _insert(user, self._render(f"{WISHES}/wishes.j2", given))
             if not self.fits or CL100K * token_estimate(system + user) <= self.fits:
                 break
         return system, user

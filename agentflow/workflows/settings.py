@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from agentflow.llm.messages import fix_surrogates
 from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
@@ -13,6 +14,8 @@ from agentflow.search.settings import INDEPENDENT, SearchSettings
 
 Emitter = Literal["edit", "crossover", "refiner"]
 """What makes new machines from others."""
+LONGEST_BRIEF = 8000
+"""Most characters of a user's wishes."""
 Objective = Literal["score", "robust", "pareto"]
 
 
@@ -66,6 +69,15 @@ class WorkflowSettings(BaseModel):
     )
     rationales: tuple[str, ...] = Field(
         (), description="plans for designers to follow, one per trajectory, repeated if too few"
+    )
+    brief: str | None = Field(
+        None, description="the user's wishes for the machine, added to the task in every prompt"
+    )
+    sketch: str | None = Field(
+        None,
+        min_length=1,
+        description="PNG file with the user's sketch, shown to meta-designer, designer and "
+        "inspector; the run keeps a copy",
     )
     drafts: bool = Field(
         False,
@@ -163,6 +175,19 @@ class WorkflowSettings(BaseModel):
     def _off(cls, value: object) -> object:
         """Accept false, which is how YAML reads a bare `off`."""
         return "off" if value is False else value
+
+    @field_validator("brief")
+    @classmethod
+    def _brief_is_short(cls, value: str | None) -> str | None:
+        """Refuse an empty brief, and one that would fill a model's context."""
+        if value is None:
+            return None
+        text = fix_surrogates(value).strip()
+        if not 0 < len(text) <= LONGEST_BRIEF:
+            raise ValueError(
+                f"expected 1 to {LONGEST_BRIEF} characters about the machine, not {len(text)}"
+            )
+        return text
 
     @model_validator(mode="after")
     def _one_plan(self) -> WorkflowSettings:

@@ -7,8 +7,8 @@ import pytest
 from agentflow.errors import RefusedError
 from agentflow.llm.endpoint.body import request_body
 from agentflow.llm.endpoint.faults import ErrorResponse, read_error_response
-from agentflow.llm.endpoint.unsupported import UnsupportedParameters, refuses_tools
-from agentflow.llm.messages import JsonSchema, NamedTool, Tool
+from agentflow.llm.endpoint.unsupported import UnsupportedParameters, refuses_images, refuses_tools
+from agentflow.llm.messages import JsonSchema, Message, NamedTool, Tool
 from tests.llm.helpers import ask, client_for
 from tests.llm.hostile import body, reply, serving
 
@@ -253,3 +253,33 @@ async def test_tools_without_streaming() -> None:
         assert (await client.complete(WITH_TOOLS)).text == "ok"
         await client.aclose()
     assert "stream" not in server.asked[1].body
+
+
+SEEN = (("system", ()), ("user", ("data:image/png;base64,AAAA",)))
+NO_IMAGES = [
+    (400, "Invalid content type. image_url is only supported by certain models."),
+    (400, "qwen3 is not a multimodal model"),
+    (400, "At most 0 image(s) may be provided in one request."),
+    (500, "image input is not supported - hint: you may need to provide the mmproj"),
+    (404, "No endpoints found that support image input"),
+    (422, "messages[1]: unknown variant `image_url`, expected `text`"),
+    (400, "'messages.1' : content must be a string"),
+    (400, "This model does not support images"),
+]
+
+
+@pytest.mark.parametrize(("status", "message"), NO_IMAGES)
+async def test_a_refusal_of_pictures_says_what_to_change(status: int, message: str) -> None:
+    system, user = (Message(role=role, text="x", images=images) for role, images in SEEN)
+    async with serving(body({"error": {"message": message}}, status)) as server:
+        client = client_for(server.base_url)
+        with pytest.raises(RefusedError, match=r"takes no pictures .* leave out the sketch"):
+            await client.complete(ask().model_copy(update={"messages": (system, user)}))
+        await client.aclose()
+        assert len(server.asked) == 1
+
+
+def test_other_errors_are_not_taken_for_a_refusal_of_pictures() -> None:
+    assert not refuses_images(ErrorResponse(400, "image too large: at most 5 MB"))
+    assert not refuses_images(ErrorResponse(429, "images are not available at this rate"))
+    assert not refuses_images(ErrorResponse(400, "seed is not supported"))

@@ -72,7 +72,7 @@ async def execute(
                 plan.task, simulator, config.seed, objective, plan.good, plan.record
             )
             result = await workflow(
-                plan.task.brief, context_for, evaluator, config.settings, record, config.seed
+                plan.brief, context_for, evaluator, config.settings, record, config.seed
             )
             verification = None
             if config.verify and result.best is not None and result.best.machine is not None:

@@ -6,9 +6,9 @@ import hashlib
 import platform
 import subprocess
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from agentflow.app.design.conditions import (
     recorded_plugins,
 )
 from agentflow.app.design.config import config_json
+from agentflow.app.sketch import SKETCH, Sketch
 from agentflow.config.run import DesignConfig, build_config, suggest_key
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import choose_engine, physics_conditions, usable_engine
@@ -45,6 +46,7 @@ from agentflow.prompts.render import (
     CONTROLS,
     ELSEWHERE,
     LATER_FUNCTIONS,
+    WISHES,
     PromptSet,
     open_set,
 )
@@ -77,6 +79,15 @@ class RunPlan:
     """Name and version of the physics engine, e.g. "pybullet 3.2.7"."""
     level: Level
     """The level of the task, without the configured knobs."""
+    sketch: Sketch | None = None
+    """The user's, as models see it."""
+
+    @cached_property
+    def brief(self) -> Brief:
+        """The task as its designers see it, with the user's wishes and sketch."""
+        wishes, sketch = self.config.settings.brief, self.sketch
+        shown = (sketch.url,) if sketch else ()
+        return replace(self.task.brief, wishes=wishes or "", sketch=shown)
 
     @property
     def good(self) -> float | None:
@@ -95,6 +106,7 @@ class RunPlan:
         config: DesignConfig,
         level: Level | None = None,
         prompts: PromptFolder | None = None,
+        sketch: Sketch | None = None,
     ) -> RunPlan:
         """Look up task, knobs, workflow, prompt set and engine.
 
@@ -102,12 +114,13 @@ class RunPlan:
             config: The configuration.
             level: Its level, as recorded in a run; by default that of the current name or file.
             prompts: Its folder of prompts, as recorded in a run; by default as it is now.
+            sketch: Its sketch, as recorded in a run; by default that of the configured file.
 
         Raises:
             UnknownNameError: One of them does not exist.
             ConfigError: A knob is unknown or out of range, a price is missing, or the physics
                 engine is not installed.
-            UsageError: The workflow does not support the task.
+            UsageError: The workflow does not support the task, or the sketch cannot be shown.
         """
         _check_options(config.settings.search)
         WORKFLOWS[config.workflow]  # a known name
@@ -122,7 +135,9 @@ class RunPlan:
         _check_start(config.settings, task.brief)
         config = config.model_copy(update={"engine": engine.name})
         found = open_set(config.prompts, prompts)
-        return cls(config, task, found, str(engine.identity), level)
+        if sketch is None and config.settings.sketch is not None:
+            sketch = Sketch.read(Path(config.settings.sketch))
+        return cls(config, task, found, str(engine.identity), level, sketch)
 
     @classmethod
     def of_run(cls, path: Path, document: Mapping[str, Any], engine: str | None = None) -> RunPlan:
@@ -141,7 +156,8 @@ class RunPlan:
         config = build_config(document.get("config")).model_copy(update={"engine": engine})
         record, source = document.get(_PROMPTS), f"{_PROMPTS} in {path / 'run.yaml'}"
         prompts = None if record is None else read_record(record, source)
-        return cls.of(config, level_of_run(path, document), prompts)
+        sketch = Sketch.of_run(path, document) if config.settings.sketch else None
+        return cls.of(config, level_of_run(path, document), prompts, sketch)
 
     def require_workflow(self) -> None:
         """Raise ConfigError unless the workflow can begin here.
@@ -153,7 +169,7 @@ class RunPlan:
         workflow.require(settings)
         for role in workflow.calls_on(settings, self.task.brief):
             with ROLES.blaming(role):
-                first_prompt(ROLES[role], self.task.brief, self.prompts)
+                first_prompt(ROLES[role], self.brief, self.prompts)
         if workflow.adapt(settings).search.strategy == MAP_ELITES:
             require_pyribs()
         others = [role for role in self._roles_of_designing_model() if role != Designer.name]
@@ -164,6 +180,25 @@ class RunPlan:
                 f"{' and '.join(others)}; use --workflow single --set search.rounds=0, or another "
                 "model"
             )
+
+    def require_sight(self) -> None:
+        """Raise ConfigError unless the configured models can be shown the sketch, if any."""
+        if self.sketch is None:
+            return
+        calls = WORKFLOWS[self.config.workflow].calls_on(self.config.settings, self.task.brief)
+        seeing = [role for role, count in calls.items() if count and ROLES[role].sees]
+        if not seeing:
+            raise ConfigError(
+                f"the workflow {self.config.workflow}, as configured, asks no role that is shown a "
+                "sketch: leave it out, or use --workflow hierarchical without a start machine"
+            )
+        choices = choose_models(self.config.model)
+        for role in seeing:
+            if (choice := choices[ROLES[role].model_role or role]).local:
+                raise ConfigError(
+                    f"the {role} is played by {choice.display_name}, which sees no pictures: "
+                    "leave the sketch out, or name a model that sees with --model"
+                )
 
     def _roles_of_designing_model(self) -> list[str]:
         """The roles that the workflow asks of a model that only designs whole machines."""
@@ -189,6 +224,7 @@ class RunPlan:
                 (
                     *WORKFLOWS[self.config.workflow].calls(self.config.settings),
                     *([ELSEWHERE] if self.config.settings.shows_elsewhere else []),
+                    *([WISHES] if self.config.settings.brief or self.sketch else []),
                     *([CONTROLS] if self.task.schedule.designed else []),
                     *([LATER_FUNCTIONS] if LATER.intersection(self.task.brief.blocks) else []),
                 )
@@ -224,6 +260,8 @@ class RunPlan:
         calls = WORKFLOWS[self.config.workflow].calls_on(self.config.settings, self.task.brief)
         choices = choose_models(self.config.model)
         asked = {ROLES[role].model_role or role for role, count in calls.items() if count}
+        if self.config.settings.brief and all(choices[role].procedural for role in asked):
+            return "the procedural model does not read the user's wishes; a language model would"
         if not any(choices[role].procedural for role in asked) or purpose(self.task.brief) != STAND:
             return ""
         return (
@@ -249,6 +287,7 @@ class RunPlan:
             "platform": platform.platform(),
             "level": self.level.record,
             **({_PROMPTS: self.prompts.folder.model_dump()} if self.prompts.folder else {}),
+            **({SKETCH: self.sketch.digest} if self.sketch else {}),
             "config": config_json(self.config),
         }
 

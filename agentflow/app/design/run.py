@@ -142,12 +142,16 @@ class DesignRun:
             plan = replace(plan, config=with_lessons(plan.config, book, plan.task.name))
         plan.require_workflow()
         client = options.client
+        if client is None:
+            plan.require_sight()
         document = plan.run_document | ({} if client is None else {ANSWER: client.name})
         document |= {} if book is None else {LESSONS: str(book)}
         workflow = options.workflow or WORKFLOWS[config.workflow]
         if not workflow.repeatable:
             document[AUTHOR] = workflow.author(config.settings)
         directory = RunDirectory.create(out, name or plan.run_name, document)
+        if plan.sketch:
+            plan.sketch.write(directory.path)
         if unused := workflow.unused(config.settings):
             verb = "changes" if len(unused) == 1 else "change"
             which = f"{' and '.join(unused)} {verb} nothing in the workflow {config.workflow}"

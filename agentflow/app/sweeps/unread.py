@@ -7,7 +7,7 @@ from agentflow.config.sweep import SweepConfig
 UNREAD = frozenset(
     {
         *("prompts", "rationales", "history", "spatial", "vision", "feedback", "querier"),
-        *("inspirations", "lessons", "known_lessons"),
+        *("inspirations", "lessons", "known_lessons", "brief"),
         *("representation", "refinement", "drafts", "simulate_first"),
         *(f"model.sampling.{name}" for name in ("temperature", "top_p", "max_tokens")),
     }

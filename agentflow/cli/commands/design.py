@@ -20,6 +20,8 @@ OPTION_OF = {
     "model.name": "--model",
     "model.base_url": "--base-url",
     "settings.start": "--start",
+    "settings.brief": "--brief",
+    "settings.sketch": "--sketch",
     "settings.max_simulations": "--rollouts",
     "--config": "--config",
     "--set": "--set",
@@ -57,6 +59,14 @@ def design(
         typer.Option(
             help="Machine file or run directory: improve this machine instead of designing one."
         ),
+    ] = None,
+    brief: Annotated[
+        str | None,
+        typer.Option(help='Your wishes, added to the task: "a machine that ...".'),
+    ] = None,
+    sketch: Annotated[
+        str | None,
+        typer.Option(help="PNG file with your sketch, for a model that sees pictures."),
     ] = None,
     rationale_from: Annotated[
         str | None, typer.Option(help="Reuse the designers' rationales from this run directory.")
@@ -119,6 +129,8 @@ def design(
         "model.name": model,
         "model.base_url": base_url,
         "settings.start": None if start is None else read_one(start).to_json(),
+        "settings.brief": brief,
+        "settings.sketch": sketch,
         "rationale_from": rationale_from,
         "settings.max_simulations": rollouts,
         "keep_rollouts": keep_rollouts,

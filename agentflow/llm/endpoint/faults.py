@@ -171,6 +171,15 @@ def tools_refused(endpoint: Endpoint, response: ErrorResponse) -> RefusedError:
     )
 
 
+def images_refused(endpoint: Endpoint, response: ErrorResponse) -> RefusedError:
+    """The error for a model or a server that takes no pictures."""
+    return RefusedError(
+        f"model {endpoint.model!r} at {endpoint.base_url} takes no pictures "
+        f"({response.status}: {printable_excerpt(endpoint, response.message)}); use a model that "
+        "sees, or leave out the sketch and vision"
+    )
+
+
 def unreachable(endpoint: Endpoint, reason: str) -> TransientFault:
     """The error for a connection that failed, stalled or ended early."""
     return TransientFault(

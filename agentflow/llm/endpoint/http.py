@@ -16,7 +16,7 @@ from agentflow.llm.endpoint import faults, wire
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.endpoint.body import request_body
 from agentflow.llm.endpoint.reading import ACCEPTED, UndecodableError, decoded_pieces, read_answer
-from agentflow.llm.endpoint.unsupported import UnsupportedParameters, refuses_tools
+from agentflow.llm.endpoint.unsupported import UnsupportedParameters, refuses_images, refuses_tools
 from agentflow.llm.messages import Reply, Request, ToolCall
 from agentflow.llm.settings import HttpSettings
 
@@ -139,6 +139,8 @@ class OpenAIClient:
                 continue
             if request.tools and refuses_tools(answer):
                 raise faults.tools_refused(self._endpoint, answer)
+            if any(message.images for message in request.messages) and refuses_images(answer):
+                raise faults.images_refused(self._endpoint, answer)
             raise faults.error_for(self._endpoint, answer)
 
     async def aclose(self) -> None:

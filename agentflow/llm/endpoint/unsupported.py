@@ -35,6 +35,12 @@ _TOOLS = re.compile(r"(?i)\btools\b(?![\[.])|\btool (?:use|choice|call)|\bfuncti
 """Words for tools, but not for one of the request's tools, as in tools[0].function.name."""
 _NO_TOOLS = re.compile(r"(?i)not enabled|no endpoints found that support|requires --")
 """How servers say that tools are unavailable, besides `_UNSUPPORTED`."""
+_IMAGES = re.compile(r"(?i)\bimages?\b|\bvision\b|multi-?modal|content must be a string")
+_NO_IMAGES = re.compile(
+    r"(?i)not enabled|no endpoints found that support|only supported|not a multi|at most 0|"
+    r"missing data|must be a string"
+)
+"""How servers say that they take no pictures, besides `_UNSUPPORTED`."""
 _TOOLS_STATUSES = (*_STATUSES, 404, 500)
 _SUBSTITUTES = {"max_tokens": "max_completion_tokens", "json_schema": "json_object"}
 """What to send instead of an unsupported parameter or response format."""
@@ -101,6 +107,13 @@ def refuses_tools(response: ErrorResponse) -> bool:
     words = f"{response.message} {response.param} {response.code}".replace("_", " ")
     unsupported = _UNSUPPORTED.search(words) or _NO_TOOLS.search(words)
     return bool(response.status in _TOOLS_STATUSES and unsupported and _TOOLS.search(words))
+
+
+def refuses_images(response: ErrorResponse) -> bool:
+    """Whether an error response says that model or server take no pictures."""
+    words = f"{response.message} {response.param} {response.code}".replace("_", " ")
+    unsupported = _UNSUPPORTED.search(words) or _NO_IMAGES.search(words)
+    return bool(response.status in _TOOLS_STATUSES and unsupported and _IMAGES.search(words))
 
 
 def _format_type(form: object) -> str:
