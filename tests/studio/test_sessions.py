@@ -168,6 +168,7 @@ def test_a_session_is_listed_in_numbers(browser: Browser, opened: str) -> None:
     )
 
 
+TESTED = {"kind": "trial", "machine": ROOT, "score": 1, "status": "ok", "seconds": 0}
 WRONG: dict[str, dict[str, Any]] = {
     "a pause": {"kind": "pause", "seconds": 5, "asked": True},
     "an end": {"kind": "end", "reason": "finished"},
@@ -175,7 +176,11 @@ WRONG: dict[str, dict[str, Any]] = {
     "a time": {**ADDED, "at": "yesterday", "seconds": "x"},
     "an unknown deed": {**ADDED, "do": "hack"},
     "no machine": {**ADDED, "machine": [{"type": 1}]},
-    "a status": {"kind": "trial", "machine": ROOT, "score": 1, "status": "won", "seconds": -1},
+    "a status": {**TESTED, "status": "won"},
+    "a time before now": {**TESTED, "seconds": -1},
+    "a time of 400 digits": {**ADDED, "seconds": 10**400},
+    "a time before all": {**TESTED, "seconds": -(10**400)},
+    "a score of 400 digits": {**TESTED, "score": 10**400},
     "a long note": {"kind": "note", "text": "x" * 10_001},
 }
 
@@ -197,6 +202,12 @@ def test_other_sessions_are_not_written(browser: Browser, session: str) -> None:
         ("end", {}),
     ):
         assert browser.ask(f"/api/session/{path}", {**given, **more}).status_code == 400
+
+
+def test_a_limit_of_400_digits_is_refused(browser: Browser) -> None:
+    given = {"task": "movement", "machine": ROOT, "limit_s": 10**400}
+    assert browser.ask("/api/session/begin", given).status_code == 400
+    assert browser.get("/api/session") is None
 
 
 def test_a_second_tab_cannot_begin_another_session(browser: Browser, opened: str) -> None:

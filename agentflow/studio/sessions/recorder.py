@@ -116,9 +116,10 @@ class SessionRecorder:
             UsageError: The session is not open any more, or there is no such event.
         """
         found = self._named(name)
-        seconds = event.get("seconds", 0.0)
-        length = min(float(seconds), found.log.now) if isinstance(seconds, int | float) else 0.0
-        timed = {"seconds": round(length, 3)} if "seconds" in event else {}
+        seconds, length, timed = event.get("seconds"), 0.0, {}
+        if isinstance(seconds, int | float) and seconds >= 0:
+            length = min(seconds, found.log.now)  # before any float: it may have 400 digits
+            timed = {"seconds": round(length, 3)}
         at = round(found.log.now - length, 3)
         try:
             read = _TOLD.validate_python({**event, **timed, "at": max(at, 0.0)})
