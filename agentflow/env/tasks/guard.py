@@ -6,8 +6,10 @@ Faults of our own families are bugs, which propagate as ordinary exceptions.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import wraps
+from concurrent.futures import Future, wait
+from functools import partial, wraps
 from math import isfinite
+from threading import Thread
 from typing import Any
 
 from agentflow.env.rollout import Feedback, Trace, Verdict
@@ -16,6 +18,8 @@ from agentflow.errors import AgentflowError, PluginError
 from agentflow.machine.brief import Brief
 
 OURS = "agentflow."
+PATIENCE = 30.0
+"""Seconds that a method of a family may take. Those of its referee have the time of the rollout."""
 
 
 def is_ours(family: type) -> bool:
@@ -24,15 +28,17 @@ def is_ours(family: type) -> bool:
 
 
 def guard_family(family: type) -> None:
-    """Make the methods that a class defines raise PluginError for exceptions and wrong results."""
+    """Make the methods that a class defines raise PluginError for exceptions and wrong results, and
+    where they do not end."""
     if is_ours(family):
         return
     for name, (expected, fits) in _RESULTS.items():
         method = vars(family).get(name)
         if isinstance(method, property) and method.fget is not None:
-            setattr(family, name, property(_guarded(method.fget, family, name, expected, fits)))
+            timed = _timed(method.fget)
+            setattr(family, name, property(_guarded(timed, family, name, expected, fits)))
         elif callable(method):
-            setattr(family, name, _guarded(method, family, name, expected, fits))
+            setattr(family, name, _guarded(_timed(method), family, name, expected, fits))
     referee = vars(family).get("referee")
     if callable(referee):
         family.referee = _with_guarded_referee(referee, family)  # type: ignore[attr-defined]
@@ -53,6 +59,10 @@ def _guarded(
             result = method(*args, **options)
         except AgentflowError:
             raise
+        except _Endless:
+            raise PluginError(
+                f"{where} failed: {name} has not returned within {PATIENCE:g} s"
+            ) from None
         except Exception as error:
             what = f"{type(error).__name__}: {error}"
             raise PluginError(f"{where} failed: {name} raised {what}") from error
@@ -61,6 +71,33 @@ def _guarded(
         return result
 
     return call
+
+
+class _Endless(Exception):
+    """A method that has not returned in time."""
+
+
+def _timed(method: Callable[..., Any]) -> Callable[..., Any]:
+    """A method that raises `_Endless` in time; its thread cannot be ended and is left behind."""
+
+    @wraps(method)
+    def call(*args: Any, **options: Any) -> Any:
+        result: Future[Any] = Future()
+        Thread(
+            target=_fulfil, args=(result, partial(method, *args, **options)), daemon=True
+        ).start()
+        if not wait([result], PATIENCE).done:
+            raise _Endless
+        return result.result()
+
+    return call
+
+
+def _fulfil(result: Future[Any], work: Callable[[], Any]) -> None:
+    try:
+        result.set_result(work())
+    except BaseException as error:  # noqa: BLE001 - raised where the result is awaited
+        result.set_exception(error)
 
 
 def _with_guarded_referee(method: Callable[..., Any], family: type) -> Callable[..., Any]:

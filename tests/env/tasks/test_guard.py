@@ -7,6 +7,7 @@ import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
+from threading import Event
 from typing import Any, ClassVar
 
 import pytest
@@ -14,6 +15,7 @@ import pytest
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout, Verdict
 from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks import guard
 from agentflow.env.tasks.families.movement import Movement
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import PluginError
@@ -104,6 +106,23 @@ def test_family_and_method_are_named(name: str) -> None:
     assert found.startswith(f"the task family 'own' ({__name__}) failed: ")
     assert problem in found
     assert "\n" not in found
+
+
+@pytest.mark.parametrize("method", ["brief", "scene", "trials"])
+def test_a_method_that_does_not_return_is_named(
+    method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(guard, "PATIENCE", 0.1)
+    end = Event()
+
+    def waits(*_: Any) -> bool:
+        return end.wait()
+
+    does = property(waits) if method == "brief" else waits
+    kind = type("Hanging", (Own,), {method: does, "__module__": __name__})
+    with pytest.raises(PluginError, match=rf"{method} has not returned within 0\.1 s$"):
+        simulate(car(), task_of(kind))
+    end.set()
 
 
 def test_a_family_that_is_right_is_left_alone() -> None:
