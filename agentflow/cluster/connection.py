@@ -156,12 +156,14 @@ async def watch_cluster() -> NoReturn:
     """
     context = ray.get_runtime_context()
     head, own = context.gcs_address, context.get_node_id()
+    lost = "no longer answers"
     (node,) = (each for each in ray.nodes() if each["NodeID"] == own)
     here = f"{node['NodeManagerAddress']}:{node['NodeManagerPort']}"
+    again = "start it here, then" if os.environ.get(ADDRESS) else "run"
     await watch(
         {
-            head: f"the head of the Ray cluster, {head}, no longer answers: start the cluster",
-            here: f"Ray no longer answers on this computer ({here}): start it here",
+            head: f"the head of the Ray cluster, {head}, {lost}: start the cluster, then",
+            here: f"Ray {lost} on this computer ({here}): {again}",
         }
     )
 
@@ -178,9 +180,7 @@ async def watch(
             if answered:
                 heard[address] = time.monotonic()
             elif time.monotonic() - heard[address] > silence:
-                raise RunError(
-                    f"{problem}, then this command again (design and sweep with --resume)"
-                )
+                raise RunError(f"{problem} this command again (design and sweep with --resume)")
 
 
 async def _answers(address: str) -> bool:

@@ -31,6 +31,7 @@ def cluster() -> Iterator[Any]:
 
     with pytest.MonkeyPatch.context() as environment:
         environment.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        environment.setenv("RAY_AUTH_MODE", "disabled")  # whatever token the user has
         environment.setenv("RAY_worker_niceness", "0")  # by default 15: they come last
         environment.setenv("PYTHONPATH", os.getcwd())
         started = Cluster()

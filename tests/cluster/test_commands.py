@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -28,6 +30,8 @@ SMALL = (
 )
 DESIGN = (*SMALL, "--workflow", "random-dsl")
 MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"
+IMPATIENT = "connection.watch.__defaults__ = (0.5, 3.0)"
+"""Code that lets a command notice sooner that Ray is gone."""
 
 
 def test_the_kinds_that_are_explored_are_those_found_here(tmp_path: Path, capsys: Captured) -> None:
@@ -49,10 +53,37 @@ def test_a_driver_that_is_killed_is_resumed(tmp_path: Path, capsys: Captured) ->
 def kill_once_evaluated(command: list[str], out: Path) -> None:
     """Start a command, and kill it when a machine has been evaluated."""
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as driver:
-        while not any('"evaluation"' in log.read_text() for log in out.glob("**/events.jsonl")):
-            assert driver.poll() is None
-            time.sleep(0.05)
+        wait_until_evaluated(driver, out)
         driver.kill()
+
+
+def wait_until_evaluated(driver: subprocess.Popen[bytes], out: Path) -> None:
+    """Wait until a command has evaluated a machine."""
+    while not any('"evaluation"' in log.read_text() for log in out.glob("**/events.jsonl")):
+        assert driver.poll() is None
+        time.sleep(0.05)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_a_command_whose_raylet_is_killed_ends_and_says_how_to_continue(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("RAY_ADDRESS")  # so that the command starts a cluster of its own
+    command = ["design", "--task", "movement", "--rollouts", "500", "--out", str(tmp_path)]
+    code = f"from agentflow.cluster import connection; {IMPATIENT}; {MAIN}"
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *command, "--backend", "ray"], stderr=subprocess.PIPE
+    ) as driver:
+        wait_until_evaluated(driver, tmp_path)
+        children = Path(f"/proc/{driver.pid}/task/{driver.pid}/children").read_text().split()
+        named = {Path(f"/proc/{child}/comm").read_text().strip(): int(child) for child in children}
+        os.kill(named["raylet"], signal.SIGKILL)
+        _, told = driver.communicate()
+    (run,) = tmp_path.iterdir()
+    assert driver.returncode == 2
+    last = told.decode().splitlines()[-1]
+    assert last.startswith("agentflow: Ray no longer answers on this computer")
+    assert last.endswith(f"continue with: agentflow design --resume {run}")
 
 
 def test_a_sweep_whose_driver_is_killed_is_resumed(tmp_path: Path) -> None:

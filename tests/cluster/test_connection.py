@@ -114,16 +114,14 @@ async def test_an_address_that_no_longer_answers_is_named() -> None:
 
     servers = [await asyncio.start_server(hang_up, "127.0.0.1", 0) for _ in range(2)]
     head, here = (f"127.0.0.1:{server.sockets[0].getsockname()[1]}" for server in servers)
-    watching = asyncio.create_task(watch({head: "no head", here: "not here"}, 0.01, 0.2))
+    watching = asyncio.create_task(watch({head: "no head", here: "not here: run"}, 0.01, 0.2))
     await asyncio.sleep(0.5)
     assert not watching.done()
     servers[1].close()
     with pytest.raises(RunError) as error:
         await watching
     servers[0].close()
-    assert str(error.value) == (
-        "not here, then this command again (design and sweep with --resume)"
-    )
+    assert str(error.value) == "not here: run this command again (design and sweep with --resume)"
 
 
 async def hang_up(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
