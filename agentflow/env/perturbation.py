@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from agentflow.env.rollout import Rollout
-from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, Variation
+from agentflow.env.simulation.variations import DEFAULT, Variation, perturbations_of
 from agentflow.env.verification import run_under
 from agentflow.machine.edits.neighbours import Neighbour
 from agentflow.machine.tree import Machine
@@ -137,7 +137,7 @@ async def perturb(
         run: Simulates the machine that it gets, under the `variation` that it gets if any.
         say: Told the number of simulations done, and of all.
     """
-    tick = counter(say, len(PERTURBATIONS) + len(neighbours))
+    tick = counter(say, len(perturbations_of(machine)) + len(neighbours))
 
     async def counted(one: Machine, variation: Variation = DEFAULT) -> Rollout:
         rollout = await run(one, variation=variation)
@@ -148,7 +148,7 @@ async def perturb(
         return await counted(machine, variation)
 
     world, edited = await asyncio.gather(
-        run_under(PERTURBATIONS, of_machine),
+        run_under(perturbations_of(machine), of_machine),
         asyncio.gather(*(counted(one.machine) for one in neighbours)),
     )
     return Perturbation(world, tuple(zip(neighbours, edited, strict=True)))

@@ -121,6 +121,8 @@ class Scene:
     """Where the machine starts."""
     friction: float | None = None
     """Of the ground; None: the value of the physical constants."""
+    target: Vec3 = (0.0, 0.0, 0.0)
+    """Where sensors of the target point, m."""
 
     @property
     def moving(self) -> tuple[SceneObject, ...]:
@@ -132,7 +134,7 @@ class Scene:
         """Whether it is its own mirror image in the plane x = 0, but for names and colours."""
         objects = {_form(item, 1) for item in self.objects}
         images = {_form(item, -1) for item in self.objects}
-        return objects == images and not self.wind[0] and not self.start.yaw
+        return objects == images and not self.wind[0] and not (self.start.yaw or self.target[0])
 
     def loaded(self, share: float) -> Scene:
         """The scene with this share of their loads on all objects."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import random
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from agentflow.machine import Brief, Machine, apply_script, check, describe, describe_text
 from agentflow.machine.brief import Limits
+from agentflow.machine.controllers.model import QUANTITIES
 from agentflow.machine.controllers.numbers import numbers_of, with_number
+from agentflow.machine.controllers.reading import LAW_KINDS
 from agentflow.machine.edits.difference import edit_commands
 from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
 from agentflow.machine.problems import RefusedEdit
@@ -181,3 +184,12 @@ def test_blocks_that_go_leave_outputs_and_sensors_read_the_root() -> None:
     assert [output.blocks for output in found.controllers.outputs] == [(3,), (4,)]
     assert found.controllers.sensors["wheel"].block == 0
     assert renumber([machine[0]], controllers=machine.controllers)[0].controllers is None
+
+
+def test_the_example_of_the_documentation_is_a_machine() -> None:
+    page = Path("docs/reference/machine-language.md").read_text(encoding="utf-8")
+    section = page.partition("## Controllers")[2].partition("## ")[0]
+    example = section.partition("```json")[2].partition("```")[0]
+    assert check(Machine.from_json(example), SENSED).task_valid
+    assert {row for row in QUANTITIES if f"`{row}`" not in section} == set()
+    assert {kind for kind in LAW_KINDS if f"| `{kind}` |" not in section} == set()

@@ -24,9 +24,9 @@ from agentflow.env.simulation.trials import SHOWN_TRIAL
 from agentflow.env.simulation.variations import (
     DEFAULT,
     LITTLE,
-    PERTURBATIONS,
     Variation,
     most_variations_of,
+    perturbations_of,
     variations_of,
 )
 from agentflow.env.tasks.base import Task
@@ -115,7 +115,9 @@ class PhysicsEvaluator:
         self, found: Evaluation, machine: Machine, default: Rollout
     ) -> Evaluation:
         """Add the robust score; without it, the evaluation has no score, like a crashed one."""
-        world = await run_under(PERTURBATIONS, partial(self._simulate, machine), default)
+        world = await run_under(
+            perturbations_of(machine), partial(self._simulate, machine), default
+        )
         value = robust_score(world)
         if value is not None:
             return replace(found, value=value)

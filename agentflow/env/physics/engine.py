@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # an engine's identity needs no physics
     from agentflow.env.constants import Constants
     from agentflow.env.physics.laws.forces import Entry
     from agentflow.env.physics.model import Assembly, State
+    from agentflow.env.physics.rows import Row
     from agentflow.env.rollout import Array
     from agentflow.env.scene import Body, Scene
     from agentflow.machine.geometry.vectors import Quat, Vec3
@@ -99,6 +100,10 @@ class World(Protocol):
             level: Share of the full speed, thrust or load.
         """
 
+    def drive(self, levels: Mapping[Entry, float], sudden: bool) -> None:
+        """Set the levels of several blocks of a machine with controllers at once, which may happen
+        in every step; `sudden` if they change much."""
+
     def step(self, divisions: int = 1) -> None:
         """Advance by 1 / (rate * divisions) seconds."""
 
@@ -140,6 +145,18 @@ class World(Protocol):
 
     def origin(self, block: int) -> Vec3:
         """Building point of a block."""
+
+    def turn(self, block: int) -> Quat:
+        """By how much a block has turned since the machine was built."""
+
+    def velocity(self, block: int) -> Vec3:
+        """Velocity of the centre of a block, m/s."""
+
+    def spin(self, block: int) -> Vec3:
+        """Angular velocity of a block, rad/s."""
+
+    def part(self, part: int) -> Row:
+        """The row of the cluster that a part belongs to, in the engine's frame."""
 
     def touching(self, body: Body) -> frozenset[Body]:
         """Everything that a block or object was in contact with in the last step."""

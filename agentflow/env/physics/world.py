@@ -12,7 +12,7 @@ import numpy as np
 
 from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import Touch
-from agentflow.env.physics.frames import swap, swap_quaternion
+from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.physics.grips import Grips
 from agentflow.env.physics.laws.air import GustClock
 from agentflow.env.physics.laws.forces import Entry
@@ -21,12 +21,12 @@ from agentflow.env.physics.laws.select import Forces, Law, device_laws, wind_law
 from agentflow.env.physics.laws.tension import SpringForce, WinchForce
 from agentflow.env.physics.model import Assembly, State
 from agentflow.env.physics.readings import Readings, states_of
-from agentflow.env.physics.rows import ROTATION, Row, Rows
+from agentflow.env.physics.rows import ROTATION, SPIN, Row, Rows
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Skeleton, skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Body, Scene, SceneObject
-from agentflow.machine.geometry.vectors import Quat, Vec3, rotate_vector, subtract
+from agentflow.machine.geometry.vectors import Quat, Vec3, add, cross, rotate_vector, subtract
 
 Snapshot = tuple[Readings, Array]
 """Rows, and what reads them."""
@@ -139,6 +139,14 @@ class BaseWorld(ABC, Generic[Own]):
         else:
             self.now.motors.set()
 
+    def drive(self, levels: Mapping[Entry, float], sudden: bool) -> None:
+        if sudden:
+            self._ledger.interrupt(self.now.forces)
+        self._levels.update(levels)
+        for entry in self._grips.entries & levels.keys():
+            self._grips.switch(entry, self._levels[entry] > 0)
+        self.now.motors.set()
+
     def step(self, divisions: int = 1) -> None:
         if divisions != self._divisions:
             self._divisions, self._interval = divisions, 1.0 / (self._rate * divisions)
@@ -196,6 +204,20 @@ class BaseWorld(ABC, Generic[Own]):
 
     def origin(self, block: int) -> Vec3:
         return self.now.readings.origin(self._row(block), block)
+
+    def turn(self, block: int) -> Quat:
+        return swap_quaternion(self._row(block)[ROTATION])
+
+    def velocity(self, block: int) -> Vec3:
+        row = self._row(block)
+        arm = subtract(swap(self.centre(block)), (row[0], row[1], row[2]))
+        return swap(add((row[7], row[8], row[9]), cross((row[10], row[11], row[12]), arm)))
+
+    def spin(self, block: int) -> Vec3:
+        return swap_turn(self._row(block)[SPIN])
+
+    def part(self, part: int) -> Row:
+        return self.now.rows[self.now.layout.locations.row.item(part)]
 
     def _row(self, body: Body) -> Row:
         """The row of a block's cluster or of a moving object."""

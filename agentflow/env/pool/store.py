@@ -7,6 +7,7 @@ import os
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.physics.engines import physics_conditions
@@ -14,6 +15,7 @@ from agentflow.env.pool.base import Simulator
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.family import CommonKnobs
 from agentflow.env.tasks.registry import FAMILIES
 from agentflow.errors import UsageError
 from agentflow.files.atomic import os_errors, write_atomically, write_output
@@ -32,13 +34,21 @@ def _setting_key(task: Task, seed: int, variation: Variation = DEFAULT) -> str:
         "agentflow": __version__,
         **physics_conditions(task.engine),
         "family": f"{task.family} {FAMILIES.identity(task.family)}".strip(),
-        "parameters": task.parameters.model_dump(mode="json"),
+        "parameters": _knobs(task),
         "window": task.window,
         "schedule": asdict(task.schedule),
         "seed": seed,
         "variation": variation.key,
     }
     return digest_of(setting)
+
+
+def _knobs(task: Task) -> dict[str, Any]:
+    """The knobs of a task; those that tasks did not have from the start, unless as by default."""
+    knobs: dict[str, Any] = task.parameters.model_dump(mode="json")
+    usual = CommonKnobs().model_dump(mode="json")
+    later = ("controls", "sensing")
+    return {name: v for name, v in knobs.items() if name not in later or v != usual[name]}
 
 
 class Store:

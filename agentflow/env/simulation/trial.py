@@ -8,6 +8,10 @@ from math import inf, isfinite
 from time import perf_counter
 
 from agentflow.env.constants import Constants
+from agentflow.env.controllers.pilot import Pilot
+from agentflow.env.controllers.rate import RATE
+from agentflow.env.controllers.sensors import Senses
+from agentflow.env.controllers.telling import tell_controllers
 from agentflow.env.feedback.stalls import stalled_motors
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
@@ -80,6 +84,9 @@ class Trial:
         self._loads = Loads(
             self._assembly.joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"]
         )
+        self._every = max(1, round(rate / RATE))
+        """Steps between calls of the pilot."""
+        self._pilot = self._make_pilot(variation) if machine.controllers and power else None
         self._stepping = Stepping(physics, rate, self._world.settle_rate)
         objects = tuple(item.name for item in self._scene.moving)
         self._monitor = Monitor(self._world, self._assembly, self._loads, objects, rate)
@@ -106,6 +113,13 @@ class Trial:
         self._to_split: tuple[int, ...] = ()
         """Joints that broke in the last step."""
         self._events: list[RolloutEvent] = []
+
+    def _make_pilot(self, variation: Variation) -> Pilot:
+        pace, world = variation.times, self._world
+        senses = Senses(world, self._assembly, self._scene, self._loads, pace)
+        (noise, delay), interval = self._task.sensing, self._every / self._rate
+        sensing = noise + variation.noise, delay + round(variation.delay)
+        return Pilot(self._machine, self._assembly, senses, interval, pace, sensing)
 
     def run(self) -> Rollout:
         """Settle, run the window and score it."""
@@ -154,6 +168,8 @@ class Trial:
             while due and due[0][0] <= elapsed:
                 self._switch(*due.pop(0)[1:])
                 rest = 0
+            if self._pilot and elapsed % self._every == 0:
+                self._fly(self._pilot, elapsed / self._rate)
             status = self._step()
             if status != "ok":
                 return status
@@ -161,9 +177,22 @@ class Trial:
                 samples += 1
                 self._monitor.recorder.sample(self._elapsed / self._rate)
             rest = rest + 1 if self._resting() else 0
-            if self._over or (not due and rest >= long):
+            # what senses may wait for something, so a rollout goes on
+            if self._over or (not (due or self._pilot) and rest >= long):
                 break
         return "ok"
+
+    def _fly(self, pilot: Pilot, time: float) -> None:
+        """Let blocks follow the controllers."""
+        changes = pilot(time)
+        for block in pilot.decouplers & changes.keys():
+            self._switch(block, changes.pop(block))
+        if changes:
+            if pilot.sudden:
+                self._stepping.switch()
+                self._monitor.look_closely()
+            self._view.levels.update(changes)
+            self._world.drive(changes, pilot.sudden)
 
     def _schedule(self) -> list[tuple[int, Entry, float]]:
         """Step since t = 0, entry and level of each switch, in order; none with power off."""
@@ -188,6 +217,8 @@ class Trial:
             for i, joint in enumerate(self._assembly.joints)
             if joint.drive.starts == entry and i not in gone
         ]
+        if self._pilot:
+            self._pilot.lose(self._elapsed / self._rate, gone.union(loose))
         self._released += loose
         self._loads.release(loose)
         self._to_split = (*self._to_split, *loose)
@@ -248,6 +279,9 @@ class Trial:
             self._wrenches[joint] = self._loads.wrench(self._loads.failed[joint], joint)
             self._monitor.recorder.lose(joint, self._view.time if self._settled else -inf)
             self._monitor.look_closely()
+        if broken and self._pilot:
+            gone = {*self._released, *(joint for _, joint, _ in self._broken)}
+            self._pilot.lose(max(0.0, self._view.time), gone)
 
     @property
     def _elapsed(self) -> int:
@@ -315,7 +349,11 @@ class Trial:
             if self._power:
                 stalls = stalled_motors(self._machine, trace.even, self._switches)
                 verdict = replace(verdict, events=(*verdict.events, *stalls))
-            return trace, verdict, self._task.feedback(self._machine, trace, broken, verdict)
+            feedback = self._task.feedback(self._machine, trace, broken, verdict)
+            if self._pilot:
+                end = self._elapsed / self._rate
+                feedback = tell_controllers(feedback, self._pilot, verdict.moment, end)
+            return trace, verdict, feedback
         recorded = self._settled and status != "timeout"
         states = self._monitor.trace() if recorded else None
         seconds = self._elapsed / self._rate

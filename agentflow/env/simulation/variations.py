@@ -11,12 +11,11 @@ from dataclasses import asdict, dataclass, replace
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.engine import Engine, EngineIdentity, World
-from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Assembly, Devices, Strength
 from agentflow.env.scene import Scene
-from agentflow.env.tasks.base import Switch, Task
+from agentflow.env.tasks.base import Switch, Task, drives_blocks
 from agentflow.machine.blocks.library import library
-from agentflow.machine.controls import GROUPS, driven_blocks
+from agentflow.machine.controls import driven_blocks
 from agentflow.machine.geometry.vectors import scale
 from agentflow.machine.tree import Machine
 
@@ -44,11 +43,17 @@ class Variation:
     """Of the force of every spring, and of the greatest force of every winch."""
     times: float = 1.0
     """Of the time at which each block of the machine is switched, from t = 0."""
+    noise: float = 0.0
+    """Noise of sensors besides that of the level, as a share of what they read."""
+    delay: float = 0
+    """By how many readings they are late besides."""
 
     @property
     def varies_bodies(self) -> bool:
-        """Whether it changes the machine or the scene, not only the rate or when it is driven."""
-        return replace(self, name=DEFAULT.name, rate=1.0, times=1.0) != DEFAULT
+        """Whether it changes the machine or the scene, not only the rate, when it is driven, or
+        what it senses."""
+        usual = replace(self, name=DEFAULT.name, rate=1.0, times=1.0, noise=0.0, delay=0)
+        return usual != DEFAULT
 
     def vary_switches(self, switches: Iterable[Switch]) -> list[Switch]:
         """The switches at other times, in order; those of the scene, such as wind, stay."""
@@ -65,7 +70,7 @@ class Variation:
         """What names it in keys of stored rollouts: factors that variations did not have from the
         start are left out where they are 1, so that older rollouts are still found."""
         usual = asdict(DEFAULT)
-        later = ("motor_speed", "strength", "thrust", "pull", "times")
+        later = ("motor_speed", "strength", "thrust", "pull", "times", "noise", "delay")
         return {
             name: value
             for name, value in asdict(self).items()
@@ -111,7 +116,7 @@ def variations_of(machine: Machine, task: Task) -> tuple[Variation, ...]:
     whole rollout.
     """
     groups = set(driven_blocks(machine).values())
-    later = any(
+    later = bool(machine.controllers) or any(
         time and (isinstance(entry, int) or entry in groups)
         for time, entry, _ in task.switches(machine)
     )
@@ -153,11 +158,13 @@ PERTURBATIONS = (
     Variation("strength -10 %", strength=1 - MUCH),
 )
 """The default conditions, then those that show whether a design is robust."""
+SENSING = Variation("readings +-2 % and late", noise=LITTLE, delay=1)
+"""What a robust machine with controllers bears besides."""
 
 
-def drives_blocks(entry: Entry) -> bool:
-    """Whether an entry drives blocks of the machine: one of them, or a group."""
-    return isinstance(entry, int) or entry in GROUPS
+def perturbations_of(machine: Machine) -> tuple[Variation, ...]:
+    """The default conditions, then those that show whether this machine is robust."""
+    return (*PERTURBATIONS, SENSING) if machine.controllers else PERTURBATIONS
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from agentflow.env.scene import Body, Scene
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
 from agentflow.env.tasks.guard import guard_family
 from agentflow.machine.brief import Brief
+from agentflow.machine.controls import GROUPS
 from agentflow.machine.controls import switches as control_switches
 from agentflow.machine.geometry.vectors import Quat, Vec3
 from agentflow.machine.tree import Machine
@@ -26,6 +27,11 @@ ROUNDING = 1e-6
 
 Switch = tuple[float, Entry, float]
 """Seconds since t = 0, what is switched, and its level from then on."""
+
+
+def drives_blocks(entry: Entry) -> bool:
+    """Whether an entry drives blocks of the machine: one of them, or a group."""
+    return isinstance(entry, int) or entry in GROUPS
 
 
 class WorldView(Protocol):
@@ -120,8 +126,18 @@ class Task(ABC):
         guard_family(cls)
 
     def switches(self, machine: Machine) -> tuple[Switch, ...]:
-        """What is switched when: by the machine's own controls, else by the schedule."""
-        return control_switches(machine) if machine.controlled else self.schedule.switches()
+        """What is switched when: by the machine's own controls, else by the schedule, which also
+        switches what is no block of the machine."""
+        switches = self.schedule.switches()
+        if not machine.controlled:
+            return switches
+        scene = (item for item in switches if not drives_blocks(item[1]))
+        return tuple(sorted((*control_switches(machine), *scene), key=lambda item: item[0]))
+
+    @property
+    def sensing(self) -> tuple[float, int]:
+        """Of what sensors read: noise as a share of it, and delay in readings."""
+        return 0.0, 0
 
     @property
     @abstractmethod

@@ -9,11 +9,12 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, sin
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from agentflow.env.constants import constants
+from agentflow.env.controllers.rate import RATE
 from agentflow.env.physics.engines import engine_limits
 from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters, Schedule, Task
@@ -73,6 +74,20 @@ class BlockBudget(Parameters):
     )
 
 
+class Sensing(Parameters):
+    """How well machines with controllers sense."""
+
+    noise: float = knob(0, 0, 0.5, "", "noise of sensors, as a share of what they read")
+    delay: int = knob(0, 0, 20, "", "by how many readings, 30 in a second, sensors are late")
+
+    def sentences(self) -> tuple[str, ...]:
+        """Description for designers; () if sensors are exact."""
+        late = self.delay / RATE
+        told = [f"have noise of {100 * self.noise:g} %"] * bool(self.noise)
+        told += [f"are {late:.2g} s late"] * bool(late)
+        return (f"What sensors read {' and '.join(told)}.",) if told else ()
+
+
 class CommonKnobs(Parameters):
     """Knobs that every family has."""
 
@@ -84,6 +99,15 @@ class CommonKnobs(Parameters):
     """Wind and its gusts."""
     blocks: BlockBudget = BlockBudget()
     """How many blocks, and which of them are withheld."""
+    controls: Literal["schedule", "designed", "sensed"] = Field(
+        "schedule",
+        description="what switches blocks: the level's schedule, control programs of machines, or "
+        "these and controllers, which sense",
+        json_schema_extra={"unit": "schedule, designed or sensed"},
+    )
+    """What switches blocks."""
+    sensing: Sensing = Sensing()
+    """How well machines sense."""
 
     @property
     def control_schedule(self) -> Schedule:
@@ -156,6 +180,10 @@ def _designed_sentences(
         )
 
 
+SENSED = (
+    "The machine may also bring controllers, which read sensors and drive blocks by laws; what "
+    "follows no controller follows the controls."
+)
 _LEVELS: Mapping[int, Mapping[Group, str]] = {
     1: {
         "motors": "wheels and other motors turn at full speed",
@@ -258,7 +286,16 @@ class Family(Task):
         bring controls."""
         limits = replace(engine_limits(self.engine), blocks=self.parameters.blocks.max or None)
         window = self.window if self.schedule.designed else None
-        return replace(limits, controls=window, trials=self.schedule.trials)
+        return replace(limits, controls=window, senses=self._senses, trials=self.schedule.trials)
+
+    @property
+    def _senses(self) -> bool:
+        return self.parameters.controls == "sensed"
+
+    @property
+    def sensing(self) -> tuple[float, int]:
+        """As in `Task`."""
+        return self.parameters.sensing.noise, self.parameters.sensing.delay
 
     def describe(
         self,
@@ -278,8 +315,10 @@ class Family(Task):
             schedule: As in `Brief`; by default, when motors, springs and steering hinges start.
         """
         allowed = self.allow(blocks)
-        if schedule is None:
+        if schedule is None or self.schedule.designed:
             schedule = schedule_sentences(self.schedule, self.window, allowed)
+        if self._senses:
+            schedule = (*schedule, SENSED, *self.parameters.sensing.sentences())
         return Brief(
             name=self.name,
             objective=objective,

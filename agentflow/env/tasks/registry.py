@@ -72,16 +72,16 @@ class LevelFile(BaseModel):
     """A good score, in the family's unit."""
     note: str = ""
     """What makes the level hard, or why its numbers were chosen."""
-    controls: Literal["schedule", "designed"] = "schedule"
-    """What switches blocks: the task's schedule, or controls that machines bring with them."""
+    controls: Literal["schedule", "designed", "sensed"] = "schedule"
+    """As the knob of this name, which replaces it."""
     trials: int = Field(1, ge=1, le=10)
-    """Rollouts of a design with `controls: designed`, which may revise them in between."""
+    """Rollouts of a design with controls of its own, which may revise them in between."""
     parameters: dict[str, Any] = {}
     """Knobs that differ from the family's defaults."""
 
     @model_validator(mode="after")
     def _trials_revise_controls(self) -> LevelFile:
-        if self.trials > 1 and self.controls != "designed":
+        if self.trials > 1 and self.controls == "schedule":
             raise ValueError("trials revise controls: add controls: designed, or remove trials")
         return self
 
@@ -203,10 +203,12 @@ def make_task(
 ) -> Task:
     """Create the task of a level; see `get_task`. The engine need not be installed."""
     kind = FAMILIES[level.file.family]
-    values = deep_merge(level.file.parameters, nest_keys(overrides or {}))
+    given = {"controls": level.file.controls, **level.file.parameters}
+    values = deep_merge(given, nest_keys(overrides or {}))
     knobs = read_knobs(kind.knobs, values, level.name)
-    designed = level.file.controls == "designed"
-    schedule = replace(knobs.control_schedule, designed=designed, trials=level.file.trials)
+    designed = knobs.controls != "schedule"
+    trials = level.file.trials if designed else 1
+    schedule = replace(knobs.control_schedule, designed=designed, trials=trials)
     task = kind(level.name, level.number, knobs, knobs.window, schedule, engine)
     if knobs.blocks.without:
         _check_withheld(task, knobs.blocks.without)

@@ -115,7 +115,7 @@ def _sensor_problems(controllers: Controllers, types: Mapping[int, int]) -> Iter
             turning = [b for b, each in types.items() if library()[each].joint.kind == "revolute"]
             message = f"sensor {name}: {label} has no joint that turns; those that have: "
             yield Problem("sensor_block", (block,), message + comma_list(turning))
-        if kind == "load" and not block:
+        if kind == "load" and (not block or joint == "loose"):
             message = f"sensor {name}: {label} hangs on nothing; name the block that is attached"
             yield Problem("sensor_block", (block,), message)
 

@@ -63,6 +63,8 @@ class Motors:
         self._together = self._row.tolist() == [*range(first, first + count)]
         """Whether their rows follow one another, so that a slice of all rows is theirs."""
         self._mixed = [i for i, (_, _, drive) in enumerate(self._joints) if drive.mixed]
+        self.mixed = bool(self._mixed)
+        """Whether joints have motors that aim at different speeds."""
         self._aims = [0.0] * count
         """Speed that each motor aims at, rad/s."""
         self._changes: Array = np.zeros(count)

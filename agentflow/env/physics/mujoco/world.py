@@ -69,6 +69,11 @@ class MuJoCoWorld(BaseWorld[Model]):
         super().switch(entry, level)
         self._refresh()
 
+    def drive(self, levels: Mapping[Entry, float], sudden: bool) -> None:
+        super().drive(levels, sudden)
+        if sudden or self.now.motors.mixed:  # else only the aims of motors change
+            self._refresh()
+
     def _advance(self) -> None:
         """Apply forces, then take the second half of a step and the first half of the next one,
         after which poses and velocities are current."""

@@ -1,0 +1,207 @@
+"""Controllers in rollouts: sensors on both engines, laws, breakage, noise, what is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agentflow.env.constants import constants
+from agentflow.env.controllers.laws import Laws, spans_of
+from agentflow.env.controllers.rays import Rays
+from agentflow.env.rollout import Rollout
+from agentflow.env.scene import Scene, SceneObject
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.simulation.variations import (
+    PERTURBATIONS,
+    SENSING,
+    perturbations_of,
+)
+from agentflow.env.tasks.registry import get_task, task_names
+from agentflow.machine.controllers.model import QUANTITIES, Controllers
+from agentflow.machine.geometry.vectors import about_axis
+from tests.machine.builders import CAR
+from tests.machine.controllers import sensing_car
+
+ENGINES = ("pybullet", "mujoco")
+ALL: dict[str, Any] = {
+    "time": {"kind": "time"},
+    "height": {"kind": "height"},
+    "lean": {"kind": "tilt", "axis": "z"},
+    "heading": {"kind": "heading"},
+    "speed": {"kind": "velocity", "axis": "z"},
+    "yaw": {"kind": "spin", "axis": "y"},
+    "goal": {"kind": "target", "axis": "z"},
+    "wheel": {"kind": "angle", "block": 3},
+    "turning": {"kind": "turning", "block": 3},
+    "touch": {"kind": "contact", "block": 3},
+    "load": {"kind": "load", "block": 3},
+    "below": {"kind": "distance", "axis": "y-"},
+}
+KEEP_SPEED = {"kind": "pd", "sensor": "speed", "target": 4, "p": 0.5, "bias": 0.2}
+
+
+def drive(engine: str, sensors: dict[str, Any], laws: dict[str, Any], **options: Any) -> Rollout:
+    """The car with its wheels driven by the last of these laws."""
+    outputs = [{"group": "motors", "law": [*laws][-1]}]
+    machine = sensing_car({"sensors": sensors, "laws": laws, "outputs": outputs})
+    knobs = {"controls": "sensed", "window": 2, **options.pop("knobs", {})}
+    return simulate(machine, get_task("movement", knobs, engine), **options)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_sensors_read_what_the_trace_records(engine: str) -> None:
+    assert {sensor["kind"] for sensor in ALL.values()} == set(QUANTITIES), "no other can be sensed"
+    found = drive(engine, ALL, {"go": KEEP_SPEED}, interval=0.1)
+    again = drive(engine, ALL, {"go": KEEP_SPEED}, interval=0.1)
+    assert found.digest == again.digest, "the same bits on replay"
+    told, trace = found.feedback.data["controllers"], found.trace
+    assert trace is not None
+    even = trace.even
+    read = {name: np.array(values[:20]) for name, values in told["sensors"].items()}
+    assert told["times"][:3] == [0.0, 0.1, 0.2]
+    assert read["time"] == pytest.approx(even.times[:20], abs=1e-3)
+    assert read["height"] == pytest.approx(even.centre[:20, 0, 1], abs=1e-3)
+    assert read["below"] == pytest.approx(even.centre[:20, 0, 1], abs=1e-3)
+    assert read["goal"] == pytest.approx(-even.centre[:20, 0, 2], abs=1e-3)
+    assert read["speed"] == pytest.approx(even.velocity[:20, 0, 2], abs=1e-3)
+    assert read["yaw"] == pytest.approx(np.degrees(even.angular_velocity[:20, 0, 1]), abs=1e-2)
+    assert abs(read["lean"]).max() < 5
+    assert abs(read["heading"]).max() < 5
+    spin = np.degrees(even.angular_velocity[:20, 3] - even.angular_velocity[:20, CAR[3].parent])
+    assert abs(read["turning"]) == pytest.approx(np.linalg.norm(spin, axis=1), rel=0.05, abs=5)
+    assert read["wheel"][0] == pytest.approx(0, abs=1)
+    assert read["touch"].max() < 0.3
+    assert 0 < read["load"].max() < 1
+    assert read["speed"][-1] == pytest.approx(4, abs=1), "the law keeps the speed"
+
+
+def test_levels_change_at_once_where_a_law_jumps_and_little_by_little_under_a_rate() -> None:
+    full = drive("pybullet", {}, {"go": {"kind": "constant", "level": 1}})
+    slow = drive("pybullet", {}, {"go": {"kind": "constant", "level": 1, "rate": 0.2}})
+    programmed = simulate(CAR, get_task("movement", {"window": 2}, "pybullet"))
+    assert full.score == pytest.approx(programmed.score, rel=0.02)
+    assert slow.score is not None
+    assert full.score is not None
+    assert slow.score < 0.5 * full.score
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_sensor_that_breaks_off_keeps_its_last_reading(engine: str) -> None:
+    sensors = {"h": {"kind": "height", "block": 5}, "root": {"kind": "height"}}
+    law = {"kind": "pd", "sensor": "h", "p": 0, "bias": 1}
+    brittle = constants().changed({"strength_torque": 50.0, "strength_force": 250.0})
+    found = drive(engine, sensors, {"go": law}, physics=brittle)
+    assert found.broken[0].block == 2, "which carries block 5"
+    assert "- sensor h: block 5 broke off at 0.1" in found.feedback.text
+    assert len(set(found.feedback.data["controllers"]["sensors"]["h"][3:])) == 1
+
+
+def test_noise_and_delay_are_those_of_the_level_and_the_variation() -> None:
+    laws, sensors = {"go": KEEP_SPEED}, {"speed": ALL["speed"]}
+
+    def speeds(**options: Any) -> list[float]:
+        found = drive("pybullet", sensors, laws, **options).feedback.data["controllers"]
+        return list(found["sensors"]["speed"])
+
+    exact, late = speeds(), speeds(knobs={"sensing.delay": 6})
+    noisy = speeds(knobs={"sensing.noise": 0.1})
+    assert late[:2] == [0.0, 0.0] or abs(late[1]) < abs(exact[1])
+    assert noisy[-5:] != exact[-5:]
+    assert noisy == speeds(knobs={"sensing.noise": 0.1})
+    assert speeds(variation=SENSING) != exact
+    assert perturbations_of(sensing_car()) == (*PERTURBATIONS, SENSING)
+    assert perturbations_of(CAR) == PERTURBATIONS
+    assert not SENSING.varies_bodies
+    told = get_task("movement", {"controls": "sensed", "sensing.noise": 0.1}).brief.schedule
+    assert told[-1] == "What sensors read have noise of 10 %."
+
+
+def test_feedback_tells_readings_outputs_and_times_at_a_limit() -> None:
+    laws = {
+        "slow": KEEP_SPEED,
+        "full": {"kind": "constant", "level": 1},
+        "go": {
+            "kind": "states",
+            "states": [
+                {
+                    "name": "run",
+                    "law": "full",
+                    "leave": [{"sensor": "t", "above": 1, "to": "keep"}],
+                },
+                {"name": "keep", "law": "slow"},
+            ],
+        },
+    }
+    found = drive("pybullet", {"t": ALL["time"], "speed": ALL["speed"]}, laws).feedback
+    lines = found.text.partition("Controllers:\n")[2].splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith("- law slow (speed, target 4.00): 0.00 -> 1.00 at 0.00 s, ")
+    assert "; at its limit from " in lines[0]
+    assert "; state run from 0.00 s, keep from 1.03 s" in lines[1]
+
+
+def outputs(laws: dict[str, Any], readings: list[list[float]], kind: str = "height") -> list[float]:
+    """Outputs of the last law at 0.1 s intervals, while the only sensor reads these values."""
+    data = {"sensors": {"s": {"kind": kind}}, "laws": laws, "outputs": []}
+    model = Controllers.model_validate({**data, "outputs": [{"blocks": [1], "law": [*laws][-1]}]})
+    now = [0.0]
+    made, found = Laws(model.laws, model.sensors, now, 0.1, 1.0), []
+    for step, values in enumerate(readings):
+        now[:] = values
+        made(step * 0.1)
+        found.append(made.outputs[-1])
+    return found
+
+
+def test_laws_compute_what_they_say() -> None:
+    pd = {"kind": "pd", "sensor": "s", "target": 1, "p": 0.5, "d": 0.1, "bias": 0.1}
+    assert outputs({"l": pd}, [[0], [0.2], [5]]) == pytest.approx([0.6, 0.3, -1])
+    turned = {"kind": "pd", "sensor": "s", "target": 170, "p": 0.01}
+    assert outputs({"l": turned}, [[-170]], "heading") == pytest.approx([-0.2])
+    switch = {"kind": "switch", "sensor": "s", "over": 2, "under": 1, "on": 0.5, "off": -0.5}
+    switched = outputs({"l": switch}, [[0], [1.5], [2.1], [1.5], [0.9]])
+    assert switched == [-0.5, -0.5, 0.5, 0.5, -0.5]
+    schedule = {"kind": "schedule", "points": [[0.1, 1], [0.2, 0.3]], "rate": 5}
+    assert outputs({"l": schedule}, [[0]] * 4) == pytest.approx([0, 0.5, 0.3, 0.3])
+    terms = [{"law": "a", "weight": 2}, {"law": "b"}]
+    parts = {"a": {"kind": "constant", "level": 0.2}, "b": {"kind": "constant", "level": 0.1}}
+    assert outputs({"l": {"kind": "sum", "terms": terms}, **parts, "m": pd}, [[0]]) == [0.6]
+    assert outputs({**parts, "l": {"kind": "sum", "terms": terms}}, [[0]]) == pytest.approx([0.5])
+    assert spans_of([1.0, 2.0, 3.0], 5.0) == [(1.0, 2.0), (3.0, 5.0)]
+
+
+def test_rays_meet_the_first_surface() -> None:
+    turned = about_axis((0.0, 1.0, 0.0), np.pi / 4)
+    items = (
+        SceneObject("wall", "box", (4.0, 2.0, 1.0), (0.0, 1.0, 10.0)),
+        SceneObject("ball", "sphere", (2.0, 2.0, 2.0), (5.0, 1.0, 5.0)),
+        SceneObject("post", "box", (1.0, 2.0, 1.0), (-5.0, 1.0, 5.0), rotation=turned),
+    )
+    many = tuple(replace(items[0], name=f"w{n}", position=(90.0, 1.0, n)) for n in range(20))
+    for objects in (items, (*items, *many)):
+        rays = Rays(Scene(objects), None)  # type: ignore[arg-type]
+        assert rays.first((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)) == pytest.approx(9.5)
+        assert rays.first((0.0, 3.0, 0.0), (0.0, 0.0, 1.0)) == inf
+        assert rays.first((0.0, 1.0, 10.0), (0.0, 0.0, 1.0)) == inf, "from the inside"
+        assert rays.first((5.0, 1.0, 0.0), (0.0, 0.0, 1.0)) == pytest.approx(4.0)
+        assert rays.first((-5.0, 1.0, 0.0), (0.0, 0.0, 1.0)) == pytest.approx(5 - sqrt(0.5))
+        assert rays.first((0.0, 3.0, 0.0), (0.0, -1.0, 0.0)) == 3.0, "the ground"
+
+
+def test_every_level_can_be_sensed() -> None:
+    for name in task_names():
+        task = get_task(name, {"controls": "sensed"})
+        assert task.brief.limits.senses
+        assert task.brief.limits.controls == task.window
+        assert not get_task(name, {"controls": "schedule"}).brief.limits.senses
+
+
+def test_the_scene_goes_on_as_the_level_says() -> None:
+    task = get_task("bridge", {"controls": "sensed"})
+    scene = [entry for _, entry, _ in task.schedule.switches() if entry == "loads"]
+    assert scene
+    assert scene == [entry for _, entry, _ in task.switches(sensing_car()) if entry == "loads"]
