@@ -133,7 +133,21 @@ def _control_rules(brief: Brief, kinds: Sequence[BlockType]) -> dict[str, object
         return None
     members = {group: [kind.type for kind in kinds if kind.group == group] for group in GROUPS}
     groups = {group: types for group, types in members.items() if types}
-    return {"window": f"{window:g}", "groups": groups, "most": MAX_CONTROLS, "trials": trials}
+    rules = {"window": f"{window:g}", "groups": groups, "most": MAX_CONTROLS, "trials": trials}
+    return {**rules, **_controller_rules(brief, next(iter(groups), ""))}
+
+
+def _controller_rules(brief: Brief, group: str) -> dict[str, object]:
+    """How controllers are written, with an example for a group; `senses` is empty if machines may
+    not bring any."""
+    if not (brief.limits.senses and group):
+        return {"senses": ()}
+    from agentflow.machine.controllers.model import QUANTITIES  # needs pydantic
+    from agentflow.machine.controllers.reading import FORM, told
+
+    example = f'{{"blocks": [...], "controllers": {FORM.replace("thrusters", group)}}}'
+    kinds = [f"{kind} ({', '.join(q.axes)})" if q.axes else kind for kind, q in QUANTITIES.items()]
+    return {"example": example, "senses": [*map(told, QUANTITIES)], "kinds": kinds}
 
 
 def machine_context(

@@ -32,11 +32,15 @@ _RETRY = "_parts/retry.j2"
 _REPLY = "\n## Your reply\n"
 CONTROLS = "_controls"
 """Folder of what is added to every prompt of a task with control programs."""
+CONTROLLERS = "_controllers"
+"""Folder of what follows it where machines may also bring controllers."""
 ELSEWHERE = "_elsewhere"
 """Folder of what is added to prompts that show what was learnt elsewhere."""
 WISHES = "_wishes"
 """Folder of what is added to prompts of a task with the user's wishes or sketch."""
-_APART = frozenset({"agent", "drafter", "_questions", "_sessions", CONTROLS, ELSEWHERE, WISHES})
+_APART = frozenset(
+    {"agent", "drafter", "_questions", "_sessions", CONTROLS, CONTROLLERS, ELSEWHERE, WISHES}
+)
 """Folders that came later, whose templates must not change the digests of runs without them: a run
 records the digest of its prompts, and can be continued and replayed only with the same ones. So
 each counts only for what uses it; `agent` and `drafter` are roles like others, but younger than
@@ -172,9 +176,13 @@ class PromptSet:
     def _with_controls(self, text: str, variables: Mapping[str, object], edits: bool) -> str:
         """A prompt with the rules of control programs before what it asks for, if its task has
         such programs; `edits` adds the commands that change them."""
-        if not variables.get("controls"):
+        controls = variables.get("controls")
+        if not isinstance(controls, Mapping):
             return text
-        rules = self._render(f"{CONTROLS}/controls.j2", {**variables, "edits": edits})
+        given = {**variables, "edits": edits}
+        rules = self._render(f"{CONTROLS}/controls.j2", given)
+        if controls["senses"]:
+            rules += self._render(f"{CONTROLLERS}/controllers.j2", given)
         return _insert(text, rules)
 
     def retry(self, problem: str) -> str:

@@ -43,6 +43,12 @@ TOOLS = (
     BenchTool.of(measuring.submit),
 )
 """All tools, in the order in which clients list them."""
+WITH_CONTROLLERS = {
+    "check": ' It may also have "controllers", which sense; the brief has their form.',
+    "edit": " `Controllers JSON` or `Controllers none` writes all controllers, and `Set "
+    "laws.NAME.p NUMBER` changes one number of them by its path.",
+}
+"""What the descriptions of tools add where machines may sense."""
 TOOL_NAMES = frozenset(tool.spec.name for tool in TOOLS)
 READING = frozenset({"brief", "describe", "query", "look", "history"})
 """Tools that change nothing, and still answer once the last stage has ended."""
@@ -50,8 +56,8 @@ UNKNOWN = "unknown"
 """Name in the record of tools that do not exist, of which agents may call any number."""
 MOST_CHARACTERS = 200_000
 """Most characters of a text from an agent; a machine of 800 blocks has 50,000."""
-DEEPEST = 8
-"""Deepest nesting of arguments; a machine in coordinates as data needs 4."""
+DEEPEST = 12
+"""Deepest nesting of arguments; a machine with controllers as data needs 10."""
 RECORDED = 2000
 """Most characters of a string in the record of a call."""
 
@@ -89,7 +95,10 @@ class Bench:
     def _spec_of(self, tool: BenchTool) -> ToolSpec:
         """A tool as clients see it: where machines bring controls, also how to write them."""
         spec, controlled = tool.spec, self._workspace.host.brief.limits.controls is not None
-        return replace(spec, description=spec.description + tool.with_controls * controlled)
+        more = tool.with_controls * controlled
+        if self._workspace.host.brief.limits.senses:
+            more += WITH_CONTROLLERS.get(spec.name, "")
+        return replace(spec, description=spec.description + more)
 
     @property
     def machines(self) -> KnownMachines:

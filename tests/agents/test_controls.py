@@ -11,6 +11,7 @@ from agentflow.agents.registry import ROLES
 from agentflow.agents.replies import Representation, machine_text, read_reply
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine
+from agentflow.machine.controllers.model import QUANTITIES
 from agentflow.machine.tree import Control
 from agentflow.prompts.render import CONTROLS, PromptSet
 from tests.env.levels import designed_task
@@ -34,6 +35,27 @@ def test_every_role_is_told_about_programs_only_where_machines_bring_them(name: 
     assert told.find("## Controls") < told.find("## Your reply") or name == "agent"
     assert ("Uncontrol [number]" in told) == (name in ("refiner", "agent"))
     assert "ontrol" not in untold.replace("controls:", "")
+
+
+@pytest.mark.parametrize("prompts", ["default", "compact"])
+@pytest.mark.parametrize("name", ["designer", "refiner"])
+def test_controllers_are_told_with_an_example_only_where_a_level_accepts_them(
+    name: str, prompts: str
+) -> None:
+    role, rules = ROLES[name](), PromptSet(prompts)
+    sensed = get_task("movement", {"controls": "sensed"}).brief
+    told, untold = (
+        rules.render(name, role.variables(role.sample(brief, DRIVEN)))[1]
+        for brief in (sensed, DESIGNED)
+    )
+    lines = [line for line in told.splitlines() if '"controllers"' in line]
+    example = lines[0].replace("[...]", json.dumps(CAR.to_json()))
+    found = read_reply(example, sensed, "tree")
+    assert found.task_valid, found.problems
+    assert all(kind in told for kind in QUANTITIES)
+    assert ("Controllers [JSON on one line, or none]" in told) == (name == "refiner")
+    assert "ontrollers" not in untold
+    assert told.find("## Controls") < told.find('"controllers"') < told.find("## Your reply")
 
 
 def test_their_template_changes_no_digest_of_other_tasks() -> None:

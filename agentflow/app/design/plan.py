@@ -43,6 +43,7 @@ from agentflow.models.choices import choose_models
 from agentflow.models.local.folder import read_folder
 from agentflow.prompts.folder import PromptFolder, read_record
 from agentflow.prompts.render import (
+    CONTROLLERS,
     CONTROLS,
     ELSEWHERE,
     LATER_FUNCTIONS,
@@ -226,6 +227,7 @@ class RunPlan:
                     *([ELSEWHERE] if self.config.settings.shows_elsewhere else []),
                     *([WISHES] if self.config.settings.brief or self.sketch else []),
                     *([CONTROLS] if self.task.schedule.designed else []),
+                    *([CONTROLLERS] if self.task.brief.limits.senses else []),
                     *([LATER_FUNCTIONS] if LATER.intersection(self.task.brief.blocks) else []),
                 )
             ),

@@ -36,7 +36,7 @@ class Quantity(NamedTuple):
 _WORLD = ("x", "y", "z")
 _WAYS = ("x+", "x-", "y+", "y-", "z+", "z-")
 QUANTITIES: Mapping[str, Quantity] = {
-    "time": Quantity("s", (), "seconds since t = 0"),
+    "time": Quantity("s", (), "since t = 0"),
     "height": Quantity("m", (), "y of the block's centre"),
     "tilt": Quantity("degrees", ("x", "z"), "how far the block leans towards x+ or z+"),
     "heading": Quantity("degrees", (), "how far the block has turned from z+ towards x+"),
@@ -45,7 +45,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "target": Quantity("m", _WORLD, "from the block's centre to the target"),
     "angle": Quantity("degrees", (), "of the block's joint, 0 as built"),
     "turning": Quantity("degrees/s", (), "speed of the block's joint"),
-    "contact": Quantity("s", (), "seconds since the block last touched anything but the machine"),
+    "contact": Quantity("s", (), "since the block last touched anything but the machine"),
     "load": Quantity("", (), "load over strength of the block's connection"),
     "distance": Quantity(
         "m", _WAYS, "from the block's centre to what is ahead, along an axis that turns with it"

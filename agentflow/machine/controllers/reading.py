@@ -169,8 +169,8 @@ def _output_problems(controllers: Controllers, types: Mapping[int, int]) -> Iter
             taken.setdefault(block, number)
 
 
-def example_of(kind: str) -> str:
+def told(kind: str) -> str:
     """Unit and meaning of a kind of sensors, for designers."""
     quantity = QUANTITIES[kind]
     axis = f" ({', '.join(quantity.axes)})" if quantity.axes else ""
-    return f"{kind}{axis}: {quantity.text}" + (f", {quantity.unit}" if quantity.unit else "")
+    return f"{kind}{axis}: {quantity.text}{f', {quantity.unit}' * bool(quantity.unit)}"
