@@ -9,14 +9,16 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
+from agentflow.app.design.config import load_config
 from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.app.subjects.verify import verify_finished
-from agentflow.config.run import DesignConfig
+from agentflow.config.run import PROCEDURAL, DesignConfig
 from agentflow.env.pool.base import Simulator
-from agentflow.errors import AgentflowError, EndpointError
+from agentflow.errors import AgentflowError, EndpointError, UsageError
 from agentflow.runs import Notify, read_result
 from agentflow.runs.locations import StageName
 from agentflow.runs.reading import EVENTS
+from agentflow.runs.result import RunResult
 from agentflow.tools import Bench
 from agentflow.workflows.tools.stages import Worker
 from agentflow.workflows.tools.workflow import workflow_of
@@ -25,6 +27,42 @@ PATIENCE = 20.0
 """Seconds that a client waits for the verification of its machine; clients give up after 60."""
 Begin = Callable[[Worker], DesignRun]
 """Begins a run that a worker works at."""
+
+
+def session_config(
+    given: Sequence[str], keys: Mapping[str, object], *, stages: bool = False
+) -> DesignConfig:
+    """The configuration of runs that a client designs; without `stages`, it simulates at once and
+    submits one machine.
+
+    Raises:
+        UsageError: A setting is wrong, or names a workflow or a model.
+    """
+    ours = ["workflow=tools", f"model.name={PROCEDURAL}"]  # a model that nobody asks
+    defaults = ["vision=true", *([] if stages else ["candidates_per_stage=1"])]
+    config = load_config(None, [*ours, *defaults, *given], keys)
+    if (config.workflow, config.model.name) != ("tools", PROCEDURAL):
+        raise UsageError(
+            "here the agent designs, so there is no workflow and no model to set; remove workflow "
+            "and model.name from --set"
+        )
+    return config
+
+
+def summarise_end(result: RunResult, *, verifying: bool = False) -> str:
+    """How the run of a client ended and where it is; `verifying` if that still goes on."""
+    told = "without a valid machine"
+    if result.score is not None:
+        told = f"with a plain score of {result.score:.2f}"
+        if result.verified_score is not None:
+            told = f"with a verified score of {result.verified_score:.2f} (plain: "
+            told += f"{result.score:.2f})"
+        elif verifying:
+            told += "; it is still being verified, and any later call tells the result"
+    return (
+        f"The design is finished, {told}. It is in {quote(result.run)}; `agentflow show` and "
+        "`agentflow report` show more."
+    )
 
 
 class RunSession:
@@ -114,23 +152,10 @@ class RunSession:
     def farewell(self) -> str:
         """How the run ended and where it is."""
         assert self._run is not None
-        result = read_result(self._run.directory.path)
-        path = quote(result.run)
-        told = "without a valid machine"
-        if result.score is not None:
-            told = f"with a plain score of {result.score:.2f}"
-            if result.verified_score is not None:
-                told = f"with a verified score of {result.verified_score:.2f} (plain: "
-                told += f"{result.score:.2f})"
-            elif self._verifying:
-                told += "; it is still being verified, and any later call tells the result"
+        told = summarise_end(read_result(self.path), verifying=self._verifying)
         reading = self._bench.reading if self._bench else ()
         still = ", ".join(f"`{spec.name}`" for spec in reading)
-        return (
-            f"The design is finished, {told}. It is in {path}; `agentflow show` and `agentflow "
-            f"report` show more. These tools still answer: {still}. Connect again to start another "
-            "one."
-        )
+        return f"{told} These tools still answer: {still}. Connect again to start another one."
 
     @property
     def outcome(self) -> Mapping[str, Any]:

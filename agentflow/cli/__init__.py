@@ -32,6 +32,7 @@ MODULES = (
     "learning.evaluate",
     "learning.train",
     "mcp",
+    "bench",
     "prompts",
     "records",
     "reports",

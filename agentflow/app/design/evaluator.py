@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from math import isclose
 
 import numpy as np
 
@@ -167,19 +168,19 @@ class PhysicsEvaluator:
     async def _rollout_for(self, machine: Machine, query: object) -> Rollout | str:
         """The rollout that a query asks about, or why there is none."""
         trial, interval = wanted_trial(query), wanted_interval(query)
-        usual = constants()["sample_interval"]
-        fine = interval if interval is not None and interval < usual else None
+        samples = (interval or 0.0) / constants()["sample_interval"]
+        recorded = round(samples) > 0 and isclose(samples, round(samples))
         try:
             if trial is not None:
                 self._trial(trial)
-            return await self._look_again(machine, trial or 0, fine)
+            return await self._look_again(machine, trial or 0, None if recorded else interval)
         except UsageError as error:
             return str(error)
 
     async def _look_again(
         self, machine: Machine, trial: int = 0, interval: float | None = None
     ) -> Rollout:
-        """The rollout of an evaluated machine, one of its trials, or either with finer samples.
+        """The rollout of an evaluated machine, one of its trials, or either with other samples.
 
         What was not recorded is simulated again, which gives the same states.
         """

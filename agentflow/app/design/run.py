@@ -182,7 +182,7 @@ class DesignRun:
             options.notify(f"{path}: {note}")
         if note := level_note(path, document):
             options.notify(note)
-        if again := repetition(path, document):
+        if options.workflow is None and (again := repetition(path, document)):
             options = replace(options, workflow=again)
             options.notify(f"{document[AUTHOR]} cannot be asked again; what it did counts")
         return cls(plan, RunDirectory.resume(path), options)

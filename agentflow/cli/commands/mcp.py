@@ -63,26 +63,18 @@ def mcp(
         )
     with needs_extra("mcp"):
         from agentflow.integrations.mcp.serving import serve
-    from agentflow.app.design.config import load_config
+    from agentflow.app.sessions import session_config
     from agentflow.cli.display.live import print_remark
-    from agentflow.config.run import PROCEDURAL
     from agentflow.integrations.mcp.addresses import HttpAddress, read_token
     from agentflow.runs.locations import FEEDBACK, STAGES
 
-    ours = ["workflow=tools", f"model.name={PROCEDURAL}"]  # a model that nobody asks
-    defaults = ["vision=true", *([] if stages else ["candidates_per_stage=1"])]
     keys = {
         "task": task,
         "settings.max_simulations": rollouts,
         "settings.max_pictures": max_pictures,
         "settings.vision": False if no_vision else None,
     }
-    config = load_config(None, [*ours, *defaults, *(settings or ())], keys)
-    if (config.workflow, config.model.name) != ("tools", PROCEDURAL):
-        raise UsageError(
-            "with agentflow mcp, the agent designs, so there is no workflow and no model to set; "
-            "remove workflow and model.name from --set"
-        )
+    config = session_config(settings or (), keys, stages=stages)
     address = None if http is None else HttpAddress.parse(http)
     token = "" if token_file is None else read_token(token_file)
     order = STAGES if stages else (FEEDBACK,)

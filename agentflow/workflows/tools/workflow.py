@@ -138,12 +138,22 @@ def workflow_of(worker: Worker, author: str, stages: Sequence[StageName] = STAGE
     )
 
 
-def repetition_of(author: str, stages: Sequence[StageName]) -> Workflow:
-    """The workflow of `workflow_of`, from the record: it ends where the record ends."""
+def repetition_of(author: str, stages: Sequence[StageName], then: Worker | None = None) -> Workflow:
+    """The workflow of `workflow_of`, from the record.
+
+    Args:
+        author: Who designed, as results name it.
+        stages: The stages, in order.
+        then: Goes on in the stage that the record leaves open; without it, that ends there.
+    """
 
     async def repeat_stages(run: WorkflowContext) -> WorkflowResult:
         async def work(bench: Bench, stage: StageName) -> None:
-            bench.end(reason_of(await repeat(run, bench, stage)))
+            reason = reason_of(await repeat(run, bench, stage))
+            if then is None or bench.ended:
+                bench.end(reason)
+            else:
+                await then(bench, stage)
 
         return await work_in_stages(run, work, stages)
 

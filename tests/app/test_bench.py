@@ -1,0 +1,98 @@
+"""`agentflow bench`: one run designed by many commands, each in a process of its own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agentflow.app.bench import KEPT, call, read_arguments
+from agentflow.cli import main
+from agentflow.cli.commands.bench import TOOLS
+from agentflow.errors import UsageError
+from agentflow.runs import read_events, read_result, state_of
+from agentflow.runs.writing import RunDirectory
+from agentflow.tools.bench import TOOL_NAMES
+
+CAR = str(Path(__file__).parents[2] / "examples" / "car.json")
+QUERY = '[{"id": 0, "duration": [0, 1], "properties": ["position"]}]'
+
+
+def test_every_tool_has_a_command() -> None:
+    assert set(TOOLS) == TOOL_NAMES
+
+
+def test_arguments_are_text_or_json_as_the_tool_takes_them(tmp_path: Path) -> None:
+    script = tmp_path / "edits.txt"
+    script.write_text("Remove 6\nRemove 5\n")
+    for tool, words, wanted in (
+        ("simulate", ["12345678", "trial=2"], {"machine": "12345678", "trial": 2}),
+        ("simulate", ['["a", "b"]'], {"machine": ["a", "b"]}),
+        ("edit", ["a", f"@{script}"], {"machine": "a", "script": "Remove 6\nRemove 5\n"}),
+        ("check", ["[]", "note=x=1"], {"machine": "[]", "note": "x=1"}),
+        ("look", ["a", "follow=boulder"], {"machine": "a", "follow": "boulder"}),
+        ("query", ["interval=0.5", "a", QUERY], {"interval": 0.5, "machine": "a"}),
+    ):
+        assert wanted.items() <= read_arguments(tool, words).items()
+
+
+@pytest.mark.parametrize(
+    ("tool", "words", "problem"),
+    [
+        ("history", ["a"], "history takes no arguments; 'a' is none of these"),
+        ("verify", ["a", "b"], "verify takes machine; 'b' is none of these"),
+        ("check", ["@missing.json"], "cannot read missing.json"),
+    ],
+)
+def test_words_that_fit_nowhere_are_refused(tool: str, words: list[str], problem: str) -> None:
+    with pytest.raises(UsageError, match=problem):
+        read_arguments(tool, words)
+
+
+@pytest.mark.slow
+def test_a_car_by_commands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def bench(*words: str, status: int = 0) -> Any:
+        assert main(["bench", *words, "--json"]) == status
+        return json.loads(capsys.readouterr().out)
+
+    def refusal(*words: str) -> str:
+        assert main(["bench", *words]) == 2
+        return capsys.readouterr().err
+
+    assert "runs has no unfinished run; begin one with: agentflow bench start" in refusal("history")
+    run = Path(bench("start", "--task", "movement", "--rollouts", "12")["run"])
+    name = bench("check", f"@{CAR}")["machine"]
+    score = bench("simulate", name)["score"]
+    (answer,) = bench("query", name, QUERY, "interval=0.25")["answers"]
+    assert answer["times"] == pytest.approx([0, 0.25, 0.5, 0.75, 1], abs=0.01)
+    assert Path(bench("look", name, "time=1")["picture"]).read_bytes().startswith(b"\x89PNG")
+    refused = bench("edit", name, "Remove 99", status=1)
+    assert "unchanged" in refused["refused"]
+    changed = bench("edit", name, "Remove 6")["machine"]
+    assert len(bench("history")["machines"]) == 2
+    directory = RunDirectory.resume(run)
+    assert "is in use" in refusal("simulate", changed)
+    directory.close()
+    assert (run / KEPT).exists()
+    end = bench("submit", name)
+    assert "The design is finished, with a verified score of" in end["end"]
+    assert read_result(run).score == score > 40
+    assert (state_of(run), (run / KEPT).exists()) == ("done", False)
+    tools = [event.data["tool"] for event in read_events(run) if event.kind == "tool"]
+    assert tools == [
+        "brief", "check", "simulate", "query", "look", "edit", "edit", "history", "submit"
+    ]  # fmt: skip
+    assert main(["replay", str(run)]) == 0
+    assert "The design is finished" in refusal("history", "--run", str(run))
+    first = bench("start", "--task", "movement", "--name", "a")["run"]
+    bench("start", "--task", "movement", "--name", "b")
+    assert "name one with --run: runs/a, runs/b" in refusal("history")
+    assert bench("history", "--run", first)["run"] == first
+    with pytest.raises(UsageError, match="is no run of `agentflow bench start`"):
+        call(Path(__file__).parents[2] / "runs" / "recorded-throwing", "brief", {}, print)
