@@ -14,7 +14,7 @@ from mcp.server.runner import serve_loop
 from mcp.server.stdio import stdio_server
 
 from agentflow.app.design.plan import RunPlan
-from agentflow.app.sessions import ClientRuns
+from agentflow.app.sessions.clients import ClientRuns
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.integrations.mcp.addresses import HttpAddress

@@ -7,7 +7,7 @@ from contextlib import AsyncExitStack
 from typing import Any
 
 from agentflow.app.design.config import load_config
-from agentflow.app.sessions import ClientRuns, RunSession
+from agentflow.app.sessions.clients import ClientRuns, RunSession
 from agentflow.config.run import PROCEDURAL
 from agentflow.machine import Machine
 from agentflow.runs import read_result

@@ -63,7 +63,7 @@ def mcp(
         )
     with needs_extra("mcp"):
         from agentflow.integrations.mcp.serving import serve
-    from agentflow.app.sessions import session_config
+    from agentflow.app.sessions.clients import session_config
     from agentflow.cli.display.live import print_remark
     from agentflow.integrations.mcp.addresses import HttpAddress, read_token
     from agentflow.runs.locations import FEEDBACK, STAGES

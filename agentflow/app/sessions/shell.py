@@ -14,7 +14,7 @@ from typing import Any
 
 from agentflow.app.design.plan import AUTHOR
 from agentflow.app.design.run import DesignRun, RunOptions
-from agentflow.app.sessions import summarise_end
+from agentflow.app.sessions.clients import summarise_end
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.pool.store import Store
@@ -59,10 +59,10 @@ def call(path: Path, tool: str, arguments: Mapping[str, Any], notify: Notify) ->
     """Call a tool in an unfinished run.
 
     Raises:
-        RunError: It is no run of a bench at the shell, is finished, or another command works there.
+        RunError: It was not begun by `start`, is finished, or another command works there.
     """
     if read_document(path).get(AUTHOR) != WORKER:
-        raise RunError(f"{path} is no run of `agentflow bench start`; begin one with that")
+        raise RunError(f"{path} was not begun with `agentflow bench start`; begin one with that")
     if state_of(path) == "done":
         raise RunError(summarise_end(read_result(path)))
     asked = _Call(tool, arguments)

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from agentflow.app.bench import KEPT, call, read_arguments
+from agentflow.app.sessions.shell import KEPT, call, read_arguments
 from agentflow.cli import main
-from agentflow.cli.commands.bench import TOOLS
+from agentflow.cli.commands.agents.bench import TOOLS
 from agentflow.errors import UsageError
 from agentflow.runs import read_events, read_result, state_of
 from agentflow.runs.writing import RunDirectory
@@ -94,5 +94,5 @@ def test_a_car_by_commands(
     bench("start", "--task", "movement", "--name", "b")
     assert "name one with --run: runs/a, runs/b" in refusal("history")
     assert bench("history", "--run", first)["run"] == first
-    with pytest.raises(UsageError, match="is no run of `agentflow bench start`"):
+    with pytest.raises(UsageError, match="was not begun with `agentflow bench start`"):
         call(Path(__file__).parents[2] / "runs" / "recorded-throwing", "brief", {}, print)

@@ -12,7 +12,7 @@ from agentflow.cli import options
 from agentflow.cli.root import print_json, subcommands
 
 if TYPE_CHECKING:
-    from agentflow.app.bench import Answer
+    from agentflow.app.sessions.shell import Answer
 
 bench = subcommands(
     "bench",
@@ -69,8 +69,8 @@ def start(
     as_json: options.Json = False,
 ) -> None:
     """Begin a run and show its task. The other commands go on with it until `submit`."""
-    from agentflow.app.bench import start as begin
-    from agentflow.app.sessions import session_config
+    from agentflow.app.sessions.clients import session_config
+    from agentflow.app.sessions.shell import start as begin
     from agentflow.cli.display.live import print_remark
 
     keys = {"task": task, "settings.max_simulations": rollouts}
@@ -81,7 +81,7 @@ def start(
 def _call(
     tool: str, words: list[str] | None, run: Path | None, picture: Path | None, as_json: bool
 ) -> None:
-    from agentflow.app.bench import call, find_run, read_arguments
+    from agentflow.app.sessions.shell import call, find_run, read_arguments
     from agentflow.cli.display.live import print_remark
 
     arguments = read_arguments(tool, words or ())

@@ -1,0 +1,1 @@
+"""Runs that somebody else designs: an agent over MCP, or with commands."""

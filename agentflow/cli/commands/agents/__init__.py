@@ -1,0 +1,1 @@
+"""Commands for agents and people who design with tools."""
