@@ -19,6 +19,7 @@ from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.pool.store import Store
 from agentflow.errors import RunError, UsageError
+from agentflow.files.atomic import write_output
 from agentflow.machine.formats.source import read_text
 from agentflow.runs import Notify, read_document, read_result, state_of
 from agentflow.runs.locations import FEEDBACK, StageName
@@ -67,6 +68,19 @@ def call(path: Path, tool: str, arguments: Mapping[str, Any], notify: Notify) ->
         raise RunError(summarise_end(read_result(path)))
     asked = _Call(tool, arguments)
     return _carry_out(DesignRun.reopen(path, _options(asked, notify)), asked)
+
+
+def save_picture(answer: Answer, path: Path | None) -> Path:
+    """Write the picture of an answer to a file, by default look.png in the run; the file.
+
+    Raises:
+        UsageError: It cannot be written.
+    """
+    assert answer.result.image is not None
+    path = path or answer.run / "look.png"
+    with write_output(path) as part:
+        part.write_bytes(answer.result.image)
+    return path
 
 
 def find_run(out: Path) -> Path:

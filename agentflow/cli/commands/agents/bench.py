@@ -109,17 +109,14 @@ for _tool, _about in TOOLS.items():
 
 
 def _show(answer: Answer, as_json: bool, picture: Path | None) -> None:
+    from agentflow.app.sessions.shell import save_picture
     from agentflow.cli.display.text import escape_controls
-    from agentflow.files.atomic import write_output
 
     data, told = dict(answer.result.data), [answer.result.text]
     data["run"] = str(answer.run)
     if answer.result.image is not None:
-        path = picture or answer.run / "look.png"
-        with write_output(path) as part:
-            part.write_bytes(answer.result.image)
-        data["picture"] = str(path)
-        told.append(f"The picture is in {path}.")
+        data["picture"] = str(save_picture(answer, picture))
+        told.append(f"The picture is in {data['picture']}.")
     if answer.end:
         data["end"] = answer.end
         told.append(answer.end)
