@@ -14,7 +14,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.measurements import Contact, Energy, Hit, Measured, Peak
+from agentflow.env.measurements import Contact, Energy, Hit, Measured, Peak, Pull
 from agentflow.env.rollout import Broken, Feedback, Marginal, Rollout, RolloutEvent, Trace
 from agentflow.errors import UsageError
 
@@ -127,7 +127,9 @@ def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
     if states is not None:
         named = result.pop("trace")
         names = states.dtype.names or ()
-        older = {} if "regular" in names else {"regular": np.ones(len(states), dtype=bool)}
+        unknown = np.full((len(states), len(named["linear"])), np.nan)
+        since = {"regular": np.ones(len(states), dtype=bool), "pull": unknown, "work": unknown}
+        older = {name: value for name, value in since.items() if name not in names}
         trace = Trace(
             **{FIELDS.get(name, name): np.ascontiguousarray(states[name]) for name in names},
             linear=tuple(named["linear"]),
@@ -156,6 +158,8 @@ def _measured(found: dict[str, Any]) -> Measured:
         ),
         tuple(Peak(**_vectors(item)) for item in found.get("peaks", ())),
         None if energy is None else Energy(**energy),
+        tuple(Peak(**_vectors(item)) for item in found.get("recoil", ())),
+        tuple(Pull(**item) for item in found.get("pulls", ())),
     )
 
 

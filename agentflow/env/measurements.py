@@ -83,6 +83,19 @@ class Energy:
 
 
 @dataclass(frozen=True)
+class Pull:
+    """What a spring or winch did until the time of `Energy`, over every step."""
+
+    block: int
+    work: float
+    """Since t = 0, J."""
+    force: float
+    """Its greatest pull, N."""
+    time: float
+    """When that was, s."""
+
+
+@dataclass(frozen=True)
 class Measured:
     """All that was measured in one rollout."""
 
@@ -91,3 +104,7 @@ class Measured:
     peaks: tuple[Peak, ...] = ()
     """Up to and after the decisive moment, each with the greatest load first."""
     energy: Energy | None = None
+    recoil: tuple[Peak, ...] = ()
+    """Those within `logs.RECOIL` after the decisive moment."""
+    pulls: tuple[Pull, ...] = ()
+    """In order of block."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from agentflow.env.feedback.release import PULLING
 from agentflow.env.feedback.text import body_name
 from agentflow.env.joints import joint_angle, joint_speed, turns
 from agentflow.env.rollout import Array, Trace
@@ -52,9 +53,12 @@ def _turned(machine: Machine, trace: Trace, body: Body) -> Array:
     return turned
 
 
-def _length(_machine: Machine, trace: Trace, body: Body) -> Array:
-    assert isinstance(body, int)
-    return trace.length[:, trace.linear.index(body)][:, None]
+def _linear(name: str) -> Callable[[Machine, Trace, Body], Array]:
+    def read(_machine: Machine, trace: Trace, body: Body) -> Array:
+        assert isinstance(body, int)
+        return np.asarray(getattr(trace, name)[:, trace.linear.index(body)][:, None])
+
+    return read
 
 
 def _load(_machine: Machine, trace: Trace, body: Body) -> Array:
@@ -96,6 +100,12 @@ def _no_length(machine: Machine, body: Body) -> str:
     return f"{body_name(machine, body)} has no length; only two-ended blocks have one"
 
 
+def _no_pull(machine: Machine, body: Body) -> str:
+    if isinstance(body, int) and library()[machine[body].type].connector in PULLING:
+        return ""
+    return f"{body_name(machine, body)} does not pull; only springs and winches do"
+
+
 def _no_joint(machine: Machine, body: Body) -> str:
     if isinstance(body, int) and turns(machine, body):
         return ""
@@ -133,9 +143,11 @@ PROPERTIES: Mapping[str, Property] = {
         _state("angular_velocity"),
         _no_object("angular velocity"),
     ),
-    "length": Property(_said("length m"), _length, _no_length),
+    "length": Property(_said("length m"), _linear("length"), _no_length),
     "joint_angle": Property(_angle_heading, _angle, _no_joint),
     "joint_speed": Property(_said("speed of its joint (rad/s)"), _speed, _no_joint),
+    "pull": Property(_said("pull N"), _linear("pull"), _no_pull),
+    "work": Property(_said("work since t = 0 J"), _linear("work"), _no_pull),
     "load": Property(_load_heading, _load, _no_load, peak=True),
 }
 """By name. Position and velocity are those of the centre."""

@@ -47,6 +47,11 @@ class Trace:
     """(T, L) distance between the ends of two-ended blocks, m; column i belongs to linear[i]."""
     linear: tuple[int, ...]
     """Ids of the two-ended blocks."""
+    pull: Array
+    """(T, L) pull of springs and winches, N; nan for others, and in records from before this was
+    recorded. The digest covers neither this nor `work`."""
+    work: Array
+    """(T, L) their work since t = 0, J; nan as in `pull`."""
     utilisation: Array
     """(T, E) greatest load over strength of each connection since the sample before; it breaks at
     1.0, nan from then on."""

@@ -36,6 +36,8 @@ class Query(BaseModel):
                 "length",
                 "joint_angle",
                 "joint_speed",
+                "pull",
+                "work",
                 "load",
             ]
         ],
@@ -147,7 +149,8 @@ async def query(
         machine: Name of the machine.
         queries: Each names a block id or a moving object of the scene, an interval [from, to] in
             seconds since t = 0, and properties. Rotations are in degrees; `joint_angle` and
-            `joint_speed` are those against the parent; `load` is that of its own connections.
+            `joint_speed` are those against the parent; `pull` (N) and `work` (J since t = 0) are
+            those of springs and winches; `load` is that of its own connections.
         interval: Seconds between rows, down to a simulation step (0.0083); by default 0.2, and
             0.02 around events.
         trial: In tasks with trials, number of the trial; by default as for `simulate`.

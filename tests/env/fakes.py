@@ -95,6 +95,8 @@ def make_trace(
         "alive": np.ones((samples, blocks), dtype=bool),
         "length": np.zeros((samples, 0)),
         "linear": (),
+        "pull": np.zeros((samples, 0)),
+        "work": np.zeros((samples, 0)),
         "utilisation": np.zeros((samples, 0)),
         "connections": (),
         "object_position": np.zeros((samples, objects, 3)),

@@ -25,7 +25,7 @@ from agentflow.env.physics.model import Assembly, Devices, Drive, Joint, Part
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Moment, Rollout, Trace
 from agentflow.env.scene import Scene
-from agentflow.env.simulation.logs import energy_until
+from agentflow.env.simulation.logs import RECOIL, energy_until
 from agentflow.env.simulation.recorder import MOST_FINE
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
@@ -156,11 +156,12 @@ def test_saved_rollouts_come_back_and_old_ones_stay_readable(tmp_path: Path) -> 
     result["broken"] = [
         {"block": 1, "type": 2, "partner": 0, "time": 1.0, "load": 1.2},
     ]
-    names = [name for name in states.dtype.names if name != "regular"]
+    names = [name for name in states.dtype.names if name not in ("regular", "pull", "work")]
     np.savez(tmp_path / "b.npz", result=np.array(json.dumps(result).encode()), states=states[names])
     old = load_npz(tmp_path / "b.npz")
     assert trace_of(old).regular.all()
     assert trace_of(old).measured.contacts == ()
+    assert trace_of(old).pull.shape == trace_of(old).length.shape
     assert old.broken[0].force == (0.0, 0.0, 0.0)
 
 
@@ -233,6 +234,29 @@ def test_the_work_of_a_spring_is_what_it_sets_in_motion() -> None:
     assert energy.springs > 20.0
     assert energy.thrown > energy.machine > 0.0
     assert abs(energy.lost) < TOLERANCE * energy.springs
+
+
+def test_each_spring_has_work_and_greatest_pull_and_loads_just_after_a_release_are_kept() -> None:
+    machine, rollout = thrown()
+    trace = trace_of(rollout)
+    pulls, energy, moment = (
+        trace.measured.pulls,
+        trace.measured.energy,
+        rollout.feedback.data["moment"],
+    )
+    assert energy is not None
+    assert {pull.block for pull in pulls} == set(trace.linear)
+    assert sum(pull.work for pull in pulls) == pytest.approx(energy.springs)
+    assert rollout.feedback.data["pulls"] == [vars(pull) for pull in pulls]
+    block, row = trace.linear[0], int(np.abs(trace.times - energy.time).argmin())
+    assert trace.work[row, 0] == pytest.approx(pulls[0].work)
+    assert 0.0 < np.max(trace.pull[: row + 1, 0]) <= pulls[0].force <= 600.0 * 1.1
+    asked = {"id": block, "duration": [0, energy.time], "properties": ["pull", "work"]}
+    (answer,) = answer_queries(machine, rollout, [asked]).data
+    assert answer["work"][-1] == pytest.approx(pulls[0].work)
+    recoil = rollout.feedback.data["recoil"]
+    assert recoil
+    assert all(moment["time"] < peak["time"] <= moment["time"] + RECOIL for peak in recoil)
 
 
 def test_the_work_of_a_motor_is_what_it_sets_in_motion() -> None:

@@ -126,12 +126,14 @@ def test_tables_stay_on_the_grid_of_a_fifth_of_a_second(interval: float) -> None
         ({"id": 1, "duration": [6, 9], "properties": ["position"]}, "no sample lies between 6 and "
          "9 s; samples go from 0 to 5 s, one every 0.2 s"),
         ({"id": 1, "duration": [0, 1], "properties": []}, '"properties" must list some of '
-         "position, rotation, velocity, angular_velocity, length, joint_angle, joint_speed, load"),
+         "position, rotation, velocity, angular_velocity, length, joint_angle, joint_speed, "
+         "pull, work, load"),
         ({"id": 1, "duration": [0, 1], "properties": ["mass"]}, "unknown property 'mass'; known: "
-         "position, rotation, velocity, angular_velocity, length, joint_angle, joint_speed, load"),
+         "position, rotation, velocity, angular_velocity, length, joint_angle, joint_speed, "
+         "pull, work, load"),
         ({"id": 1, "duration": [0, 1], "properties": [["mass"]]}, "unknown property ['mass']; "
          "known: position, rotation, velocity, angular_velocity, length, joint_angle, joint_speed, "
-         "load"),
+         "pull, work, load"),
         ({"id": 1, "duration": [0, 1], "properties": ["length"]}, "block 1 (Wooden Block) has no "
          "length; only two-ended blocks have one"),
     ],

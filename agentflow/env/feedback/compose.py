@@ -103,6 +103,8 @@ def compose(
         "series": [dict(vars(path)) for path in paths],
         "energy": None if measured.energy is None else dict(vars(measured.energy)),
         "peaks": [dict(vars(peak)) for peak in measured.peaks],
+        "recoil": [dict(vars(peak)) for peak in measured.recoil],
+        "pulls": [dict(vars(pull)) for pull in measured.pulls],
         "contacts": [dict(vars(contact)) for contact in contacts],
     }
     return Feedback("\n".join(text), {**shared, **data})

@@ -137,6 +137,10 @@ class World(Protocol):
         first step.
         """
 
+    def pulls(self) -> Mapping[int, tuple[Array, Array]]:
+        """Spring or winch -> (S + 1,) its pull in each step, N, and its work from when the world
+        was built until the end of each step, J. Row 0 is before the first step."""
+
     def centre(self, body: Body) -> Vec3:
         """Centre of a block or an object."""
 

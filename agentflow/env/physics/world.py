@@ -238,10 +238,19 @@ class BaseWorld(ABC, Generic[Own]):
         works = np.zeros((len(steps) + 1, 3))
         works[1:, :2] = steps.cumsum(axis=0)
         rows = self.now.rows.all
-        works[:, 0] += self._springs.works(rows)
-        works[:, 1] += self._winches.works(rows)
+        for column, lines in enumerate((self._springs, self._winches)):
+            if lines:
+                works[:, column] += lines.works(rows).sum(axis=1)
         works[:, 1:] += self._ledger.works(self.now.forces).T
         return works
+
+    def pulls(self) -> Mapping[int, tuple[Array, Array]]:
+        parts, rows = self._assembly.parts, self.now.rows.all
+        found: dict[int, tuple[Array, Array]] = {}
+        for lines in (self._springs, self._winches):
+            both = zip(lines.pulls.T, lines.works(rows).T, strict=True) if lines else ()
+            found |= {parts[a].block: pair for (a, _), pair in zip(lines.parts, both, strict=True)}
+        return found
 
     def energies(self, snapshot: Any) -> Array:
         readings, rows = snapshot

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agentflow.env.measurements import Contact, Energy, Hit, Peak
 from agentflow.env.physics.engine import Touch
@@ -21,6 +23,8 @@ BLOCK = 256
 """Steps whose loads are stored together: copying into an array is faster than making one."""
 MOST_PEAKS = 5
 """Most peaks kept before, and after, the decisive moment."""
+RECOIL = 0.2
+"""Time after the decisive moment in which loads are those just after it, s."""
 LONGEST = 0.1
 """Longest time over which the impulse of a hit is summed, s: bodies that rest on each other press
 for ever."""
@@ -45,9 +49,13 @@ class LoadHistory:
         self._block[at] = self._loads.level
         self._times.append(time)
 
-    def steps_until(self, time: float) -> int:
-        """Steps from the first one that was kept, which is t = 0, to a time, s."""
-        return int(np.searchsorted(np.array(self._times), time + 1e-9, side="right")) - 1
+    def steps_until(self, times: Array | Sequence[float]) -> NDArray[np.intp]:
+        """Steps from the first one that was kept, which is t = 0, to each of some times, s."""
+        return np.searchsorted(np.array(self._times), np.array(times) + 1e-9, side="right") - 1
+
+    def times_until(self, time: float) -> list[float]:
+        """The times of these steps, s, the first of which is 0."""
+        return self._times[: bisect(self._times, time + 1e-9)]
 
     @cached_property
     def shares(self) -> Array:
@@ -69,16 +77,24 @@ class LoadHistory:
 
         A connection that broke has the load under which it broke.
         """
-        times = np.array(self._times)
-        split = len(times) if moment is None else int(np.searchsorted(times, moment, side="right"))
-        found: list[Peak] = []
-        for first, last in ((0, split), (split, len(times))):
-            if first < last:
-                part = self._greatest_between(first, last)
-                low, high = times[first] - 1e-9, times[last - 1] + 1e-9
-                part += [_as_it_broke(b, first > 0) for b in broken if low <= b.time <= high]
-                found += _highest(part)
-        return tuple(found)
+        split = len(self._times) if moment is None else bisect(self._times, moment)
+        last = len(self._times)
+        return (*self._highest(0, split, broken), *self._highest(split, last, broken))
+
+    def recoil(self, moment: float | None, broken: tuple[Broken, ...]) -> tuple[Peak, ...]:
+        """The greatest loads just after a moment, s, as in `peaks`; none without a moment."""
+        if moment is None:
+            return ()
+        first, last = (bisect(self._times, moment + later) for later in (0.0, RECOIL))
+        return tuple(self._highest(first, last, broken))
+
+    def _highest(self, first: int, last: int, broken: tuple[Broken, ...]) -> list[Peak]:
+        if first >= last:
+            return []
+        part = self._greatest_between(first, last)
+        low, high = self._times[first] - 1e-9, self._times[last - 1] + 1e-9
+        part += [_as_it_broke(b, first > 0) for b in broken if low <= b.time <= high]
+        return _highest(part)
 
     def _greatest_between(self, first: int, last: int) -> list[Peak]:
         rows = first + self.shares[first:last].argmax(axis=0)

@@ -6,13 +6,14 @@ are skipped until speeds or loads jump, something breaks, touches or is switched
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf
 
-from agentflow.env.measurements import Energy, Measured
+from agentflow.env.measurements import Energy, Measured, Pull
 from agentflow.env.physics.engine import World
 from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
-from agentflow.env.rollout import Broken, Moment, Trace
+from agentflow.env.rollout import Array, Broken, Moment, Trace
 from agentflow.env.simulation.logs import ContactLog, LoadHistory, energy_until
 from agentflow.env.simulation.recorder import FineInterval, Recorder, thin_out
 
@@ -112,7 +113,7 @@ class Monitor:
 
     def trace(self) -> Trace:
         """The trace with all fine samples."""
-        return self.recorder.trace(self._history.greatest)
+        return self.recorder.trace(self._history.greatest, self._pulls(self.recorder.times))
 
     def thin_out(self, trace: Trace, moment: Moment | None, broken: tuple[Broken, ...]) -> Trace:
         """The trace with fine samples around events only.
@@ -132,14 +133,33 @@ class Monitor:
         """What was measured, before and after the decisive moment; the last call of all."""
         time = None if moment is None else moment.time
         peaks = self._history.peaks(time, broken)
-        return Measured(self._contacts.contacts(), peaks, self._energy(moment))
+        recoil, energy = self._history.recoil(time, broken), self._energy(moment)
+        return Measured(self._contacts.contacts(), peaks, energy, recoil, self._pulled(energy.time))
+
+    def _pulls(self, times: Sequence[float]) -> dict[int, tuple[Array, Array]]:
+        """Pull of springs and winches at some times, N, and their work from t = 0, J."""
+        found, steps = {}, self._history.steps_until([inf, *times])
+        for block, (pull, work) in self._world.pulls().items():
+            start = len(work) - 1 - steps[0]
+            rows = start + steps[1:]
+            found[block] = pull[rows], work[rows] - work[start]
+        return found
+
+    def _pulled(self, until: float) -> tuple[Pull, ...]:
+        """What springs and winches did until a time, s."""
+        times = self._history.times_until(until)
+        return tuple(
+            Pull(block, float(work[-1]), float(pull.max()), times[int(pull.argmax())])
+            for block, (pull, work) in self._pulls(times).items()
+        )
 
     def _energy(self, moment: Moment | None) -> Energy:
         _, start = self.recorder.snapshot_near(0.0)
         time, then = self.recorder.snapshot_near(inf if moment is None else moment.time)
         thrown = None if moment is None else moment.body
         works, history = self._world.works(), self._history
-        first = len(works) - 1 - history.steps_until(inf)
-        done = works[first + history.steps_until(time)] - works[first]
+        steps, until = history.steps_until([inf, time])
+        first = len(works) - 1 - steps
+        done = works[first + until] - works[first]
         energies = self._world.energies(start), self._world.energies(then)
         return energy_until(time, done, energies, thrown, self.recorder.objects)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,6 +13,8 @@ from agentflow.env.physics.engine import World
 from agentflow.env.physics.model import Assembly
 from agentflow.env.rollout import Array, Broken, Flags, Trace
 
+LATER = ("pull", "work")
+"""Fields of a trace that digests leave out: recorded runs hold digests from before they came."""
 MOST_FINE = 26
 """Most fine samples of a rollout, as many as a window of 5 s has regular ones."""
 
@@ -43,7 +45,7 @@ class Recorder:
         )
         self._connections = connections
         self.objects = objects
-        self._times: list[float] = []
+        self.times: list[float] = []
         self._regular: list[bool] = []
         self._snapshots: list[object] = []
         self._lost: dict[int, float] = {}
@@ -55,31 +57,41 @@ class Recorder:
 
     def sample(self, time: float, regular: bool = True) -> None:
         """Take a sample: a regular one, or a fine one, of which only those near events are kept."""
-        if self._times and self._times[-1] == time:
+        if self.times and self.times[-1] == time:
             self._regular[-1] |= regular
             return
-        self._times.append(time)
+        self.times.append(time)
         self._regular.append(regular)
         self._snapshots.append(self._world.snapshot())
 
     def snapshot_near(self, time: float) -> tuple[float, object]:
         """Time and snapshot of the sample closest to a time, s."""
-        last = self._times[-1]
-        index = int(np.abs(np.array(self._times) - min(time, last)).argmin())
-        return self._times[index], self._snapshots[index]
+        last = self.times[-1]
+        index = int(np.abs(np.array(self.times) - min(time, last)).argmin())
+        return self.times[index], self._snapshots[index]
 
-    def trace(self, loads: Callable[[Array], Array]) -> Trace:
+    def trace(
+        self, loads: Callable[[Array], Array], pulls: Mapping[int, tuple[Array, Array]]
+    ) -> Trace:
         """The trace of all samples.
 
         Args:
             loads: Gives the greatest loads, (T, E), since the time before, of (T,) times.
+            pulls: Pull and work of blocks in each sample.
         """
-        times = np.array(self._times)
+        times = np.array(self.times)
         states = self._world.states(self._snapshots)
+        linear = tuple(block for block, _, _ in self._assembly.spans)
+        pull, work = np.full((2, len(times), len(linear)), np.nan)
+        for column, block in enumerate(linear):
+            if block in pulls:
+                pull[:, column], work[:, column] = pulls[block]
         return Trace(
             times=times,
             alive=self._alive(times),
-            linear=tuple(block for block, _, _ in self._assembly.spans),
+            linear=linear,
+            pull=pull,
+            work=work,
             utilisation=self._utilisation(times, loads(times)),
             connections=self._pairs,
             objects=self.objects,
@@ -123,8 +135,8 @@ def thin_out(trace: Trace, events: Sequence[FineInterval]) -> Trace:
 def digest(trace: Trace, broken: Sequence[Broken]) -> str:
     """Hash of every recorded state and breakage: equal only for bitwise equal rollouts."""
     content = hashlib.sha256()
-    for value in vars(trace).values():
-        if isinstance(value, np.ndarray):
+    for name, value in vars(trace).items():
+        if isinstance(value, np.ndarray) and name not in LATER:
             content.update(np.ascontiguousarray(value).tobytes())
     content.update(repr(tuple(broken)).encode())
     return content.hexdigest()[:32]

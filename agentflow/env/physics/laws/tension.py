@@ -78,32 +78,44 @@ class PullForce(ABC):
     ) -> None:
         """Start with no pull; `ends` are the parts of each line, `levels` are read in every
         step."""
-        self._parts, self._levels = ends, levels
+        self.parts, self._levels = ends, levels
         self.step = step
         """Time between calls, s."""
         self._ends: list[tuple[RowPoint, RowPoint]] = []
         self._pulled = [(0.0, 0.0)] * len(ends)
         """Of each line in the last step: pull times half the length of the step, N s, and the rate
         at which it grew as the step began, m/s."""
-        self._works: list[float] = []
-        """Work in each step but the last, after a 0, J."""
+        self._works: list[list[float]] = []
+        """Work of each line in each step but the last, after a step without any, J."""
+        self._pulls: list[list[float]] = []
+        """Pull of each line in each step, N."""
 
     def __bool__(self) -> bool:
-        return bool(self._parts)
+        return bool(self.parts)
 
     def locate_parts(self, locations: PartLocations) -> None:
         """Locate the ends of the lines, after each split of the machine."""
-        self._ends = [(locations.locate(a), locations.locate(b)) for a, b in self._parts]
+        self._ends = [(locations.locate(a), locations.locate(b)) for a, b in self.parts]
 
-    def works(self, rows: Sequence[Row]) -> Array | float:
-        """(S + 1,) work until the end of each step, J, or 0 without lines; `rows` are those after
-        the last step."""
-        if not self._parts:
-            return 0.0
-        last = 0.0
-        for (impulse, before), ends in zip(self._pulled, self._ends, strict=True):
-            last -= impulse * (before + _line(rows, *ends)[4]) if impulse else 0.0
-        return np.cumsum([*self._works, last] if self._works else [0.0])
+    def works(self, rows: Sequence[Row]) -> Array:
+        """(S + 1, P) work of each line until the end of each step, J; `rows` are those after the
+        last step."""
+        last = [
+            -impulse * (before + _line(rows, *ends)[4]) if impulse else 0.0
+            for (impulse, before), ends in zip(self._pulled, self._ends, strict=True)
+        ]
+        works: Array = np.array([*self._works, last] if self._works else [last]).cumsum(axis=0)
+        return works
+
+    @property
+    def pulls(self) -> Array:
+        """(S + 1, P) pull of each line in each step, N, after a row without any."""
+        return np.array([[0.0] * len(self.parts), *self._pulls])
+
+    def _note(self, works: list[float], pulls: list[float]) -> None:
+        """Keep the work of the step before and the pulls of this one."""
+        self._works.append(works)
+        self._pulls.append(pulls)
 
     @abstractmethod
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
@@ -121,21 +133,22 @@ class SpringForce(PullForce):
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Forces in this step."""
-        pulls, work, half = [], 0.0, self.step / 2
+        pulls, half = [], self.step / 2
+        works, forces = ([0.0] * len(self._springs) for _ in range(2))
         for i, spring in enumerate(self._springs):
             level = max(self._levels.get(spring.starts, 0.0), 0.0)  # springs cannot push
             impulse, before = self._pulled[i]
             if not (level or impulse):
                 continue
             at_a, at_b, along, distance, rate = _line(rows, *self._ends[i])
-            work -= impulse * (before + rate)
+            works[i] = -impulse * (before + rate)
             pull = 0.0
             stretch = min((distance - spring.natural) / spring.ramp, 1.0)
             if level and stretch > 0.0:
                 pull = level * max(spring.force * stretch + spring.damping * rate, 0.0)
                 pulls += opposite_forces(spring.a, at_a, spring.b, at_b, scale(along, pull))
-            self._pulled[i] = pull * half, rate
-        self._works.append(work)
+            self._pulled[i], forces[i] = (pull * half, rate), pull
+        self._note(works, forces)
         return pulls
 
 
@@ -153,14 +166,15 @@ class WinchForce(PullForce):
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Reel in or out, then the forces in this step."""
-        pulls, work, half = [], 0.0, self.step / 2
+        pulls, half = [], self.step / 2
+        works, forces = ([0.0] * len(self._winches) for _ in range(2))
         for i, (winch, ends) in enumerate(zip(self._winches, self._ends, strict=True)):
             level, left = self._levels.get(winch.starts, 0.0), self._left[i]
             if left is None and not level:
                 continue
             at_a, at_b, along, distance, rate = _line(rows, *ends)
             impulse, before = self._pulled[i]
-            work -= impulse * (before + rate)
+            works[i] = -impulse * (before + rate)
             left = distance if left is None else left
             left = max(left - level * winch.speed * self.step, min(left, winch.shortest))
             left = self._left[i] = max(left, distance - winch.force / winch.stiffness)
@@ -169,8 +183,8 @@ class WinchForce(PullForce):
                 pull = winch.stiffness * (distance - left) + winch.damping * rate
                 pull = min(max(pull, 0.0), winch.force)
                 pulls += opposite_forces(winch.a, at_a, winch.b, at_b, scale(along, pull))
-            self._pulled[i] = pull * half, rate
-        self._works.append(work)
+            self._pulled[i], forces[i] = (pull * half, rate), pull
+        self._note(works, forces)
         return pulls
 
 
