@@ -209,7 +209,7 @@ def test_python_runs(page: str) -> None:
 
 def test_machines_that_are_shown_are_valid() -> None:
     machines = fences("docs/reference/machine-language.md", "json")
-    assert len(machines) == 3
+    assert len(machines) == 4
     for text in machines:
         assert check(read_any(text)).machine_valid
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import series
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject
-from agentflow.env.tasks.base import Parameters, WorldView
+from agentflow.env.tasks.base import Parameters, Referee, Task, WorldView
 from agentflow.env.tasks.descriptors import ON_WHEELS, Descriptor
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
 from agentflow.env.tasks.features.obstacles import Ramp, bump
@@ -25,6 +26,7 @@ from agentflow.env.tasks.features.roads import (
     road_walls,
     scoring_direction,
 )
+from agentflow.env.tasks.features.stopping import TRIALS, Stop, StopReferee
 from agentflow.env.tasks.features.terrain import Roughness, Stones
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import Brief
@@ -55,12 +57,14 @@ class MovementKnobs(CommonKnobs):
     ramp: Ramp = Ramp()
     roughness: Roughness = Roughness()
     obstacles: Stones = Stones()
+    stop: Stop = Stop()
 
 
 @dataclass(frozen=True)
 class Movement(Family):
     """Score: greatest distance of the root block's centre along z+ (along the centre line of a
-    road that turns) from its position at t = 0, m."""
+    road that turns) from its position at t = 0, m; with a wall ahead, the number of trials out of
+    ten in which the machine stops before it."""
 
     family: ClassVar[str] = "movement"
     knobs: ClassVar[type[CommonKnobs]] = MovementKnobs
@@ -71,13 +75,35 @@ class Movement(Family):
     diagnosed: ClassVar[bool] = True
     descriptors: ClassVar[tuple[Descriptor, ...]] = ON_WHEELS
     parameters: MovementKnobs
+    trial: int = 0
+    """Number of this trial, from 1, of those with a wall ahead; 0 is the whole task."""
+    wall: float = 0.0
+    """z of the near face of the wall in this trial, m."""
+
+    def trials(self, seed: int) -> tuple[Task, ...]:
+        """The trials of this seed, the same for every machine; one if there is no wall ahead."""
+        stop = self.parameters.stop
+        if self.trial or not stop.gap:
+            return (self,)
+        rng = random.Random(f"{seed}/trials/{self.family}")
+        numbers = range(1, TRIALS + 1)
+        return tuple(replace(self, trial=number, wall=stop.draw(rng)) for number in numbers)
+
+    @property
+    def _wall(self) -> float:
+        """z of the near face of the wall, m."""
+        return self.wall if self.trial else self.parameters.stop.middle
 
     @property
     def brief(self) -> Brief:
         knobs, way = self.parameters, scoring_direction(self.parameters.curve)
-        return self.describe(
+        stop = knobs.stop
+        brief = self.describe(
             BLOCKS + CURVE_BLOCKS if knobs.curve.angle else BLOCKS,
-            objective=f"Build a machine that drives its Starting Block as far as possible {way}.",
+            objective="Build a machine that drives along the road and stops "
+            f"{stop.gap:g} m before the wall ahead."
+            if stop.gap
+            else f"Build a machine that drives its Starting Block as far as possible {way}.",
             scene=(
                 *GROUND,
                 *road_sentences(knobs.road, knobs.curve),
@@ -85,14 +111,18 @@ class Movement(Family):
                 *knobs.ramp.sentences(),
                 *knobs.roughness.sentences(),
                 *knobs.obstacles.sentences(),
+                *stop.scene_sentences(),
                 *knobs.wind.sentences(),
             ),
-            score=(
+            score=stop.score_sentences(self.window)
+            if stop.gap
+            else (
                 f"Score: the greatest distance in metres of the Starting Block's centre {way} "
                 f"from its position at t = 0, within {self.window:g} s.",
                 "Sideways, backward and upward motion, and motion before t = 0, do not count.",
             ),
         )
+        return replace(brief, greatest=float(TRIALS)) if stop.gap else brief
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, obstacles and wind."""
@@ -103,10 +133,14 @@ class Movement(Family):
             *knobs.ramp.objects(width),
             *knobs.roughness.objects(width, knobs.obstacles.seed),
             *knobs.obstacles.objects(width),
+            *knobs.stop.objects(self._wall, width),
         )
-        return Scene(objects, knobs.wind.velocity)
+        target = (0.0, 0.0, self._wall if knobs.stop.gap else 0.0)
+        return Scene(objects, knobs.wind.velocity, target=target)
 
-    def referee(self, machine: Machine) -> MovementReferee:  # noqa: ARG002 - the root is block 0
+    def referee(self, machine: Machine) -> Referee:  # noqa: ARG002 - the root is block 0
+        if self.parameters.stop.gap:
+            return StopReferee(self.parameters.stop, self._wall)
         return MovementReferee(centre_line(self.parameters.road, self.parameters.curve))
 
     def feedback(
@@ -116,16 +150,23 @@ class Movement(Family):
         even = trace.even
         speed = np.linalg.norm(even.velocity[:, ROOT_BLOCK], axis=1)
         means = _mean_per_second(even.times, speed)
+        path = series("Root position", even.times, even.centre[:, ROOT_BLOCK])
+        data: dict[str, Any] = {
+            "greatest_speed": float(speed.max()),
+            "mean_speed_per_second": means,
+        }
+        told = "Mean speed in each second (m/s): " + ", ".join(f"{mean:.2f}" for mean in means)
+        if self.parameters.stop.gap:
+            result = f"Result: {verdict.terms['outcome']}; its near face is at z = {self._wall:g} m"
+            return compose(machine, trace, broken, verdict, "", (result, told), data, (path,))
         distance = float(verdict.terms["distance"] or 0.0)
         lines = (
             f"Root: greatest distance {distance:.2f} m "
             f"{scoring_direction(self.parameters.curve)} at {verdict.terms['time']:.2f} s, "
             f"greatest speed {speed.max():.2f} m/s, ends at x = "
             f"{trace.centre[-1, ROOT_BLOCK, 0]:.2f} m",
-            "Mean speed in each second (m/s): " + ", ".join(f"{mean:.2f}" for mean in means),
+            told,
         )
-        data = {"greatest_speed": float(speed.max()), "mean_speed_per_second": means}
-        path = series("Root position", even.times, even.centre[:, ROOT_BLOCK])
         return compose(machine, trace, broken, verdict, "m", lines, data, (path,))
 
 

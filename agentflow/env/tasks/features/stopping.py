@@ -1,0 +1,96 @@
+"""A wall across the road, somewhere ahead, before which the machine must stop."""
+
+from __future__ import annotations
+
+import random
+
+from agentflow.env.feedback.text import number
+from agentflow.env.rollout import Trace, Verdict
+from agentflow.env.scene import SceneObject, blocks_among
+from agentflow.env.tasks.base import Parameters, WorldView
+from agentflow.env.tasks.family import wall
+from agentflow.env.tasks.knobs import knob
+
+NAME = "wall ahead"
+TRIALS = 10
+TOLERANCE = 0.3
+"""How far from the wanted gap a machine may stop, m."""
+REST = 0.2
+"""Speed of the root below which it has stopped, m/s."""
+
+
+class Stop(Parameters):
+    """Where to stop."""
+
+    gap: float = knob(0, 0, 10, "m", "gap to a wall ahead, at which to stop; 0: there is no wall")
+    nearest: float = knob(20, 10, 100, "m", "least z of the wall's near face")
+    farthest: float = knob(40, 10, 200, "m", "greatest z of the wall's near face")
+
+    @property
+    def middle(self) -> float:
+        """z of the wall's near face in a level without a trial, m."""
+        return (self.nearest + self.farthest) / 2
+
+    def draw(self, rng: random.Random) -> float:
+        """z of the wall's near face in a trial, m."""
+        return round(rng.uniform(self.nearest, self.farthest), 3)
+
+    def objects(self, place: float, width: float) -> tuple[SceneObject, ...]:
+        """The wall with its near face at a z, across a road of this width, m."""
+        return (wall(NAME, 0.0, place + 0.5, (width, 3.0, 1.0)),) if self.gap else ()
+
+    def scene_sentences(self) -> tuple[str, ...]:
+        """Description for designers; () without a wall."""
+        if not self.gap:
+            return ()
+        return (
+            f"A wall, 3 m high, stands across the whole road. In each of the {TRIALS} trials its "
+            f"near face is at another z, drawn at random from {self.nearest:g} to "
+            f"{self.farthest:g} m; the target of sensors is the foot of this face.",
+        )
+
+    def score_sentences(self, window: float) -> tuple[str, ...]:
+        """How trials are scored."""
+        return (
+            f"Score: the number of successful trials out of {TRIALS}, {window:g} s each.",
+            "A trial succeeds if no block ever touches the wall ahead and, at the end, the centre "
+            f"of the foremost block is {self.gap - TOLERANCE:g} to {self.gap + TOLERANCE:g} m "
+            f"before it and the Starting Block is slower than {REST:g} m/s.",
+        )
+
+
+class StopReferee:
+    """Watches for touches of the wall, and where the machine stops."""
+
+    def __init__(self, stop: Stop, place: float) -> None:
+        self._stop, self._place = stop, place
+        self._touched: float | None = None
+
+    def start(self, world: WorldView) -> None:
+        """Nothing counts before t = 0."""
+
+    def watch(self, world: WorldView) -> bool:
+        """Look for touches; one ends the trial."""
+        if self._touched is None and blocks_among(world.touching(NAME)):
+            self._touched = world.time
+        return self._touched is not None
+
+    def verdict(self, trace: Trace) -> Verdict:
+        """Score 1 or 0 and terms: success, outcome, and by how much it missed the gap, m."""
+        gap = self._place - float(trace.centre[-1, :, 2].max())
+        speed = float((trace.velocity[-1, 0] ** 2).sum() ** 0.5)
+        miss = max(0.0, abs(gap - self._stop.gap) - TOLERANCE)
+        success = self._touched is None and not miss and speed < REST
+        outcome = f"stopped {number(gap)} m before the wall"
+        if self._touched is not None:
+            outcome = f"touched the wall at {number(self._touched)} s"
+        elif speed >= REST:
+            outcome = f"{number(gap)} m before the wall, still at {number(speed)} m/s"
+        terms: dict[str, float | bool | str | None] = {
+            "success": success,
+            "outcome": outcome,
+            "miss": miss or None,
+            "gap": gap,
+            "wall": self._place,
+        }
+        return Verdict(float(success), terms)

@@ -1,0 +1,130 @@
+"""Controllers against control programs: which holds when the world is a little different.
+
+    python benchmarks/controllers.py [--out FILE]
+
+Each task is a level with changed knobs, of ten trials. The same blocks are tried with controllers
+and with the best of many control programs, under every perturbation of robust scores, on both
+engines. Writes docs/results/controllers.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.simulation.variations import perturbations_of
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine.tree import Machine
+
+HERE = Path(__file__).parent
+PAGE = HERE.parent / "docs" / "results" / "controllers.md"
+ENGINES = "pybullet", "mujoco"
+INTRO = """\
+# Machines that sense
+
+This page compares [controllers](../reference/machine-language.md#controllers), which sense, with \
+[control programs](../reference/machine-language.md#control-programs), which do not, on the same \
+blocks. Use it to see what sensing is worth where the conditions are not known beforehand.
+
+Numbers are successful trials out of ten. The columns are the perturbations of \
+[robust scores](../explanation/scores.md#robust-scores). The control program is the best of those \
+that the second column counts, chosen on the unchanged conditions of the same trials; no program \
+can know which trial it is in. `python benchmarks/controllers.py` writes this page.
+"""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One task, a machine for it, and what controls it."""
+
+    title: str
+    about: str
+    task: str
+    knobs: Mapping[str, object]
+    machine: str
+    """A file in tests/machines."""
+    controllers: Mapping[str, Any]
+
+    def sensing(self) -> Machine:
+        """The machine with its controllers."""
+        return Machine.from_json({"blocks": self._blocks, "controllers": dict(self.controllers)})
+
+    def programs(self) -> Iterator[Machine]:
+        """The machine with each of the programs that are tried."""
+        for tenths in range(10, 46):
+            entry = {"group": "motors", "at": 0, "for": tenths / 10, "level": 1}
+            yield Machine.from_json({"blocks": self._blocks, "controls": [entry]})
+
+    @property
+    def _blocks(self) -> Any:
+        path = HERE.parent / "tests" / "machines" / self.machine
+        return json.loads(path.read_text(encoding="utf-8"))
+
+
+STOPPING = Comparison(
+    "Stop before a wall",
+    "A car must stop 1 m before a wall that stands somewhere between z = 20 and 40 m. The "
+    "controller has one sensor and one law: the foremost block looks ahead, and the wheels turn "
+    "more slowly the nearer the wall is. Programs drive for 1 to 4.5 s and then hold. "
+    "`agentflow simulate MACHINE --task movement --set controls=sensed --set stop.gap=1 --set "
+    "window=10` tries a machine.",
+    "movement",
+    {"controls": "sensed", "stop.gap": 1, "window": 10},
+    "movement/plain_car.json",
+    {
+        "sensors": {"ahead": {"kind": "distance", "block": 1, "axis": "z+"}},
+        "laws": {"approach": {"kind": "pd", "sensor": "ahead", "target": 1, "p": -0.1}},
+        "outputs": [{"group": "motors", "law": "approach"}],
+    },
+)
+COMPARISONS = (STOPPING,)
+
+
+def scores(machine: Machine, comparison: Comparison, engine: str, sensing: Machine) -> list[float]:
+    """Successful trials under every perturbation of the machine that senses."""
+    task = get_task(comparison.task, comparison.knobs, engine)
+    return [
+        simulate(machine, task, variation=variation).score or 0.0
+        for variation in perturbations_of(sensing)
+    ]
+
+
+def section(comparison: Comparison) -> str:
+    """The part of the page about one task."""
+    sensing = comparison.sensing()
+    names = [variation.name for variation in perturbations_of(sensing)]
+    lines = [
+        f"## {comparison.title}\n\n{comparison.about}\n",
+        f"| engine | control | {' | '.join(names)} |",
+        f"|---|---|{'--:|' * len(names)}",
+    ]
+    for engine in ENGINES:
+        task = get_task(comparison.task, comparison.knobs, engine)
+        tried = [(simulate(each, task).score or 0.0, each) for each in comparison.programs()]
+        best = max(tried, key=lambda item: item[0])[1]
+        for what, machine in ((f"best of {len(tried)} programs", best), ("controllers", sensing)):
+            found = scores(machine, comparison, engine, sensing)
+            lines.append(f"| {engine} | {what} | {' | '.join(f'{n:g}' for n in found)} |")
+            print(lines[-1], file=sys.stderr, flush=True)
+    text = json.dumps(comparison.controllers, indent=1)
+    return "\n".join(lines) + f"\n\nThe controllers:\n\n```json\n{text}\n```\n"
+
+
+def main() -> None:
+    """Write the page."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=PAGE)
+    out = parser.parse_args().out
+    out.write_text("\n".join([INTRO, *map(section, COMPARISONS)]), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
