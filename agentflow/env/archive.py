@@ -14,9 +14,10 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.measurements import Contact, Energy, Hit, Measured, Peak, Pull
+from agentflow.env.measurements import Contact, Drawn, Energy, Hit, Measured, Peak, Pull
 from agentflow.env.rollout import Broken, Feedback, Marginal, Rollout, RolloutEvent, Trace
 from agentflow.errors import UsageError
+from agentflow.machine.requirements import Judged
 
 UNREADABLE = (
     OSError,
@@ -45,6 +46,7 @@ FIELDS = {stored: name for name, stored in STORED.items()}
 
 def rollout_json(rollout: Rollout) -> dict[str, Any]:
     """A rollout as JSON data; the problems of an invalid machine take the place of feedback."""
+    judged = [item.to_json() for item in rollout.requirements]
     return {
         "status": rollout.status,
         "score": rollout.score,
@@ -62,6 +64,7 @@ def rollout_json(rollout: Rollout) -> dict[str, Any]:
         "wall_seconds": rollout.wall_seconds,
         "constants": rollout.constants,
         "engine": rollout.engine,
+        **({"requirements": judged} if judged else {}),
     }
 
 
@@ -120,7 +123,8 @@ def read_npz(file: BinaryIO) -> Rollout:
 
 def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
     for field in fields(Rollout):
-        optional = "trace", "scene", "machine", "engine", "marginal"  # old files lack the last two
+        # old files lack engine and marginal, and those without requirements have none
+        optional = "trace", "scene", "machine", "requirements", "engine", "marginal"
         if field.name not in (*result, *optional):
             raise KeyError(field.name)
     trace = None
@@ -139,6 +143,7 @@ def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
             **older,
         )
     feedback = Feedback(result.pop("feedback"), result.pop("feedback_data"))
+    result["requirements"] = tuple(map(Judged.from_json, result.get("requirements", ())))
     result["problems"] = tuple(result["problems"])
     result["broken"] = tuple(Broken(**_vectors(item)) for item in result["broken"])
     result["marginal"] = tuple(Marginal(**item) for item in result.get("marginal") or ())
@@ -150,7 +155,7 @@ def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
 
 def _measured(found: dict[str, Any]) -> Measured:
     """What was measured; files from before this was recorded have none of it."""
-    energy = found.get("energy")
+    energy, drawn, greatest = (found.get(name) for name in ("energy", "drawn", "greatest"))
     return Measured(
         tuple(
             Contact(**item | {name: _hit(item[name]) for name in ("first", "hardest")})
@@ -160,6 +165,8 @@ def _measured(found: dict[str, Any]) -> Measured:
         None if energy is None else Energy(**energy),
         tuple(Peak(**_vectors(item)) for item in found.get("recoil", ())),
         tuple(Pull(**item) for item in found.get("pulls", ())),
+        None if drawn is None else Drawn(**drawn),
+        None if greatest is None else Peak(**_vectors(greatest)),
     )
 
 

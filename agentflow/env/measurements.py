@@ -96,6 +96,19 @@ class Pull:
 
 
 @dataclass(frozen=True)
+class Drawn:
+    """What springs, motors, winches and thrusters gave from t = 0 on; what they took back does not
+    count."""
+
+    energy: float
+    """J."""
+    power: float
+    """Greatest mean over 0.1 s, W."""
+    time: float
+    """When that was, s."""
+
+
+@dataclass(frozen=True)
 class Measured:
     """All that was measured in one rollout."""
 
@@ -108,3 +121,8 @@ class Measured:
     """Those within `logs.RECOIL` after the decisive moment."""
     pulls: tuple[Pull, ...] = ()
     """In order of block."""
+    drawn: Drawn | None = None
+    """None in files from before it was measured."""
+    greatest: Peak | None = None
+    """The greatest load of all connections while they held. Unlike `peaks`, it leaves out what a
+    change of the step's length does to a machine at rest."""

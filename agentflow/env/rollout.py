@@ -18,6 +18,7 @@ from agentflow.env.measurements import Measured
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.problems import Problem
+from agentflow.machine.requirements import Judged
 from agentflow.machine.tree import Machine
 
 Array = NDArray[np.float64]
@@ -195,6 +196,9 @@ class Rollout:
     """Scene of the trace; not saved in files."""
     engine: str | None = None
     """Name and library version of the physics engine; None if nothing was simulated."""
+    requirements: tuple[Judged, ...] = ()
+    """Those of the task, with what the machine has; () without any, and where nothing was
+    simulated."""
     machine: Machine | None = field(default=None, compare=False)
     """What was simulated, where Python programs ask for it; not saved in files."""
 

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from agentflow.machine.geometry.banks import Bank
+from agentflow.machine.geometry.placement import Geometry
+from agentflow.machine.requirements import NONE, Judged, Requirements
 from agentflow.machine.tree import ROOT, Machine
 
 LONE_ROOT = Machine((ROOT,))
@@ -66,6 +68,10 @@ class Brief:
     """What machines are set down on, if it is not the ground; the digest of a brief leaves it out,
     as its scene says the same."""
 
+    requirements: Requirements = field(default=NONE, repr=False)
+    """What machines must keep besides; the digest of a brief leaves it out, as its score says the
+    same."""
+
     @property
     def wording(self) -> str:
         """All fields but those that came later, in words; digests in recorded runs are made of
@@ -94,6 +100,10 @@ class Brief:
     def count_blocks(self, total: int) -> int:
         """Blocks of a machine that count, of `total` blocks."""
         return total - self.uncounted
+
+    def judge(self, geometry: Geometry) -> tuple[Judged, ...]:
+        """The requirements that need no simulation, of a machine with this geometry."""
+        return self.requirements.judge(geometry, self.uncounted)
 
     def budget_json(self, machine: Machine | None) -> dict[str, int | None]:
         """`blocks` of a machine that count and `most_blocks`, None for what there is not."""

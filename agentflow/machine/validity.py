@@ -14,6 +14,7 @@ from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.geometry.pose import to_metres
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.problems import REQUIRED_COUNT, Problem
+from agentflow.machine.requirements import Judged, unmet
 from agentflow.machine.space import ANYWHERE, spatial_problems
 from agentflow.machine.tree import Machine
 
@@ -65,6 +66,8 @@ class Report:
     file-valid."""
     notes: tuple[str, ...] = ()
     """Harmless irregularities that the reader tolerated."""
+    requirements: tuple[Judged, ...] = ()
+    """Those of the task that need no simulation; () if not file-valid."""
 
     def __repr__(self) -> str:
         many = "problem" if len(self.problems) == 1 else "problems"
@@ -79,14 +82,18 @@ class Report:
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """Joints that cannot move and blocks without length: legal, but rarely intended."""
+        """Requirements that are not met, joints that cannot move and blocks without length: legal,
+        but rarely intended."""
+        missed = tuple(unmet(self.requirements))
         if self.machine is None:
-            return ()
+            return missed
         geometry = place(self.machine)
-        return *locked_joints(geometry), *_points(geometry)
+        return *missed, *locked_joints(geometry), *_points(geometry)
 
     def to_json(self) -> dict[str, object]:
-        """The report as JSON data; notes, warnings and the machine are left out."""
+        """The report as JSON data; notes, warnings and the machine are left out, and requirements
+        where there are none."""
+        judged = [item.to_json() for item in self.requirements]
         return {
             "file_valid": self.file_valid,
             "spatial_valid": self.spatial_valid,
@@ -95,6 +102,7 @@ class Report:
             "problems": [problem.to_json() for problem in self.problems],
             "overlaps": [list(pair) for pair in self.overlaps],
             "size": None if self.size is None else list(self.size),
+            **({"requirements": judged} if judged else {}),
         }
 
 
@@ -144,6 +152,7 @@ def check(
         task_valid=task_valid,
         machine=machine,
         notes=reading.notes,
+        requirements=() if brief is None else brief.judge(geometry),
     )
 
 

@@ -47,7 +47,7 @@ def _knobs(task: Task) -> dict[str, Any]:
     """The knobs of a task; those that tasks did not have from the start, unless as by default."""
     knobs: dict[str, Any] = task.parameters.model_dump(mode="json")
     usual = CommonKnobs().model_dump(mode="json")
-    later = ("controls", "sensing")
+    later = ("controls", "sensing", "requirements")
     return {name: v for name, v in knobs.items() if name not in later or v != usual[name]}
 
 

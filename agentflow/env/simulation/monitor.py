@@ -72,6 +72,10 @@ class Monitor:
         """Something happened or was switched."""
         self._alert, self._pressing = round(ALERT * self._rate), PRESSING
 
+    def disturb(self, time: float) -> None:
+        """See `LoadHistory.disturb`."""
+        self._history.disturb(time)
+
     def add_part(self, time: float) -> None:
         """Look at a step or a part of one."""
         self._history.add(time)
@@ -133,8 +137,18 @@ class Monitor:
         """What was measured, before and after the decisive moment; the last call of all."""
         time = None if moment is None else moment.time
         peaks = self._history.peaks(time, broken)
-        recoil, energy = self._history.recoil(time, broken), self._energy(moment)
-        return Measured(self._contacts.contacts(), peaks, energy, recoil, self._pulled(energy.time))
+        works, history = self._world.works(), self._history
+        works = works[len(works) - 1 - history.steps_until([inf])[0] :]
+        energy = self._energy(moment, works)
+        return Measured(
+            self._contacts.contacts(),
+            peaks,
+            energy,
+            history.recoil(time, broken),
+            self._pulled(energy.time),
+            history.drawn(works),
+            history.greatest_peak(),
+        )
 
     def _pulls(self, times: Sequence[float]) -> dict[int, tuple[Array, Array]]:
         """Pull of springs and winches at some times, N, and their work from t = 0, J."""
@@ -153,13 +167,10 @@ class Monitor:
             for block, (pull, work) in self._pulls(times).items()
         )
 
-    def _energy(self, moment: Moment | None) -> Energy:
+    def _energy(self, moment: Moment | None, works: Array) -> Energy:
         _, start = self.recorder.snapshot_near(0.0)
         time, then = self.recorder.snapshot_near(inf if moment is None else moment.time)
         thrown = None if moment is None else moment.body
-        works, history = self._world.works(), self._history
-        steps, until = history.steps_until([inf, time])
-        first = len(works) - 1 - steps
-        done = works[first + until] - works[first]
+        done = works[self._history.steps_until([time])[0]] - works[0]
         energies = self._world.energies(start), self._world.energies(then)
         return energy_until(time, done, energies, thrown, self.recorder.objects)

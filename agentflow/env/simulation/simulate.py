@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 
 from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.engine import Engine, TooLargeError
 from agentflow.env.physics.engines import choose_engine
 from agentflow.env.rollout import Rollout, invalid_rollout
+from agentflow.env.simulation.requirements import apply, displaced, judge
 from agentflow.env.simulation.trial import Trial
 from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.simulation.variations import DEFAULT, Variation, VariedEngine
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.family import TrialFamily
 from agentflow.errors import UsageError
 from agentflow.machine.problems import LATER_RULES
+from agentflow.machine.requirements import Requirement
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import problems_of
 
@@ -69,25 +73,53 @@ def simulate(
     if engine is not None:
         task = replace(task, engine=engine.identity.name)
     later = LATER_RULES if recorded else frozenset()
-    problems = [item for item in problems_of(machine, task.brief) if item.code not in later]
+    brief = task.brief
+    problems = [item for item in problems_of(machine, brief) if item.code not in later]
     if problems:
         return invalid_rollout(problems)
-    chosen = engine or _own_engine(task.engine)
-    if variation.varies_bodies:
-        chosen = VariedEngine(chosen, variation, value["friction"])
+    usual = engine or _own_engine(task.engine)
+
+    def run(trial: Task, by: Variation, limit: float) -> Rollout:
+        chosen = VariedEngine(usual, by, value["friction"]) if by.varies_bodies else usual
+        return Trial(machine, trial, chosen, rate, power, interval, limit, value, by).run()
+
     finished: list[Rollout] = []
     trials = task.trials(seed)
-    for task_of_trial in trials:
+    for trial in trials:
         try:
-            trial = Trial(
-                machine, task_of_trial, chosen, rate, power, interval, wall_limit, value, variation
-            )
+            rollout = run(trial, variation, wall_limit)
         except TooLargeError as error:
-            return invalid_rollout([error.problem], str(chosen.identity))
-        finished.append(trial.run())
-        if finished[-1].status == "timeout":
+            return invalid_rollout([error.problem], str(usual.identity))
+        if brief.requirements:
+            rollout = _judge(rollout, machine, trial, seed, variation, wall_limit, run)
+        finished.append(rollout)
+        if rollout.status == "timeout":
             break
     return combine_trials(finished, trials)
+
+
+def _judge(
+    rollout: Rollout,
+    machine: Machine,
+    task: Task,
+    seed: int,
+    variation: Variation,
+    wall_limit: float,
+    run: Callable[[Task, Variation, float], Rollout],
+) -> Rollout:
+    """The rollout of a trial with its requirements, which may need more simulations; those share
+    its limit of wall-clock time."""
+    brief, left = task.brief, wall_limit - (rollout.wall_seconds or 0.0)
+    kept: dict[Requirement, list[float]] = {}
+    for item, variations in displaced(variation, brief, seed).items():
+        for by in variations if rollout.status == "ok" and rollout.score else ():
+            again = run(task, by, left)
+            left -= again.wall_seconds or 0.0
+            if again.score is None:
+                return again
+            kept.setdefault(item, []).append(again.score)
+    judged = rollout if rollout.score is None else judge(rollout, machine, brief, kept)
+    return judged if isinstance(task, TrialFamily) else apply(judged, brief)
 
 
 def _own_engine(name: str) -> Engine:

@@ -92,6 +92,8 @@ class Trial:
         self._monitor = Monitor(self._world, self._assembly, self._loads, objects, rate)
         self._view = RefereeView(self._world)
         self._referee = task.referee(machine)
+        self._divisions = self._stepping.settling
+        """Of the last step."""
         self._over = False
         """Whether the referee has seen all that counts."""
         self._speeds = 0.0, 0.0
@@ -234,6 +236,9 @@ class Trial:
         """Take one step, which may be divided into finer ones."""
         settled, stepping = self._settled, self._stepping
         divisions = stepping.advance(self._loads.peak) if settled else stepping.settling
+        if divisions != self._divisions and settled and self._resting():
+            self._monitor.disturb(self._elapsed / self._rate)
+        self._divisions = divisions
         thorough = self._steps % self._check_every == 0
         for part in range(1, divisions + 1):
             self._time = self._steps + part / divisions

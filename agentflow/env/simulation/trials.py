@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from agentflow.env.rollout import Feedback, Rollout
+from agentflow.env.simulation.requirements import apply, worst
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.knobs import knobs_of
 
@@ -56,7 +57,8 @@ def combine_trials(played: Sequence[Rollout], trials: Sequence[Task]) -> Rollout
     if len(played) == 1:
         return played[0]
     stopped = (rollout for rollout in played if rollout.status not in ("ok", "diverged"))
-    return next(stopped, None) or _combine_scored(played, middle_trial(trials))
+    combined = next(stopped, None) or _combine_scored(played, middle_trial(trials))
+    return apply(combined, trials[0].brief) if combined.requirements else combined
 
 
 def _combine_scored(played: Sequence[Rollout], index: int) -> Rollout:
@@ -79,6 +81,7 @@ def _combine_scored(played: Sequence[Rollout], index: int) -> Rollout:
         terms=terms,
         feedback=_feedback(played, score, index),
         marginal=tuple(item for rollout in played for item in rollout.marginal),
+        requirements=worst([rollout.requirements for rollout in played]),
         digest=_digest(played),
         sim_seconds=sum(rollout.sim_seconds or 0.0 for rollout in played),
         wall_seconds=sum(rollout.wall_seconds or 0.0 for rollout in played),

@@ -6,8 +6,11 @@ conditions is about to fail, or profits from an error of the simulation.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+import random
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
+from math import sqrt
+from typing import Any
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.engine import Engine, EngineIdentity, World
@@ -16,7 +19,7 @@ from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Switch, Task, drives_blocks
 from agentflow.machine.blocks.library import library
 from agentflow.machine.controls import driven_blocks
-from agentflow.machine.geometry.vectors import scale
+from agentflow.machine.geometry.vectors import Vec3, add, scale
 from agentflow.machine.tree import Machine
 
 
@@ -47,12 +50,16 @@ class Variation:
     """Noise of sensors besides that of the level, as a share of what they read."""
     delay: float = 0
     """By how many readings they are late besides."""
+    displacement: float = 0.0
+    """How far each block is displaced at most, m."""
+    draw: str = ""
+    """Random seed of the displacements."""
 
     @property
     def varies_bodies(self) -> bool:
         """Whether it changes the machine or the scene, not only the rate, when it is driven, or
         what it senses."""
-        usual = replace(self, name=DEFAULT.name, rate=1.0, times=1.0, noise=0.0, delay=0)
+        usual = replace(self, name=DEFAULT.name, rate=1.0, times=1.0, noise=0.0, delay=0, draw="")
         return usual != DEFAULT
 
     def vary_switches(self, switches: Iterable[Switch]) -> list[Switch]:
@@ -70,11 +77,11 @@ class Variation:
         """What names it in keys of stored rollouts: factors that variations did not have from the
         start are left out where they are 1, so that older rollouts are still found."""
         usual = asdict(DEFAULT)
-        later = ("motor_speed", "strength", "thrust", "pull", "times", "noise", "delay")
+        always = ("name", "rate", "masses", "friction", "motor_torque")
         return {
             name: value
             for name, value in asdict(self).items()
-            if name not in later or value != usual[name]
+            if name in always or value != usual[name]
         }
 
 
@@ -85,8 +92,12 @@ LITTLE = 0.02
 
 def _both(quantity: str, *names: str) -> tuple[Variation, Variation]:
     """A little more of a quantity, and a little less; `names` are the factors."""
-    more, less = (dict.fromkeys(names, 1 + sign * LITTLE) for sign in (1, -1))
-    return Variation(f"{quantity} +2 %", **more), Variation(f"{quantity} -2 %", **less)
+
+    def changed(sign: int) -> Variation:
+        factors: dict[str, Any] = dict.fromkeys(names, 1 + sign * LITTLE)
+        return Variation(f"{quantity} {100 * sign * LITTLE:+g} %", **factors)
+
+    return changed(1), changed(-1)
 
 
 FRICTION = _both("friction", "friction")
@@ -191,6 +202,7 @@ class VariedEngine:
 
     def _vary_machine(self, assembly: Assembly) -> Assembly:
         by = self.variation
+        assembly = displace(assembly, by.displacement, by.draw) if by.displacement else assembly
         parts = tuple(
             replace(
                 part,
@@ -254,3 +266,27 @@ class VariedEngine:
 
     def _vary_friction(self, value: float | None) -> float:
         return (self.usual_friction if value is None else value) * self.variation.friction
+
+
+def displace(assembly: Assembly, most: float, seed: str) -> Assembly:
+    """The machine with each block, and its own joints, up to `most` metres from its place.
+
+    All directions are as likely, and so is every place within reach. The whole machine is raised as
+    far, so that no block begins in the ground.
+    """
+    rng, moves = random.Random(seed), []
+    for _ in assembly.blocks:
+        way = [rng.gauss(0.0, 1.0) for _ in range(3)]
+        far = most * rng.random() ** (1 / 3) / sqrt(sum(one * one for one in way))
+        moves.append((way[0] * far, way[1] * far + most, way[2] * far))
+
+    def moved(places: Sequence[Vec3]) -> tuple[Vec3, ...]:
+        return tuple(map(add, places, moves))
+
+    return replace(
+        assembly,
+        parts=tuple(replace(p, centre=add(p.centre, moves[p.block])) for p in assembly.parts),
+        joints=tuple(replace(j, pivot=add(j.pivot, moves[j.block])) for j in assembly.joints),
+        origins=moved(assembly.origins),
+        centres=moved(assembly.centres),
+    )

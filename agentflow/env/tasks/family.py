@@ -19,6 +19,7 @@ from agentflow.env.physics.engines import engine_limits
 from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters, Schedule, Task
 from agentflow.env.tasks.knobs import knob
+from agentflow.env.tasks.requirements import RequirementKnobs
 from agentflow.machine.blocks.library import BRACE, library
 from agentflow.machine.blocks.types import Group
 from agentflow.machine.brief import Brief, Limits
@@ -108,6 +109,8 @@ class CommonKnobs(Parameters):
     """What switches blocks."""
     sensing: Sensing = Sensing()
     """How well machines sense."""
+    requirements: RequirementKnobs = RequirementKnobs()
+    """What machines must keep besides."""
 
     @property
     def control_schedule(self) -> Schedule:
@@ -314,7 +317,7 @@ class Family(Task):
             score: As in `Brief`.
             schedule: As in `Brief`; by default, when motors, springs and steering hinges start.
         """
-        allowed = self.allow(blocks)
+        allowed, requirements = self.allow(blocks), self.parameters.requirements.all
         if schedule is None or self.schedule.designed:
             schedule = schedule_sentences(self.schedule, self.window, allowed)
         if self._senses:
@@ -324,10 +327,11 @@ class Family(Task):
             objective=objective,
             scene=tuple(scene),
             schedule=tuple(schedule),
-            score=tuple(score),
+            score=(*score, *requirements.sentences(allowed)),
             blocks=tuple(sorted(allowed)),
             limits=self.limits,
             symmetric=self._is_mirrored,
+            requirements=requirements,
         )
 
     @cached_property
