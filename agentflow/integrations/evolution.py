@@ -1,0 +1,109 @@
+"""An evaluator of machines for libraries that evolve texts: GEPA, OpenEvolve and ShinkaEvolve.
+
+It needs nothing but agentflow itself. Candidates are machines as text, never programs that run.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from agentflow.env.physics.engine import AUTO
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine import check, read_machine
+from agentflow.rewards import Reward
+from agentflow.rewards.scoring import Sample, require_score, shared_scorer
+
+Candidate = str | Mapping[str, str]
+"""The text of a machine in any format, or named texts with that as the only one."""
+
+
+class Evaluator:
+    """Scores candidates at one task, and says what happened, for a model that improves them."""
+
+    def __init__(
+        self,
+        task: str,
+        seed: int = 0,
+        *,
+        knobs: Mapping[str, object] | None = None,
+        engine: str = AUTO,
+        workers: int | None = None,
+    ) -> None:
+        """Evaluate at a level.
+
+        Args:
+            task: Level, such as "throwing/3".
+            seed: Random seed of its trials.
+            knobs: Knobs of the level to change.
+            engine: Physics engine.
+            workers: Worker processes; by default one per processor.
+
+        Raises:
+            UsageError: The task, a knob or the engine does not exist.
+        """
+        self._brief = get_task(task, knobs, engine).brief
+        self._sample = (task, seed, knobs, engine)
+        self._workers = workers
+
+    def __call__(
+        self, candidate: Candidate, *_example: object, **_options: object
+    ) -> tuple[float, dict[str, Any]]:
+        """What GEPA's `optimize_anything` calls: the score, and what to tell the model.
+
+        Raises:
+            NoScoreError: The simulation timed out or crashed, which says nothing about the machine.
+        """
+        reward = self._reward(_text_of(candidate))
+        score = require_score(reward, self._sample[0])
+        return score, {"scores": {"score": score}, "Feedback": _feedback(reward)}
+
+    def check(self, path: str | Path) -> dict[str, Any]:
+        """The validity of a machine file without a simulation, as a first stage of a cascade."""
+        brief = self._brief
+        report = check(read_machine(_read(path), brief.blocks, brief.given), brief)
+        words = "\n".join(problem.message for problem in report.lasting_problems)
+        return {"metrics": {"valid": float(not words)}, "artifacts": {"feedback": words}}
+
+    def evaluate(self, path: str | Path) -> dict[str, Any]:
+        """`metrics` and `artifacts` of a machine file, as in OpenEvolve's `EvaluationResult`.
+
+        Raises:
+            NoScoreError: The simulation timed out or crashed.
+        """
+        reward = self._reward(_read(path))
+        score = require_score(reward, self._sample[0])
+        metrics = {"combined_score": score, "valid": float(reward.valid)}
+        return {"metrics": metrics, "artifacts": {"feedback": _feedback(reward)}}
+
+    def write(self, path: str | Path, folder: str | Path) -> None:
+        """Evaluate a machine file, and write the `metrics.json` and `correct.json` that
+        ShinkaEvolve reads.
+
+        A machine without a score is not correct: its generation is left out.
+        """
+        reward = self._reward(_read(path))
+        words = _feedback(reward)
+        correct = reward.valid and reward.value is not None
+        metrics = {"combined_score": reward.value, "text_feedback": words} if correct else {}
+        told = {"correct": correct, "error": None if correct else words}
+        for name, data in (("metrics", metrics), ("correct", told)):
+            (Path(folder) / f"{name}.json").write_text(json.dumps(data), encoding="utf-8")
+
+    def _reward(self, text: str) -> Reward:
+        task, seed, knobs, engine = self._sample
+        return shared_scorer(self._workers).rewards([Sample(task, text, seed, knobs, engine)])[0]
+
+
+def _read(path: str | Path) -> str:
+    return Path(path).read_text(encoding="utf-8", errors="replace")
+
+
+def _text_of(candidate: Candidate) -> str:
+    return candidate if isinstance(candidate, str) else "\n".join(candidate.values())
+
+
+def _feedback(reward: Reward) -> str:
+    return reward.rollout.feedback.text
