@@ -12,6 +12,7 @@ from math import inf, isfinite
 from typing import Any, Literal, NamedTuple
 
 from agentflow.machine.blocks.library import library
+from agentflow.machine.build_order import build_order
 from agentflow.machine.geometry.balance import mass
 from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.problems import Problem, short_repr
@@ -19,6 +20,8 @@ from agentflow.machine.problems import Problem, short_repr
 Mode = Literal["must", "report"]
 Relation = Literal["<=", ">=", "="]
 SAID: Mapping[Relation, str] = {"<=": "at most ", ">=": "at least ", "=": ""}
+MOST = 1e9
+"""Stands for infinity where numbers must be finite."""
 EXACT = 1e-9
 """Relative error of sums that is forgiven."""
 
@@ -35,6 +38,12 @@ class Counted(NamedTuple):
     def types(self) -> list[int]:
         """The type of each block that counts."""
         return [placed.type for placed in self.geometry.blocks if placed.id >= self.given]
+
+    @property
+    def jam(self) -> str:
+        """Why the machine cannot be built in any order; "" if it can."""
+        found = build_order(self.geometry)
+        return found.message if isinstance(found, Problem) else ""
 
     @property
     def cost(self) -> float:
@@ -59,6 +68,9 @@ QUANTITIES: Mapping[str, Quantity] = {
     "width": Quantity("m", "extent along x", lambda of: of.geometry.size[0]),
     "height": Quantity("m", "extent along y", lambda of: of.geometry.size[1]),
     "length": Quantity("m", "extent along z", lambda of: of.geometry.size[2]),
+    "buildable": Quantity(
+        "", "whether its blocks can be put on in some order (1 or 0)", lambda of: float(not of.jam)
+    ),
     "safety": Quantity("", "safety factor (1 / greatest load over strength of any connection)"),
     "power": Quantity("W", "greatest power that springs, motors and thrusters give"),
     "energy": Quantity("J", "energy that springs, motors and thrusters give"),
@@ -86,11 +98,12 @@ class Requirement:
 
     @classmethod
     def parse(cls, text: str) -> Requirement:
-        """Read "mass <= 60 kg" or "tolerance of 0.05 m >= 80 %".
+        """Read "mass <= 60 kg", "tolerance of 0.05 m >= 80 %" or "buildable".
 
         Raises:
             ValueError: It is not a requirement; the message names what to change.
         """
+        text = "buildable = 1" if text.strip() == "buildable" else text
         found = _FORM.fullmatch(text.strip())
         if found is None or found["name"] not in QUANTITIES:
             names = ", ".join(QUANTITIES)
@@ -188,6 +201,14 @@ class Judged:
         return self.margin is not None and self.margin >= 0
 
     @property
+    def worth(self) -> float:
+        """The value, or minus it where less is better; how near it is where it must be equal."""
+        if self.value is None or self.margin is None:
+            return -MOST
+        found = {"<=": -self.value, ">=": self.value}.get(self.requirement.relation, self.margin)
+        return min(found, MOST)
+
+    @property
     def shortfall(self) -> float:
         """How much is missing, as a share of what is required: 0 if it is met, at most 1."""
         if self.met or self.margin is None:
@@ -246,7 +267,7 @@ class Requirements:
         """
         counted = Counted(geometry, given, self.prices)
         return tuple(
-            Judged(item, float(read(counted)))
+            Judged(item, float(read(counted)), counted.jam if item.quantity == "buildable" else "")
             for item in self.items
             if (read := QUANTITIES[item.quantity].read) is not None
         )
@@ -279,9 +300,14 @@ def contradiction(items: Sequence[Requirement]) -> str:
     return ""
 
 
+def met_of(judged: Sequence[Judged]) -> tuple[int, int] | None:
+    """How many are met, and of how many; None of none."""
+    return (sum(item.met for item in judged), len(judged)) if judged else None
+
+
 def count_met(judged: Sequence[Judged]) -> str:
     """Such as "met 4 of 5"."""
-    return f"met {sum(item.met for item in judged)} of {len(judged)}"
+    return "met {} of {}".format(*(met_of(judged) or (0, 0)))
 
 
 def unmet(judged: Iterable[Judged]) -> Iterator[Problem]:

@@ -142,6 +142,17 @@ def _successes(cell: Cell) -> Rate | None:
     return _share_of(judged)
 
 
+def _met(cell: Cell) -> Rate | None:
+    """Of all requirements that the machines have, how many are met; invalid machines have none."""
+    found = [
+        machine.met
+        for run in cell.runs
+        for item in run.record.of_stage(cell.stage)
+        if item.valid and (machine := run.record.machines.get(item.machine or "")) and machine.met
+    ]
+    return Rate(sum(met for met, _ in found), sum(of for _, of in found)) if found else None
+
+
 def _success_interval(cell: Cell) -> Interval | None:
     rate = _successes(cell)
     return None if rate is None else rate.interval
@@ -203,6 +214,7 @@ METRICS: Registry[Metric] = Registry(
         "success_95": Metric(
             _success_interval, "Wilson's 95 % interval of success", percent=True, digits=1
         ),
+        "met": Metric(_met, "requirements that valid machines meet, of all that they should meet"),
         "pass_of_50": Metric(_passes, "attempts that passed, which means a score of at least 1"),
     },
     instance_of(Metric),

@@ -142,7 +142,7 @@ class ConstructionEndEvent(RunEvent, kind="construction_end", needs=("structure"
 
 @dataclass(frozen=True)
 class EvaluationEvent(
-    RunEvent, kind="evaluation", needs=("trajectory",), optional=("robust", "success")
+    RunEvent, kind="evaluation", needs=("trajectory",), optional=("robust", "success", "met")
 ):
     """A machine was simulated, or its earlier result reused."""
 
@@ -158,9 +158,11 @@ class EvaluationEvent(
     moved: float | None = None
     """Largest displacement of any block, m."""
     robust: float | None = None
-    """The robust score, if searches compare it."""
+    """The robust score, if searches compare it; below 0 how much of requirements is missed."""
     success: bool | None = None
     """Whether the task's criterion of success is met, where the score alone does not say."""
+    met: tuple[int, int] | None = None
+    """How many requirements are met, of how many; None without any."""
 
 
 @dataclass(frozen=True)

@@ -91,6 +91,19 @@ class FrontMember(_Part):
     blocks: Count
     mass: Number
     """kg."""
+    required: Sequence[Number] | None = None
+    """What the requirements of the task are about, in their order: the more, the better."""
+
+
+class JudgedRequirement(_Part):
+    """A requirement with what the best machine has; see `machine.requirements.Judged`."""
+
+    requirement: str
+    value: Number | None
+    """None if it is unknown, or without limit."""
+    margin: Number | None
+    met: bool
+    cause: str
 
 
 class MakerResult(_Part):
@@ -166,8 +179,17 @@ class RunFinding(_Part):
     """Robust score of the best machine, if the run compared it."""
     front: Sequence[FrontMember] | None = None
     """The Pareto front, if the run kept one."""
+    requirements: Sequence[JudgedRequirement] | None = None
+    """Those of the task, if it has any, with what the best machine has."""
     makers: Sequence[MakerResult] | None = None
     """Only of searches over the whole run."""
+
+    @property
+    def met(self) -> str:
+        """Such as "met 4 of 5 requirements"; "" without any."""
+        judged = self.requirements or ()
+        met = sum(item.met for item in judged)
+        return f"met {met} of {len(judged)} requirements" if judged else ""
 
     @property
     def verified_score(self) -> float | None:

@@ -39,6 +39,8 @@ class SimulationSummary:
     """Class of the machine's mechanism; None if the simulation does not show it."""
     success: bool | None = None
     """Whether the task's criterion of success is met; None if it has none."""
+    met: tuple[int, int] | None = None
+    """How many requirements are met, of how many; None without any."""
     facts: Mapping[str, str] = field(default_factory=dict)
     """What edit histories report besides the score: name -> value."""
 

@@ -201,6 +201,7 @@ class WorkflowContext:
                 evaluation.value,
                 # A greatest score of 1 is itself the success.
                 None if self.brief.greatest == 1 else summary.success,
+                summary.met,
             )
         )
         return evaluation

@@ -11,7 +11,7 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.pool.store import rollout_key
 from agentflow.env.rollout import Rollout
-from agentflow.env.simulation.requirements import SCORE_IF_MET
+from agentflow.env.simulation.requirements import SCORE_IF_MET, search_value
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import displace
 from agentflow.env.tasks.base import Task
@@ -19,7 +19,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.requirements import Judged
 from agentflow.machine.tree import Machine
-from tests.env.machines import CAR, machine, task_of
+from tests.env.machines import CAR, CRADLE, machine, task_of
 from tests.env.test_statics import ARM, BRACE, FOOT, METAL, POST, WOOD, G, plane_frame
 
 LOGS = (*FOOT, (63, 0, 4), (63, 5, 0))
@@ -181,3 +181,21 @@ def test_stored_rollouts_keep_requirements_and_have_their_own_key() -> None:
     plain = task_of(CAR)
     demands = task_of(CAR, **{"requirements.wanted": ["mass <= 3 kg"]})
     assert rollout_key(CAR, plain, 0) != rollout_key(CAR, demands, 0)
+
+
+@pytest.mark.parametrize(
+    ("texts", "value"),
+    [
+        (("mass <= 9 kg",), None),
+        (("mass <= 5 kg", "width <= 1.6 m"), -0.05 - 0.25),
+        (("mass <= 5 kg", "power <= 0.1 W"), -0.05 - 1.0),
+    ],
+)
+def test_searches_climb_towards_meeting_all(texts: tuple[str, ...], value: float | None) -> None:
+    found = search_value(demanding(CAR, *texts), "must")
+    assert found is value if value is None else found == pytest.approx(value, abs=0.01)
+
+
+def test_a_machine_that_would_not_score_comes_last() -> None:
+    assert search_value(demanding(CRADLE, "mass <= 0.1 kg", "width <= 9 m"), "must") == -2.0
+    assert search_value(demanding(CRADLE, "mass <= 0.1 kg", mode="report"), "report") is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import inf
+from pathlib import Path
 
 import pytest
 
@@ -12,6 +13,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.requirements import Judged, Requirement, Requirements, usual_prices
+from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 from tests.machine.builders import CAR, build
 
@@ -128,3 +130,11 @@ def test_the_shortfall_is_a_share_of_what_is_required(
     text: str, value: float | None, missing: float
 ) -> None:
     assert Judged(Requirement.parse(text), value).shortfall == pytest.approx(missing)
+
+
+def test_what_cannot_be_built_is_told_why() -> None:
+    assert judged("buildable") == {"buildable": 1.0}
+    clamp = Machine.from_file(Path(__file__).parents[1] / "machines" / "bridge" / "clamp.json")
+    (found,) = Requirements((Requirement.parse("buildable"),)).judge(place(clamp))
+    assert not found.met
+    assert str(found).startswith("buildable 0 of 1 (missed by 1): the machine cannot be built")

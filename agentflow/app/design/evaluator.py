@@ -21,6 +21,7 @@ from agentflow.env.pool.base import Simulator
 from agentflow.env.pool.spool import Rollouts
 from agentflow.env.query import answer_each, wanted_interval, wanted_trial
 from agentflow.env.rollout import Rollout, Trace
+from agentflow.env.simulation.requirements import search_value
 from agentflow.env.simulation.trials import SHOWN_TRIAL
 from agentflow.env.simulation.variations import (
     DEFAULT,
@@ -38,6 +39,7 @@ from agentflow.holding import with_holding
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.balance import mass
 from agentflow.machine.geometry.placement import place
+from agentflow.machine.requirements import met_of
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
 from agentflow.tools.host import Aims, Shot, Told
@@ -102,14 +104,18 @@ class PhysicsEvaluator:
             mechanism=None if mechanism is None else str(mechanism),
             success=None if (met := rollout.terms.get("success")) is None else bool(met),
             facts=decisive_facts(machine, rollout),
+            met=met_of(rollout.requirements),
         )
         kinds = measure(self._task.descriptors, machine, rollout)
         valid = rollout.status != "invalid"
         found = Evaluation(valid, rollout.score, summary, measurements=kinds)
         if self._objective != "score" and valid and found.score is not None:
             found = await self._with_value(found, machine, rollout)
+        missing = search_value(rollout, self._task.brief.requirements.mode)
+        if missing is not None and found.score is not None:
+            found = replace(found, value=missing)
         if self._objective == "pareto" and found.score is not None:
-            found = replace(found, objectives=pareto_objectives(machine, found))
+            found = replace(found, objectives=pareto_objectives(machine, found, rollout))
         return found
 
     async def _with_value(
@@ -244,15 +250,17 @@ def _tell(verification: Verification) -> Told:
     return Told(f"verified score {number(data['score'])} ({spread}), {holding}: {each}", data)
 
 
-def pareto_objectives(machine: Machine, found: Evaluation) -> tuple[float, ...]:
-    """Score, robust score, and minus number of blocks and mass in kg.
+def pareto_objectives(machine: Machine, found: Evaluation, rollout: Rollout) -> tuple[float, ...]:
+    """Score, robust score, minus number of blocks and mass in kg, and what is required: the more
+    the better, or the less.
 
     () for a machine that is invalid or scores 0, which the smallest machine does; this is
     constrained dominance (Deb et al. 2002).
     """
     if not found.valid or found.score is None or found.value is None or found.score <= 0:
         return ()
-    return (found.score, found.value, -float(len(machine)), -mass(place(machine)))
+    required = (item.worth for item in rollout.requirements)
+    return (found.score, found.value, -float(len(machine)), -mass(place(machine)), *required)
 
 
 def decisive_facts(machine: Machine, rollout: Rollout) -> dict[str, str]:

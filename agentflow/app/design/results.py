@@ -47,6 +47,7 @@ def finding_of(plan: RunPlan, execution: Execution) -> RunFinding:
         "reason": result.reason,
         **({"attempts": _pass_rate(result)} if counts_passes else {}),
         **_objective_json(plan.config, result),
+        **_requirements_json(execution, machine),
         **({"makers": [asdict(maker) for maker in result.makers]} if result.makers else {}),
     }
     return RunFinding.model_validate(found)
@@ -63,10 +64,20 @@ def _objective_json(config: DesignConfig, result: WorkflowResult) -> dict[str, A
     return {**robust, "front": [_front_member(*found) for found in result.front]}
 
 
+def _requirements_json(execution: Execution, machine: Machine | None) -> dict[str, Any]:
+    """What the best machine has of what the task requires."""
+    rollouts = execution.evaluator.rollouts
+    if machine is None or machine.digest not in rollouts:
+        return {}
+    judged = rollouts[machine.digest].requirements
+    return {"requirements": [item.to_json() for item in judged]} if judged else {}
+
+
 def _front_member(machine: Machine, found: Evaluation) -> dict[str, Any]:
     """A machine of the front: its hash and its `pareto_objectives`; mass in kg."""
-    score, robust, blocks, mass = found.objectives or ()
+    score, robust, blocks, mass, *required = found.objectives or ()
     return {
+        **({"required": required} if required else {}),
         "machine": machine.digest,
         "score": score,
         "robust": robust,

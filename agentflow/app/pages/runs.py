@@ -135,6 +135,8 @@ def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:
     record = record_json(task_of_run(path, document), result.trusted_score) if result else None
     if record and record["share"] is not None:  # a run may end without a score
         data["run"]["about"] += f"; {record['share']:.0%} of the {record['of']}"
+    if result and result.met:
+        data["run"]["about"] += f"; {result.met}"
     if note := level_note(path, document):
         data["facts"].append(["Level", note])
     return story, data

@@ -17,6 +17,7 @@ from agentflow.cli.display.output import (
     print_problems,
     table,
 )
+from agentflow.cli.display.show_scores import show_requirements
 from agentflow.metrics.formats import block_count, extents, number
 
 MARGINAL = 3
@@ -55,6 +56,7 @@ def show_report(report: Data) -> None:
         met = {True: "met", False: "not met"}.get(report["machine_valid"], "not checked")
         console.print(f"rules of {report['task']}: {met}")
     print_problems(console, report["problems"])
+    show_requirements(report)
     for warning in report["warnings"]:
         console.print(f"warning: {warning['message']}")
     for block in report.get("blocks", ()):

@@ -12,6 +12,7 @@ from agentflow.cli.display.show_machines import marginal_line
 from agentflow.cli.display.show_scores import (
     outcome,
     record_line,
+    show_requirements,
     verified_line,
     verified_text,
 )
@@ -71,6 +72,7 @@ def show_result(result: Data, files: Mapping[str, str]) -> None:
         )
     if verified := result.get("verified"):
         console.print(verified_line(verified))
+    show_requirements(result)
     if (record := result.get("record")) and record["share"] is not None:
         console.print(record_line(record))
     show_objectives(result)

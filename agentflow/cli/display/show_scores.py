@@ -17,6 +17,13 @@ from agentflow.cli.display.output import (
 from agentflow.holding import Holding
 from agentflow.metrics.formats import NOTHING, block_count, change, number
 
+REQUIRED = (
+    field("requirement"),
+    field("value", show="{:.4g}".format),
+    field("margin", show="{:.4g}".format),
+    Field("met", lambda item: "yes" if item["met"] else "NO"),
+    field("governed by", "cause"),
+)
 MOST_SENSITIVE = 5
 """Number of blocks and of faces shown, the most sensitive first."""
 
@@ -92,6 +99,16 @@ def show_verified(found: Data) -> None:
     console.print(_variation_table("simulation", scores, *[field("holds")] * bool(fails)))
     for other in found["others"]:
         console.print(f"not part of the median: {outcome(other)} with {other['engine']}")
+
+
+def show_requirements(data: Data) -> None:
+    """Print what a machine has of what is required; nothing without requirements."""
+    judged = data.get("requirements") or ()
+    if not judged:
+        return
+    console = output()
+    console.print(f"requirements: met {sum(item['met'] for item in judged)} of {len(judged)}")
+    console.print(table(REQUIRED, judged))
 
 
 def show_robustness(found: Data) -> None:

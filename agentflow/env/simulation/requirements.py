@@ -20,7 +20,7 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.geometry.vectors import Vec3, dot, length, scale, subtract
-from agentflow.machine.requirements import Judged, Requirement, count_met
+from agentflow.machine.requirements import Judged, Mode, Requirement, count_met
 from agentflow.machine.tree import Machine
 
 DRAWS = 5
@@ -96,6 +96,22 @@ def apply(rollout: Rollout, brief: Brief) -> Rollout:
         terms={**rollout.terms, **terms},
         feedback=Feedback(text, data),
     )
+
+
+def search_value(rollout: Rollout, mode: Mode) -> float | None:
+    """What searches compare in place of the score of a machine that misses requirements; None if it
+    misses none that cost the score.
+
+    Below 0, so that any machine that meets all and scores comes first: minus the sum of shortfalls,
+    so that a search climbs towards meeting all, or minus the number of requirements for machines
+    that would not score at all (constrained dominance, Deb et al. 2002).
+    """
+    judged, without = rollout.requirements, rollout.terms.get(SCORE_IF_MET)
+    if mode == "report" or rollout.score or not isinstance(without, float):
+        return None
+    if without <= 0.0:
+        return -float(len(judged))
+    return -sum(item.shortfall for item in judged)
 
 
 def worst(trials: Sequence[tuple[Judged, ...]]) -> tuple[Judged, ...]:
