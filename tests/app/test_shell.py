@@ -11,7 +11,7 @@ import pytest
 from agentflow.app.sessions.shell import KEPT, call, read_arguments
 from agentflow.cli import main
 from agentflow.cli.commands.agents.bench import TOOLS
-from agentflow.errors import UsageError
+from agentflow.errors import RunError, UsageError
 from agentflow.runs import read_events, read_result, state_of
 from agentflow.runs.writing import RunDirectory
 from agentflow.tools.bench import TOOL_NAMES
@@ -51,6 +51,10 @@ def test_words_that_fit_nowhere_are_refused(tool: str, words: list[str], problem
         read_arguments(tool, words)
 
 
+def has_no_space(*_: object) -> None:
+    raise RunError("no space")
+
+
 @pytest.mark.slow
 def test_a_car_by_commands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -80,6 +84,9 @@ def test_a_car_by_commands(
     assert "is in use" in refusal("simulate", changed)
     directory.close()
     assert (run / KEPT).exists()
+    with monkeypatch.context() as full:
+        full.setattr(RunDirectory, "save_machine", has_no_space)
+        assert refusal("check", f"@{CAR}").endswith(": no space; then give this command again\n")
     end = bench("submit", name)
     assert "The design is finished, with a verified score of" in end["end"]
     assert read_result(run).score == score > 40

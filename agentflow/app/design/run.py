@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from shlex import quote
@@ -67,6 +68,8 @@ class RunOptions:
     """Opens a new pool of simulating processes."""
     lessons: Path | None = None
     """A book of lessons, which a new run reads as it begins and extends as it ends."""
+    again: str = ""
+    """How to go on after an error; "" for the command that resumes the run."""
 
 
 def design(
@@ -126,6 +129,15 @@ def _finished_result(path: Path) -> RunResult:
     return read_result(path).model_copy(update={"run": str(path)})
 
 
+@contextmanager
+def _damage_told() -> Iterator[None]:
+    """Add what to do to the error of a record that cannot be continued."""
+    try:
+        yield
+    except DamagedError as error:
+        raise DamagedError(f"{error}; restore it from a copy, or begin a new run") from error
+
+
 @dataclass(frozen=True)
 class DesignRun:
     """An open run directory, and everything needed to carry the run out."""
@@ -161,6 +173,7 @@ class DesignRun:
         return cls(plan, directory, options)
 
     @classmethod
+    @_damage_told()
     def reopen(cls, path: Path, options: RunOptions) -> DesignRun:
         """Open an unfinished run; see `resume_async`."""
         document = read_document(path)
@@ -206,7 +219,7 @@ class DesignRun:
         """Finish the run and close it."""
         remarks = Remarks(self.directory, self.options.notify)
         try:
-            with CallLog(self.directory.call_log, remarks.tell) as call_log:
+            with _damage_told(), CallLog(self.directory.call_log, remarks.tell) as call_log:
                 try:
                     return await self._finish(call_log, remarks)
                 except EndpointError as error:
@@ -219,9 +232,8 @@ class DesignRun:
                     if not self._worth_keeping(call_log):
                         self.directory.discard()
                     raise
-        except DamagedError as error:
-            again = "restore it from a copy, or begin a new run"
-            raise DamagedError(f"{error}; {again}") from error
+        except DamagedError:
+            raise
         except RunError as error:
             raise RunError(f"{error}; {self._resume_hint}") from error
         finally:
@@ -273,6 +285,8 @@ class DesignRun:
 
     @property
     def _resume_hint(self) -> str:
+        if self.options.again:
+            return self.options.again
         path = self.directory.path
         if self.options.client is not None:
             return f"continue in Python: {_resume_call(path)}"

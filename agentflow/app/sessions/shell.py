@@ -153,7 +153,8 @@ class _Call:
 
 
 def _options(asked: _Call, notify: Notify) -> RunOptions:
-    return RunOptions(notify, workflow=repetition_of(WORKER, (FEEDBACK,), asked.work))
+    work = repetition_of(WORKER, (FEEDBACK,), asked.work)
+    return RunOptions(notify, again="then give this command again", workflow=work)
 
 
 def _carry_out(run: DesignRun, asked: _Call) -> Answer:

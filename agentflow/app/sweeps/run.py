@@ -28,7 +28,7 @@ from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.config.run import build_config
 from agentflow.config.sweep import SweepRun
 from agentflow.env.pool.base import Simulator
-from agentflow.errors import InterruptedRunError
+from agentflow.errors import InterruptedRunError, RunError
 from agentflow.files.lines import LineFile
 from agentflow.runs import Event, RunResult
 from agentflow.runs.events import RunEvent
@@ -81,9 +81,13 @@ def run_blocking(work: Coroutine[Any, Any, T], plan: SweepPlan, folder: Path, ag
         return asyncio.run(work)
     except KeyboardInterrupt:
         done = f"{len(_done(plan, folder))} of {len(plan.runs)} runs are done"
-        command = f"agentflow {plan.sweep.command} {quote(str(folder))} --resume"
-        again = again or f"with: {command}{trust_option(plan.configs)}"
+        again = again or f"with: {_resume_command(plan, folder)}"
         raise InterruptedRunError(f"interrupted; {done}; continue {again}") from None
+
+
+def _resume_command(plan: SweepPlan, folder: Path) -> str:
+    command = f"agentflow {plan.sweep.command} {quote(str(folder))} --resume"
+    return f"{command}{trust_option(plan.configs)}"
 
 
 async def run_sweep_async(
@@ -185,7 +189,7 @@ class _Work:
                 self._fail(name, outcome, log)
             else:
                 self.done.add(name)
-                _write(log, {"run": name, "state": "done", "seconds": outcome.seconds})
+                self._write(log, {"run": name, "state": "done", "seconds": outcome.seconds})
                 self.watcher.run_finished(name, outcome)
 
     def _tell(self, name: str, told: RunEvent | Event | str) -> None:
@@ -199,9 +203,13 @@ class _Work:
         self.failed[name] = line
         if failure.endpoint:
             self.endpoint.add(name)
-        _write(log, {"run": name, "state": "failed", "reason": line, "traceback": failure.trace})
+        row = {"run": name, "state": "failed", "reason": line, "traceback": failure.trace}
+        self._write(log, row)
         self.watcher.run_failed(name, line)
 
-
-def _write(log: LineFile, item: Mapping[str, Any]) -> None:
-    log.append(json.dumps(item).encode())
+    def _write(self, log: LineFile, item: Mapping[str, Any]) -> None:
+        try:
+            log.append(json.dumps(item).encode())
+        except RunError as error:
+            again = _resume_command(self.plan, self.folder)
+            raise RunError(f"{error}; continue with: {again}") from error

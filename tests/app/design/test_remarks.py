@@ -104,7 +104,10 @@ def test_a_damaged_run_does_not_advise_to_resume_it_again(tmp_path: Path) -> Non
     (run / "result.json").unlink()
     calls = (run / "calls.jsonl").read_bytes().splitlines(keepends=True)
     (run / "calls.jsonl").write_bytes(b"{}\n" + b"".join(calls))
-    with pytest.raises(DamagedError) as error:
-        resume(run, RunOptions(pool=InProcess()))
-    assert str(error.value).startswith(f"{run / 'calls.jsonl'}, line 1 is damaged")
-    assert str(error.value).endswith("; restore it from a copy, or begin a new run")
+    events = (run / "events.jsonl").read_bytes()
+    for told in (f"{run / 'calls.jsonl'}, line 1 is damaged", f"{run / 'events.jsonl'} is damaged"):
+        with pytest.raises(DamagedError) as error:
+            resume(run, RunOptions(pool=InProcess()))
+        assert str(error.value).startswith(told)
+        assert str(error.value).endswith("; restore it from a copy, or begin a new run")
+        (run / "events.jsonl").write_bytes(b"{}\n" + events)

@@ -23,6 +23,7 @@ from agentflow.app.sweeps.views import view
 from agentflow.env.physics.engines import default_engine
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
 from agentflow.files.atomic import os_errors
+from agentflow.files.lines import LineFile
 from agentflow.metrics.intervals import Rate
 from agentflow.runs import Event, RunResult, read_result
 from agentflow.runs.reading import document_text
@@ -405,3 +406,19 @@ def test_a_full_disk_says_what_to_free_and_leaves_resuming_to_the_sweep(tmp_path
     assert outcome.failed == {
         "one.seed-0": "cannot write events.jsonl: No space left on device; free some space"
     }
+
+
+@pytest.mark.slow
+def test_a_sweep_that_cannot_write_its_log_says_how_to_continue(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Full(LineFile):
+        def append(self, _line: bytes) -> None:
+            raise RunError("no space left")
+
+    monkeypatch.setattr("agentflow.app.sweeps.run.LineFile", Full)
+    with pytest.raises(RunError) as error:
+        carry_out(write(tmp_path, seeds=[0]), tmp_path / "out")
+    folder = next(tmp_path.rglob("sweep.yaml")).parent
+    told = f"no space left; continue with: agentflow sweep {folder} --resume"
+    assert str(error.value) == told
