@@ -94,8 +94,10 @@ def targets() -> dict[str, Target]:
     if BENCHMARK.exists():
         for run in list_runs(read_sweep(load_document(BENCHMARK), str(BENCHMARK))):
             name, config = run.labels["task"], run.config
-            if config.knobs:
-                found[name] = Target(name, config.task, config.knobs, config.seed)
+            # requirements that are only reported change no score
+            own = {k: v for k, v in config.knobs.items() if not k.startswith("requirements.")}
+            if own:
+                found[name] = Target(name, config.task, own, config.seed)
     return found
 
 

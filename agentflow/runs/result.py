@@ -185,11 +185,10 @@ class RunFinding(_Part):
     """Only of searches over the whole run."""
 
     @property
-    def met(self) -> str:
-        """Such as "met 4 of 5 requirements"; "" without any."""
+    def met(self) -> tuple[int, int] | None:
+        """How many requirements the best machine meets, of how many; None without any."""
         judged = self.requirements or ()
-        met = sum(item.met for item in judged)
-        return f"met {met} of {len(judged)} requirements" if judged else ""
+        return (sum(item.met for item in judged), len(judged)) if judged else None
 
     @property
     def verified_score(self) -> float | None:

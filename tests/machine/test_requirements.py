@@ -11,6 +11,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
+from agentflow.machine.description.geometry_info import describe_text
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.requirements import Judged, Requirement, Requirements, usual_prices
 from agentflow.machine.tree import Machine
@@ -138,3 +139,9 @@ def test_what_cannot_be_built_is_told_why() -> None:
     (found,) = Requirements((Requirement.parse("buildable"),)).judge(place(clamp))
     assert not found.met
     assert str(found).startswith("buildable 0 of 1 (missed by 1): the machine cannot be built")
+
+
+def test_descriptions_tell_what_is_required_and_there() -> None:
+    text = describe_text(CAR, wanted("mass <= 3 kg, safety >= 2"))
+    assert "Required: mass 5.25 of at most 3 kg (missed by 2.25)." in text
+    assert "Required" not in describe_text(CAR, get_task("movement").brief)

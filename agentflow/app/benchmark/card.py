@@ -62,6 +62,8 @@ class CountedMachine(_Part):
     """Why there is no score."""
     fragile: bool | None = None
     """Of a verified machine: whether it fails under some small change; None if nobody looked."""
+    met: tuple[int, int] | None = None
+    """Of a refined run's: how many requirements it meets, of how many; None without any."""
 
 
 class ItemResult(_Part):

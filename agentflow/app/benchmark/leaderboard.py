@@ -9,7 +9,7 @@ from agentflow.app.benchmark.card import ItemResult, Scorecard, read_card
 from agentflow.env.tasks.records import other_recorders
 from agentflow.errors import RunError, UsageError
 from agentflow.metrics.formats import number
-from agentflow.metrics.intervals import missing_scipy
+from agentflow.metrics.intervals import Rate, missing_scipy
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
 
 INTERVAL = "95 %"
@@ -133,13 +133,21 @@ def tell_fragile(cards: Sequence[Scorecard]) -> bool:
     return any(card.fragile is not None for card in cards)
 
 
-def _values(item: ItemResult, fragile: bool) -> tuple[Value, ...]:
-    """What a card says about an item; `fragile`: also whether its best machine is."""
+def _tell_met(cards: Sequence[Scorecard]) -> bool:
+    """Whether any card knows how many requirements machines meet."""
+    return any(item.refined.met for card in cards for item in card.items)
+
+
+def _values(item: ItemResult, fragile: bool, met: bool) -> tuple[Value, ...]:
+    """What a card says about an item; `fragile`: also whether its best machine is; `met`: how many
+    requirements that one meets."""
     told = {True: "yes", False: "no", None: None}[item.refined.fragile]
-    return (item.first_share, item.refined.share, *[told] * fragile)
+    kept = Rate(*item.refined.met) if item.refined.met else None
+    return (item.first_share, item.refined.share, *[told] * fragile, *[kept] * met)
 
 
 def _by_item(cards: Sequence[Scorecard]) -> Table:
+    met = _tell_met(cards)
     columns = tuple(
         column
         for card in cards
@@ -147,12 +155,13 @@ def _by_item(cards: Sequence[Scorecard]) -> Table:
             Column(card.model, "first", percent=True),
             Column(card.model, "refined", percent=True),
             *[Column(card.model, "fragile")] * tell_fragile(cards),
+            *[Column(card.model, "met")] * met,
         )
     )
     rows = tuple(
         Row(
             (of[0].item, of[0].family, number(of[0].full)),
-            tuple(value for item in of for value in _values(item, tell_fragile(cards))),
+            tuple(value for item in of for value in _values(item, tell_fragile(cards), met)),
         )
         for of in zip(*(card.items for card in cards), strict=True)
     )

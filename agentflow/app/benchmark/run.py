@@ -138,7 +138,8 @@ def _best(run: FinishedRun, item: Item) -> CountedMachine:
         return _without_score("unverified", "a simulation of the verification failed")
     lowest = None if verified is None else verified.low
     score = lowest if item.lowest else result.verified_score
-    return _attempt(status, score, item.full, result.fragile)
+    found = _attempt(status, score, item.full, result.fragile)
+    return found.model_copy(update={"met": result.met})
 
 
 def _attempt(

@@ -136,7 +136,7 @@ def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:
     if record and record["share"] is not None:  # a run may end without a score
         data["run"]["about"] += f"; {record['share']:.0%} of the {record['of']}"
     if result and result.met:
-        data["run"]["about"] += f"; {result.met}"
+        data["run"]["about"] += "; met {} of {} requirements".format(*result.met)
     if note := level_note(path, document):
         data["facts"].append(["Level", note])
     return story, data

@@ -18,6 +18,7 @@ from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import default_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
+from agentflow.env.tasks.requirements import RequirementKnobs
 from agentflow.holding import Holding
 from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
@@ -181,4 +182,7 @@ def _fits(record: TaskRecord, task: Task) -> bool:
     """Whether a record is for the task: knobs are compared by value, not as written."""
     if record.task != task.name:
         return False
-    return get_task(record.task, record.knobs).parameters == task.parameters
+    knobs: Any = task.parameters
+    if knobs.requirements.mode == "report":  # they change no score
+        knobs = knobs.model_copy(update={"requirements": RequirementKnobs()})
+    return bool(get_task(record.task, record.knobs).parameters == knobs)

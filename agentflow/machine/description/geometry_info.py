@@ -133,6 +133,7 @@ def describe_text(machine: Machine, brief: Brief | None = None, *, short: bool =
         [
             _legend(short=short),
             *_budget_lines(machine, brief),
+            *(f"Required: {item}." for item in (brief.judge(geometry) if brief else ())),
             *_summary_lines(geometry, frame, short=short),
             *(_block_line(geometry, frame, placed, short=short) for placed in _boxed(geometry)),
             *(_span_line(frame, blocks, short=short) for blocks in _spans(geometry)),
