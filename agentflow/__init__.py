@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from agentflow.api import simulate_async as simulate_async
     from agentflow.api import sweep as sweep
     from agentflow.api import sweep_async as sweep_async
+    from agentflow.api import tune as tune
     from agentflow.api import verify as verify
     from agentflow.api import verify_async as verify_async
     from agentflow.app.tasks import KnobInfo as KnobInfo
@@ -64,7 +65,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "agentflow.api": (
         "Design build check design design_async design_prompt resume resume_async "
-        "simulate simulate_async sweep sweep_async verify verify_async"
+        "simulate simulate_async sweep sweep_async tune verify verify_async"
     ),
     "agentflow.app.tasks": "KnobInfo TaskInfo",
     "agentflow.env.pool.pool": "RolloutPool",

@@ -406,6 +406,58 @@ def edit_machine(
     return outcome.machine
 
 
+def tune(
+    machine: MachineLike,
+    task: str,
+    *,
+    simulations: int = 100,
+    settings: Mapping[str, object] | None = None,
+    engine: str | None = None,
+    seed: int | None = None,
+    out: Path | str = "runs",
+    workers: int | None = None,
+    say: Notify | None = None,
+    listener: Listener | None = None,
+) -> Design:
+    """Improve the numbers of a machine's controls by CMA-ES, in a new run directory.
+
+    Times and levels of its control program and the numbers of its laws change, no block. Resume a
+    stopped run with `resume`, which repeats no simulation.
+
+    Args:
+        machine: The machine.
+        task: Level, e.g. "transport".
+        simulations: How many, the first of the machine included.
+        settings: Dotted configuration keys, or knobs of the task, like `--set`.
+        engine: Physics engine; "auto" is the first that is installed.
+        seed: Random seed.
+        out: Parent folder of the run directory.
+        workers: Worker processes for simulation.
+        say: Receives messages, one line each; by default they are printed to stderr.
+        listener: Receives every event.
+
+    Raises:
+        UsageError: A name or value is wrong, the machine is not valid, or nothing can be tuned.
+        ConfigError: The extra `tune` is not installed.
+        InterruptedRunError: Ctrl-C; the run can be resumed.
+    """
+    report = _check(machine, None, Limits())
+    if report.machine is None:
+        raise UsageError(f"the machine is not valid: {report.problems[0].message}")
+    own = {"start": report.machine.to_json(), "max_simulations": simulations}
+    return design(
+        task,
+        workflow="tune",
+        settings={**(settings or {}), **own},
+        engine=engine,
+        seed=seed,
+        out=out,
+        workers=workers,
+        say=say,
+        listener=listener,
+    )
+
+
 def check(
     machine: MachineLike,
     task: str | None = None,

@@ -160,7 +160,7 @@ class RunFinding(_Part):
     verified: Annotated[VerifiedScore | None, WrapValidator(_as_a_whole)] = None
     valid: bool
     """Whether there is a best machine."""
-    machine: list[Any] | dict[str, list[Any]] | None
+    machine: list[Any] | dict[str, Any] | None
     """The best machine as JSON data."""
     blocks: Count | None = None
     """Of the best machine, as the task counts them."""

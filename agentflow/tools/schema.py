@@ -16,7 +16,7 @@ from agentflow.tools.workspace import Call
 
 ToolFunction = Callable[..., Awaitable[ToolResult]]
 """Takes a `Call` and typed arguments."""
-Need = Literal["", "simulations", "pictures"]
+Need = Literal["", "simulations", "pictures", "controls"]
 _ARGUMENT = re.compile(r"^    (\w+): (.+(?:\n {5,}.+)*)", re.MULTILINE)
 
 
@@ -50,7 +50,8 @@ class BenchTool:
 
         Args:
             function: Carries out a call.
-            needs: What it is charged for; it is on offer only in stages that have some.
+            needs: What it is charged for; it is on offer only in stages that have some;
+                `controls` are simulations, where machines bring controls.
             with_controls: What the description adds where machines bring control programs.
             label: The step of designing that a call is, as docs/how-to/studies.md labels people's.
         """

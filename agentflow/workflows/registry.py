@@ -22,6 +22,7 @@ WORKFLOWS: Registry[Workflow] = Registry(
         "random-dsl": "agentflow.workflows.random_dsl:RANDOM_DSL",
         "explore": "agentflow.workflows.explore:EXPLORE",
         "external": "agentflow.integrations.external.workflow:EXTERNAL",
+        "tune": "agentflow.workflows.stages.tuning:TUNE",
         "placement": "agentflow.workflows.placement:PLACEMENT",
         "random-placement": "agentflow.workflows.placement:RANDOM_PLACEMENT",
     },

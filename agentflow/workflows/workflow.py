@@ -70,6 +70,8 @@ class Workflow:
     counts_passes: bool = False
     """Whether its attempts are independent and the result counts those that pass."""
 
+    stores: bool = False
+    """Whether a run keeps every rollout until it has finished, so that resuming it repeats none."""
     searches: bool = False
     """Whether it refines machines in searches, with strategies, local trials and shared
     knowledge."""

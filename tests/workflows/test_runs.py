@@ -33,8 +33,9 @@ from tests.workflows.fakes import (
 )
 
 ASKING = [name for name, flow in WORKFLOWS.items() if flow.asks_models and flow.fits(BRIEF)]
-WITHOUT_PROGRAM = [n for n, flow in WORKFLOWS.items() if flow.fits(BRIEF) and n != "external"]
-"""Workflows for this task that need no agent program."""
+APART = ("external", "tune")
+WITHOUT_PROGRAM = [n for n, flow in WORKFLOWS.items() if flow.fits(BRIEF) and n not in APART]
+"""Workflows for this task that need neither an agent program nor a machine with controls."""
 MEDIUM = {"trajectories": 4, "search": {"rounds": 3, "width": 2, "request_rounds": 2}}
 
 
@@ -43,7 +44,7 @@ def test_by_name() -> None:
         WORKFLOWS["hierachical"]
     assert str(caught.value) == (
         "unknown workflow 'hierachical'; known: hierarchical, iterative, single, tools, "
-        "random-dsl, explore, external, placement, ..."
+        "random-dsl, explore, external, tune, ..."
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
+from pathlib import Path
 
 from agentflow.agents.base import AskContext
 from agentflow.agents.registry import ROLES
@@ -13,6 +14,7 @@ from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.base import OpenPool, Simulator
 from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.store import Store
 from agentflow.env.simulation.variations import Variation
 from agentflow.env.verification import Verification
 from agentflow.machine.tree import Machine
@@ -44,6 +46,7 @@ async def execute(
     workflow: Workflow | None = None,
     open_pool: OpenPool = RolloutPool,
     repeated: Sequence[Variation] = (),
+    store: Path | None = None,
 ) -> Execution:
     """Run a workflow, close the models, and verify the best machine.
 
@@ -55,6 +58,7 @@ async def execute(
         workflow: Runs in place of the configured one of the same name.
         open_pool: Opens the new pool.
         repeated: The variations that a run that is repeated verified its best machine under.
+        store: Folder that keeps all rollouts, with a new pool; by default they are not kept.
     """
     config = plan.config
     workflow = workflow or WORKFLOWS[config.workflow]
@@ -66,7 +70,8 @@ async def execute(
         return AskContext(models.clients[role], plan.prompts, sampling, config.max_retry)
 
     try:
-        async with open_pool(config.workers) if pool is None else nullcontext(pool) as simulator:
+        async with open_pool(config.workers) if pool is None else nullcontext(pool) as opened:
+            simulator = Store(store, opened) if store and pool is None else opened
             objective = config.settings.objective
             evaluator = PhysicsEvaluator(
                 plan.task, simulator, config.seed, objective, plan.good, plan.record

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -40,6 +41,8 @@ from agentflow.workflows.workflow import Workflow
 
 ANSWER = "answer"
 """Key of run.yaml: the name of the Python function that answers instead of a model."""
+STORE = "unfinished"
+"""Folder of all rollouts of an unfinished run, if its workflow stores them."""
 LESSONS = "lessons"
 """Key of run.yaml: the book of lessons; what the run has read of it is in the configuration."""
 
@@ -245,8 +248,10 @@ class DesignRun:
             open_models(plan.config, call_log, remarks.tell, self._client, options.limiters),
             directory.notify,
         )
+        workflow = options.workflow or WORKFLOWS[plan.config.workflow]
+        store = directory.path / STORE if workflow.stores else None
         execution = await execute(
-            plan, models, directory, options.pool, options.workflow, options.open_pool
+            plan, models, directory, options.pool, workflow, options.open_pool, store=store
         )
         remarks.tell_differences()
         tell_unusable(remarks, plan.task.name, execution.evaluator.statuses)
@@ -263,6 +268,8 @@ class DesignRun:
             run=str(directory.path),
         )
         directory.finish(result)
+        if store:
+            shutil.rmtree(store, ignore_errors=True)
         return result
 
     @property

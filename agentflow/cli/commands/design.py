@@ -180,6 +180,48 @@ def design(
         raise typer.Exit(PARTLY)
 
 
+@commands.command(epilog="Example: agentflow tune machine.json --task transport --simulations 60")
+def tune(
+    machine: options.MachineOrRun,
+    task: options.NamedTask,
+    simulations: Annotated[
+        int,
+        typer.Option(min=2, help="Number of simulations, the first of the machine included."),
+    ] = 100,
+    knobs: options.Knobs = None,
+    engine: options.Engine = None,
+    seed: options.RunSeed = None,
+    out: options.RunsFolder = Path("runs"),
+    name: Annotated[
+        str | None,
+        typer.Option(help="Name of the run directory; default: date, task, workflow and seed."),
+    ] = None,
+    workers: Annotated[int | None, typer.Option(help=options.WORKERS)] = None,
+    backend: options.Backend = "local",
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
+) -> None:
+    """Improve the numbers of a machine's controls (times, levels, gains) by CMA-ES.
+
+    Blocks stay as they are. This is a run like others, which `agentflow design --resume` continues.
+    """
+    design(
+        task=task,
+        workflow="tune",
+        start=machine,
+        rollouts=simulations,
+        settings=knobs,
+        engine=engine,
+        seed=seed,
+        out=out,
+        name=name,
+        workers=workers,
+        backend=backend,
+        quiet=quiet,
+        as_json=as_json,
+    )
+
+
 def _check_name(name: str, seeds: int | None) -> None:
     if (size := len(name.encode())) > LONGEST_NAME:
         raise UsageError(
