@@ -138,9 +138,9 @@ class Movement(Family):
         target = (0.0, 0.0, self._wall if knobs.stop.gap else 0.0)
         return Scene(objects, knobs.wind.velocity, target=target)
 
-    def referee(self, machine: Machine) -> Referee:  # noqa: ARG002 - the root is block 0
+    def referee(self, machine: Machine) -> Referee:
         if self.parameters.stop.gap:
-            return StopReferee(self.parameters.stop, self._wall)
+            return StopReferee(machine, self.parameters.stop, self._wall)
         return MovementReferee(centre_line(self.parameters.road, self.parameters.curve))
 
     def feedback(

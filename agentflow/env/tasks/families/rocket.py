@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import hypot
@@ -15,7 +16,7 @@ from agentflow.env.feedback.flight import flight_lines
 from agentflow.env.feedback.text import number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
 from agentflow.env.scene import Scene, blocks_among
-from agentflow.env.tasks.base import ROUNDING, WorldView
+from agentflow.env.tasks.base import ROUNDING, Parameters, Task, WorldView
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
 from agentflow.env.tasks.family import ANY_START, GROUND, CommonKnobs, Family
 from agentflow.env.tasks.features.cannons import CannonWatch
@@ -36,6 +37,20 @@ ALOFT = 1.0
 """Height above which the greatest height is reported as decisive, m."""
 
 
+class Gale(Parameters):
+    """Winds that designers are not told, in ten trials of a landing."""
+
+    wind: float = knob(
+        0, 0, 5, "m/s", "greatest wind up, down and aside that trials draw; 0: no trials"
+    )
+    height: float = knob(8, 1, 100, "m", "height that a trial must reach")
+    pad: float = knob(6, 1, 50, "m", "greatest distance from the start at which it may land")
+
+    def draw(self, rng: random.Random) -> dict[str, float]:
+        """The wind of a trial, as knobs of `Wind`."""
+        return {way: round(rng.uniform(-self.wind, self.wind), 2) for way in ("down", "cross")}
+
+
 class RocketKnobs(CommonKnobs):
     """Knobs of a rocket level."""
 
@@ -50,6 +65,13 @@ class RocketKnobs(CommonKnobs):
         0, 0, 1000, "m", "distance from the vertical up to which height counts; 0: any"
     )
     touchdown: float = knob(8, 1, 50, "m/s", "greatest speed at which a landing is soft")
+    gale: Gale = Gale()
+    """Of aim `landing`."""
+
+    @property
+    def trials(self) -> int:
+        """How many there are; 1 unless the wind is drawn."""
+        return 10 if self.gale.wind and self.aim == "landing" else 1
 
 
 @dataclass(frozen=True)
@@ -57,13 +79,28 @@ class Rocket(Family):
     """Score: upward thrust, N; or greatest height of the root's centre above its start, m.
 
     Height counts up to where the root leaves the corridor. With aim `landing` it counts only if the
-    rocket comes back and its first touch of the ground is slower than the limit.
+    rocket comes back and its first touch of the ground is slower than the limit. In a gale: the
+    number of trials out of ten that land so, near the start.
     """
 
     family: ClassVar[str] = "rocket"
     knobs: ClassVar[type[CommonKnobs]] = RocketKnobs
     descriptors: ClassVar[tuple[Descriptor, ...]] = GENERAL[:2]
     parameters: RocketKnobs
+    trial: int = 0
+    """Number of this trial, from 1, of those in a gale; 0 is the whole task."""
+
+    def trials(self, seed: int) -> tuple[Task, ...]:
+        """The trials of this seed, the same for every machine; one if there is no gale."""
+        knobs = self.parameters
+        if self.trial or knobs.trials == 1:
+            return (self,)
+        rng = random.Random(f"{seed}/trials/{self.family}")
+        winds = [knobs.wind.model_copy(update=knobs.gale.draw(rng)) for _ in range(knobs.trials)]
+        return tuple(
+            replace(self, trial=number, parameters=knobs.model_copy(update={"wind": wind}))
+            for number, wind in enumerate(winds, start=1)
+        )
 
     @property
     def brief(self) -> Brief:
@@ -79,10 +116,13 @@ class Rocket(Family):
                 "Air drag acts at each block's centre. Reported loads leave it out, and it breaks "
                 "nothing.",
                 *knobs.wind.sentences(),
+                *_gale_sentences(knobs),
             ),
             score=tuple(_score_sentences(knobs, self.window)),
         )
-        return replace(brief, required={TORCH: count, WATER_CANNON: count} if count else {})
+        greatest = float(knobs.trials) if knobs.trials > 1 else None
+        needed = {TORCH: count, WATER_CANNON: count} if count else {}
+        return replace(brief, required=needed, greatest=greatest)
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Flat ground and wind."""
@@ -95,7 +135,8 @@ class Rocket(Family):
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
         """What was reached, what each cannon did, and the path of the root."""
-        unit = "N" if self.parameters.aim == "thrust" else "m"
+        knobs = self.parameters
+        unit = "N" if knobs.aim == "thrust" else "m" if knobs.trials == 1 else ""
         even = trace.even
         fired = verdict.terms["cannons"]
         lines = (
@@ -128,6 +169,8 @@ class RocketReferee:
         self._speed = 0.0
         self._touch: float | None = None
         """Speed at the first touch of the ground after it was aloft, m/s."""
+        self._apart = 0.0
+        """How far from where it started the root was then, in plan, m."""
         self._aloft = False
 
     def start(self, world: WorldView) -> None:
@@ -135,8 +178,8 @@ class RocketReferee:
         self._start = self._last = world.centre(0)
         self._before = 0.0, self._start
 
-    def watch(self, world: WorldView) -> None:
-        """Update thrust, height, landing and what the cannons did."""
+    def watch(self, world: WorldView) -> bool:
+        """Update thrust, height, landing and what the cannons did; a landing ends a trial."""
         self._cannons.watch(world)
         place = self._last = world.centre(0)
         touching = bool(blocks_among(world.touching("ground")))
@@ -145,10 +188,12 @@ class RocketReferee:
         time, before = self._before
         if self._aloft and touching and self._touch is None:
             self._touch = self._speed
+            self._apart = hypot(place[0] - self._start[0], place[2] - self._start[2])
         if world.time > time:
             moved = [(b - a) / (world.time - time) for a, b in zip(before, place, strict=True)]
             self._speed = hypot(*moved)
         self._before = world.time, place
+        return self._knobs.trials > 1 and self._touch is not None
 
     def _measure_thrust(self, world: WorldView, touching: bool) -> None:
         due = FREE + len(self._heights) * SPAN / 2
@@ -199,6 +244,16 @@ class RocketReferee:
             "result": self._result(),
             "cannons": self._cannons.text or None,
         }
+        if knobs.trials > 1:
+            met = soft and self._best >= knobs.gale.height and self._apart <= knobs.gale.pad
+            told = f"rose {number(self._best)} m and did not land"
+            if self._touch is not None:
+                told = (
+                    f"rose {number(self._best)} m and touched the ground at {number(self._touch)} "
+                    f"m/s, {number(self._apart)} m from the start"
+                )
+            score = float(met)
+            terms |= {"success": met, "outcome": told, "miss": None}
         top = Moment(self._best_time, "the greatest height") if self._aloft else None
         return Verdict(score, terms, (), top)
 
@@ -233,7 +288,25 @@ def _engine_sentences(count: int) -> Iterator[str]:
         yield f"The machine has exactly {count} water cannons and {count} torches."
 
 
+def _gale_sentences(knobs: RocketKnobs) -> Iterator[str]:
+    if knobs.trials > 1:
+        yield (
+            f"In each of the {knobs.trials} trials a steady wind blows that is not told: up to "
+            f"{knobs.gale.wind:g} m/s up or down, and up to {knobs.gale.wind:g} m/s towards x+ or "
+            "x-."
+        )
+
+
 def _score_sentences(knobs: RocketKnobs, window: float) -> Iterator[str]:
+    if knobs.trials > 1:
+        yield (
+            f"Score: the number of successful trials out of {knobs.trials}, {window:g} s each at "
+            f"most. A trial succeeds if the Starting Block rises {knobs.gale.height:g} m or more "
+            "and, when any block first touches the ground again, the Starting Block is no faster "
+            f"than {knobs.touchdown:g} m/s and at most {knobs.gale.pad:g} m from the vertical "
+            "through its position at t = 0. The trial ends then."
+        )
+        return
     if knobs.aim == "thrust":
         yield (
             "Score: the thrust in N, measured as the machine flies off: the upward force on its "

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import random
 
+import numpy as np
+
 from agentflow.env.feedback.text import number
 from agentflow.env.rollout import Trace, Verdict
+from agentflow.env.rotations import compose, conjugate, matrices
 from agentflow.env.scene import SceneObject, blocks_among
 from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import wall
 from agentflow.env.tasks.knobs import knob
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.vectors import subtract
+from agentflow.machine.tree import Machine
 
 NAME = "wall ahead"
 TRIALS = 10
@@ -35,9 +41,9 @@ class Stop(Parameters):
         """z of the wall's near face in a trial, m."""
         return round(rng.uniform(self.nearest, self.farthest), 3)
 
-    def objects(self, place: float, width: float) -> tuple[SceneObject, ...]:
+    def objects(self, wall_at: float, width: float) -> tuple[SceneObject, ...]:
         """The wall with its near face at a z, across a road of this width, m."""
-        return (wall(NAME, 0.0, place + 0.5, (width, 3.0, 1.0)),) if self.gap else ()
+        return (wall(NAME, 0.0, wall_at + 0.5, (width, 3.0, 1.0)),) if self.gap else ()
 
     def scene_sentences(self) -> tuple[str, ...]:
         """Description for designers; () without a wall."""
@@ -53,17 +59,21 @@ class Stop(Parameters):
         """How trials are scored."""
         return (
             f"Score: the number of successful trials out of {TRIALS}, {window:g} s each.",
-            "A trial succeeds if no block ever touches the wall ahead and, at the end, the centre "
-            f"of the foremost block is {self.gap - TOLERANCE:g} to {self.gap + TOLERANCE:g} m "
-            f"before it and the Starting Block is slower than {REST:g} m/s.",
+            "A trial succeeds if no block ever touches the wall ahead and, at the end, the "
+            f"foremost point of its blocks' boxes is {self.gap - TOLERANCE:g} to "
+            f"{self.gap + TOLERANCE:g} m before it and the Starting Block is slower than "
+            f"{REST:g} m/s.",
         )
 
 
 class StopReferee:
     """Watches for touches of the wall, and where the machine stops."""
 
-    def __init__(self, stop: Stop, place: float) -> None:
-        self._stop, self._place = stop, place
+    def __init__(self, machine: Machine, stop: Stop, wall_at: float) -> None:
+        self._stop, self._place = stop, wall_at
+        blocks = place(machine).blocks
+        self._halves = np.array([subtract(block.box_max, block.box_min) for block in blocks]) / 2
+        self._rest = np.array([block.quaternion for block in blocks])
         self._touched: float | None = None
 
     def start(self, world: WorldView) -> None:
@@ -77,7 +87,9 @@ class StopReferee:
 
     def verdict(self, trace: Trace) -> Verdict:
         """Score 1 or 0 and terms: success, outcome, and by how much it missed the gap, m."""
-        gap = self._place - float(trace.centre[-1, :, 2].max())
+        turned = matrices(compose(trace.rotation[-1], conjugate(self._rest)))
+        reach = (np.abs(turned[:, 2]) * self._halves).sum(axis=1)
+        gap = self._place - float((trace.centre[-1, :, 2] + reach).max())
         speed = float((trace.velocity[-1, 0] ** 2).sum() ** 0.5)
         miss = max(0.0, abs(gap - self._stop.gap) - TOLERANCE)
         success = self._touched is None and not miss and speed < REST
