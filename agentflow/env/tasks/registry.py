@@ -93,7 +93,7 @@ class Level:
     name: str
     """As users write it: "throwing", "throwing/3", or the path of a YAML file."""
     number: int
-    """1 to 5; 0 for a level read from a path."""
+    """From 1 on; 0 for a level read from a path."""
     file: LevelFile
 
     @property

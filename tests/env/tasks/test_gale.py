@@ -21,12 +21,12 @@ BLOCKS = json.loads(Path("tests/machines/rocket/throttled.json").read_text())["b
 def flown(controllers: Any, trial: int = 0) -> dict[str, Any]:
     """Terms of one trial."""
     machine = Machine.from_json({"blocks": BLOCKS, "controllers": controllers})
-    task = get_task("rocket/5", LANDING.knobs).trials(0)[trial]
+    task = get_task("rocket/6").trials(0)[trial]
     return dict(simulate(machine, task).terms)
 
 
 def test_winds_are_drawn_by_the_seed_and_not_told() -> None:
-    task = get_task("rocket/5", LANDING.knobs)
+    task = get_task("rocket/6")
     assert isinstance(task, Rocket)
     trials = task.trials(0)
     assert len(trials) == 10
@@ -58,5 +58,5 @@ def test_a_trial_ends_as_the_rocket_lands_and_says_how() -> None:
 @pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
 @pytest.mark.parametrize("comparison", [LANDING, STOPPING])
 def test_the_controllers_of_the_page_succeed_in_every_trial(comparison: Any, engine: str) -> None:
-    task = get_task(comparison.task, comparison.knobs, engine)
+    task = get_task(comparison.task, engine=engine)
     assert simulate(comparison.sensing(), task).score == 10

@@ -15,7 +15,6 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine
 from tests.machine.controllers import sensing_car, with_change
 
-KNOBS = {"controls": "sensed", "stop.gap": 1, "window": 10}
 LOOKING: dict[str, Any] = {
     "sensors": {"ahead": {"kind": "distance", "block": 1, "axis": "z+"}},
     "laws": {"approach": {"kind": "pd", "sensor": "ahead", "target": 2, "p": -0.1}},
@@ -24,12 +23,12 @@ LOOKING: dict[str, Any] = {
 
 
 def first_trial(machine: Machine, engine: str = "auto", **knobs: object) -> Rollout:
-    task = get_task("movement", {**KNOBS, **knobs}, engine)
+    task = get_task("movement/6", knobs, engine)
     return simulate(machine, task.trials(0)[0])
 
 
 def test_walls_are_drawn_by_the_seed_and_are_the_target_of_the_trial() -> None:
-    task = get_task("movement", KNOBS)
+    task = get_task("movement/6")
     assert isinstance(task, Movement)
     trials = task.trials(0)
     assert len(trials) == 10
@@ -49,7 +48,7 @@ def test_walls_are_drawn_by_the_seed_and_are_the_target_of_the_trial() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
 def test_a_car_that_looks_ahead_stops_in_every_trial(engine: str) -> None:
-    found = simulate(sensing_car(LOOKING), get_task("movement", KNOBS, engine))
+    found = simulate(sensing_car(LOOKING), get_task("movement/6", engine=engine))
     assert found.score == 10
     assert "All 10 trials: stopped " in found.feedback.text
     target = with_change("sensors.ahead", {"kind": "target", "block": 1, "axis": "z"}, LOOKING)
@@ -105,7 +104,7 @@ def test_neither_the_future_nor_other_trials_can_be_named() -> None:
     ):
         with pytest.raises(AssertionError):
             sensing_car(with_change("sensors.ahead", cheat, LOOKING))
-    trial = get_task("movement", KNOBS).trials(0)[0]
+    trial = get_task("movement/6").trials(0)[0]
     assert isinstance(trial, Movement)
     elsewhere = replace(trial, wall=trial.wall - 5)
     reads = [
