@@ -26,9 +26,9 @@ from agentflow.env.tasks.features.roads import (
     road_walls,
     scoring_direction,
 )
-from agentflow.env.tasks.features.stopping import TRIALS, Stop, StopReferee
 from agentflow.env.tasks.features.terrain import Roughness, Stones
 from agentflow.env.tasks.knobs import knob
+from agentflow.env.tasks.stopping import TRIALS, Stop, StopReferee
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
