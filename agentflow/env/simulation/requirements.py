@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from math import hypot, inf
 from typing import Any
 
@@ -190,29 +191,24 @@ def _tilt(_rollout: Rollout, trace: Trace, _machine: Machine) -> tuple[float, st
 
 
 def _broken(rollout: Rollout, _trace: Trace, _machine: Machine) -> tuple[float, str]:
-    first = next(iter(rollout.broken), None)
-    cause = (
-        f"first block {first.block} off block {first.partner}, {number(first.time)} s"
-        if first
-        else ""
-    )
-    return float(len(rollout.broken)), cause
+    first = [
+        f"first block {item.block} off block {item.partner}, {number(item.time)} s"
+        for item in rollout.broken[:1]
+    ]
+    return float(len(rollout.broken)), "".join(first)
 
 
-def _power(_rollout: Rollout, trace: Trace, _machine: Machine) -> tuple[float | None, str]:
+def _drawn(name: str, _: Rollout, trace: Trace, _machine: Machine) -> tuple[float | None, str]:
     drawn = trace.measured.drawn
-    return (None, "not measured") if drawn is None else (drawn.power, f"{number(drawn.time)} s")
+    if drawn is None:
+        return None, "not measured"
+    return (drawn.power, f"{number(drawn.time)} s") if name == "power" else (drawn.energy, "")
 
 
-def _energy(_rollout: Rollout, trace: Trace, _machine: Machine) -> tuple[float | None, str]:
-    drawn = trace.measured.drawn
-    return (None, "not measured") if drawn is None else (drawn.energy, "")
-
-
-_READERS = {
+_READERS: Mapping[str, Callable[[Rollout, Trace, Machine], tuple[float | None, str]]] = {
     "safety": _safety,
     "tilt": _tilt,
     "broken": _broken,
-    "power": _power,
-    "energy": _energy,
+    "power": partial(_drawn, "power"),
+    "energy": partial(_drawn, "energy"),
 }
