@@ -1,11 +1,11 @@
-"""Which tests need a library that is not everywhere: a physics engine, PyTorch with TRL, or Ray.
+"""Which tests need a library that is not everywhere: an engine, PyTorch with TRL, Ray, or CAD.
 
 Tests in `tests/env/physics/ENGINE` look inside that engine. Elsewhere, a test with the marker of
 an engine, such as `@pytest.mark.pybullet`, expects that engine's numbers. Tests with the marker
-`training` or `cluster` need libraries that `.venv` does not hold: `scripts/test --all` runs these
-tests, and no others, in the environments of these names. Where a library is not installed, its
-tests are left out, and the summary says so. All other tests must pass with whichever engine is the
-default.
+`training`, `cluster` or `cad` need libraries that `.venv` does not hold: `scripts/test --all` runs
+these tests, and no others, in the environments of these names. Where a library is not installed,
+its tests are left out, and the summary says so. All other tests must pass with whichever engine is
+the default.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import pytest
 from agentflow.env.physics.engines import installed_engines
 from agentflow.env.physics.registry import ENGINES
 
-ENVIRONMENTS = {"training": "trl", "cluster": "ray"}
+ENVIRONMENTS = {"training": "trl", "cluster": "ray", "cad": "OCP"}
 """Marker -> library that its tests need; `scripts/servers MARKER` makes an environment with it."""
 
 

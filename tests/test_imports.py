@@ -32,6 +32,8 @@ def rules(heading: str) -> dict[str, set[str]]:
 ALLOWED = rules("## Who may import whom")
 WITHIN_APP = rules("### Within `app`")
 FILES = sorted(PACKAGE.rglob("*.py"))
+CAD = {"OCP", "manifold3d", "trimesh", "pxr"}
+"""Libraries of the extra `cad`."""
 
 
 def part_of(path: Path) -> str:
@@ -78,6 +80,8 @@ def test_imports_point_one_way(path: Path) -> None:
         assert used <= {*WITHIN_APP[own], own}, f"app/{own} imports {sorted(used)}"
     if part != "cluster":
         assert not any(name.split(".")[0] == "ray" for name in names)
+    if part != "making":
+        assert not {name.split(".")[0] for name in names} & CAD
     for engine in ("pybullet", "mujoco"):
         if not path.is_relative_to(PACKAGE / "env" / "physics" / engine):
             assert not any(name.split(".")[0].startswith(engine) for name in names)
@@ -169,7 +173,7 @@ def adapts_what_is_missing(path: Path) -> bool:
 @cache
 def needs_what_is_missing(path: Path) -> bool:
     """Whether importing a module needs a library of an extra that is not installed here."""
-    if part_of(path) not in ("models", "training", "cluster"):
+    if part_of(path) not in ("models", "training", "cluster", "making"):
         return False
     tree = ast.parse(path.read_text())
     names = {node.module or "" for node in tree.body if isinstance(node, ast.ImportFrom)}

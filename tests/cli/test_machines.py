@@ -299,7 +299,7 @@ def test_what_a_format_cannot_hold_is_noted(capsys: Captured) -> None:
     ]
     assert Path("car.urdf").read_text().startswith("<?xml version='1.0' encoding='utf-8'?>\n<robot")
     told = out(capsys, "convert", "car.json", "car.glb", "--task", "movement")
-    assert told.splitlines()[0] == "note: --task has no effect: only .xml files hold a task"
+    assert told.splitlines()[0] == "note: --task has no effect: it is for .xml files"
 
 
 @pytest.mark.parametrize("ending", [".bsg", ".coords.json"])

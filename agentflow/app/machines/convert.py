@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from agentflow.app.machines.files import read_source
-from agentflow.app.machines.formats import FORMATS, Format, format_of
+from agentflow.app.machines.formats import FORMATS, Format, Wishes, format_of
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
 from agentflow.machine import Machine, Problem, check, library, place, spatial_problems
 from agentflow.machine.blocks.plates import plate_of
 
+NOTHING_ELSE = Wishes()
+
 
 def convert(
-    source: str, out: Path, *, task: Task | None = None, strict: bool = False
+    source: str, out: Path, wishes: Wishes = NOTHING_ELSE, *, strict: bool = False
 ) -> dict[str, Any]:
     """Read a machine in any format and write it in the format given by the suffix of `out`.
 
@@ -25,12 +28,14 @@ def convert(
     Args:
         source: File, run directory (its best machine), or `-` for standard input.
         out: File to write; its suffix is one of `formats.FORMATS`.
-        task: The task whose scene is written as well; formats that hold none ignore it.
+        wishes: The task whose scene is written as well, and how the machine is to be made; formats
+            that hold nothing of it ignore it, with a note.
         strict: Refuse machines with skipped blocks or ambiguous parents, and invalid machines.
     """
     form = format_of(out)
-    ignored = _unused_task(form, task, out)
-    task = None if ignored else task
+    if form.needs == "task" and wishes.task is None:
+        raise UsageError(f"{out} holds the scene of a task: name the task with --task")
+    task = wishes.task if form.needs == "task" else None
     reading = read_source(source, tuple(library()))
     found = (*reading.problems, *reading.loose)
     problems = tuple(sorted(found, key=lambda problem: problem.blocks))
@@ -50,26 +55,31 @@ def convert(
     invalid = _problems(machine, task)
     if invalid and (strict or form.needs != "blocks"):
         raise UsageError(f"{source} is not a valid machine: {_summarize(invalid)}")
-    data, losses = form.write(machine, task)
+    data, losses = form.write(machine, wishes)
     with write_output(out) as part:
         part.write_bytes(data)
     return {
         "out": str(out),
         "blocks": len(machine),
         "left_out": [problem.to_json() for problem in problems],
-        "notes": [*reading.notes, *ignored, *losses],
+        "notes": [*reading.notes, *_ignored(form, wishes), *losses],
         "warnings": [f"the machine is not valid: {_summarize(invalid)}"] if invalid else [],
     }
 
 
-def _unused_task(form: Format, task: Task | None, out: Path) -> list[str]:
-    """A note on a task that the file does not hold; raises UsageError if it needs one."""
-    if form.needs == "task" and task is None:
-        raise UsageError(f"{out} holds the scene of a task: name the task with --task")
-    if form.needs == "task" or task is None:
-        return []
-    holding = [suffix for suffix, other in FORMATS.items() if other.needs == "task"]
-    return [f"--task has no effect: only {' and '.join(holding)} files hold a task"]
+def _ignored(form: Format, wishes: Wishes) -> Iterator[str]:
+    """Notes on options that change nothing in this format."""
+    making = wishes.making
+    given = {
+        "--task": wishes.task,
+        "--scale": making.scale,
+        "--parts": making.parts and making.pegs is None,
+        "--pegs": making.pegs,
+    }
+    for option, value in given.items():
+        if value and option not in form.options:
+            holding = [suffix for suffix, other in FORMATS.items() if option in other.options]
+            yield f"{option} has no effect: it is for {' and '.join(holding)} files"
 
 
 def _problems(machine: Machine, task: Task | None) -> tuple[Problem, ...]:

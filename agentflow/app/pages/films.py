@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from agentflow.app.machines.formats import FORMATS
+from agentflow.app.machines.formats import FORMATS, Wishes
 from agentflow.env.drawing.film import tracked_block
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.mechanism import classify
@@ -125,7 +125,7 @@ def _files(machine: Machine, shapes: Shapes) -> dict[str, tuple[int, int]]:
     """Name -> place of the files of a machine; plates are not blocks of the game."""
     formats = (".json", ".glb") if plate_of(machine[0].type) else (".json", ".bsg", ".glb")
     name = f"machine-{machine.digest}"
-    written = {suffix: FORMATS[suffix].write(machine, None)[0] for suffix in formats}
+    written = {suffix: FORMATS[suffix].write(machine, Wishes())[0] for suffix in formats}
     return {f"{name}{suffix}": shapes.attach(data) for suffix, data in written.items()}
 
 

@@ -105,13 +105,33 @@ def edit(
 def convert(
     source: options.MachineOrRun,
     out: Annotated[
-        Path, typer.Argument(help="Output file: .json, .coords.json, .bsg, .glb, .urdf or .xml.")
+        Path,
+        typer.Argument(
+            help="Output file: .json, .coords.json, .bsg, .glb, .urdf, .xml, .step, .stl, .3mf or "
+            ".usda."
+        ),
     ],
     task: Annotated[
         str | None,
         typer.Option(help="Task whose scene an .xml file holds, such as movement/3."),
     ] = None,
     knobs: options.Knobs = None,
+    scale: Annotated[
+        float | None,
+        typer.Option(
+            help="N of 1 : N, for what is made (default: 20 for .stl and .3mf, 1 for .step and "
+            ".usda)."
+        ),
+    ] = None,
+    parts: Annotated[
+        bool, typer.Option("--parts", help="Print each block as a part of its own (.stl, .3mf).")
+    ] = False,
+    pegs: Annotated[
+        str | None,
+        typer.Option(
+            help="Print parts with pegs and holes where they join; their diameter, such as 5mm."
+        ),
+    ] = None,
     strict: Annotated[
         bool,
         typer.Option(
@@ -125,13 +145,48 @@ def convert(
     Unsupported blocks are reported and skipped; an invalid machine is written with a warning.
 
     Two formats are for other simulators: .urdf holds the machine alone, and .xml (MJCF, for MuJoCo)
-    the machine in the scene of a task. They hold valid machines only; notes say what is lost.
+    the machine in the scene of a task. Four are for making it: .step for CAD programs, .stl and
+    .3mf for 3D printers, .usda for films and renderers. All six hold valid machines only; notes say
+    what is lost.
     """
     from agentflow.app.machines.convert import convert as rewrite
+    from agentflow.app.machines.formats import Wishes
     from agentflow.cli.display.show_machines import show_conversion
+    from agentflow.making.sizes import making
 
-    level = level_of(task, knobs, "mujoco")
-    print_result(rewrite(source, out, task=level, strict=strict), as_json, show_conversion)
+    wishes = Wishes(level_of(task, knobs, "mujoco"), making(scale, pegs, parts=parts))
+    print_result(rewrite(source, out, wishes, strict=strict), as_json, show_conversion)
+
+
+@commands.command(epilog="Example: agentflow bom machine.json --out bom.csv")
+def bom(
+    machine: options.MachineOrRun,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the list to this .csv or .md file.")
+    ] = None,
+    as_json: options.Json = False,
+) -> None:
+    """List the parts of a machine: how many of which blocks, their sizes and masses."""
+    from agentflow.app.machines.making import list_parts
+    from agentflow.cli.display.show_machines import show_parts
+
+    print_result(list_parts(machine, out), as_json, show_parts)
+
+
+@commands.command(epilog="Example: agentflow instructions machine.json --out guide.html")
+def instructions(
+    machine: options.MachineOrRun,
+    out: Annotated[Path, typer.Option(help="Write the page to this .html file.")],
+    as_json: options.Json = False,
+) -> None:
+    """Show step by step how a machine is put together, as a page to read or print.
+
+    Blocks come in an order in which each slides onto its face past those that are there already.
+    """
+    from agentflow.app.machines.making import write_guide
+    from agentflow.cli.display.show_machines import show_guide
+
+    print_result(write_guide(machine, out), as_json, show_guide)
 
 
 @commands.command(epilog="Example: agentflow simulate machine.json --task movement --json")

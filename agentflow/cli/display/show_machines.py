@@ -18,7 +18,7 @@ from agentflow.cli.display.output import (
     table,
 )
 from agentflow.cli.display.show_scores import show_requirements
-from agentflow.metrics.formats import block_count, extents, number
+from agentflow.metrics.formats import block_count, counted, extents, number
 
 MARGINAL = 3
 """Most marginal connections that are printed; the data holds all."""
@@ -45,6 +45,16 @@ FACE = (
     field("face", "face_id"),
     field("position", show=lambda position: ", ".join(f"{value:g}" for value in position)),
     field("direction"),
+)
+
+
+PART = (
+    field("type"),
+    field("name"),
+    field("size", show="{} m".format),
+    field("number"),
+    field("mass", show="{:g} kg".format),
+    field("all", "total_mass", "{:g} kg".format),
 )
 
 
@@ -91,6 +101,19 @@ def show_conversion(result: Data) -> None:
     for warning in result["warnings"]:
         console.print(f"warning: {warning}")
     console.print(f"{result['out']}: {result['blocks']} blocks")
+
+
+def show_parts(result: Data) -> None:
+    """Print a parts list, and what all parts are together."""
+    console = output()
+    console.print(table(PART, result["rows"]))
+    console.print(f"{counted(result['blocks'], 'block')}, {result['mass']:g} kg")
+
+
+def show_guide(result: Data) -> None:
+    """Print where instructions are, and how long they are."""
+    steps = counted(len(result["steps"]), "step")
+    output().print(f"{result['out']}: {counted(result['blocks'], 'block')}, {steps}")
 
 
 def show_rollout(result: Data) -> None:

@@ -161,8 +161,8 @@ class Glb:
 
     def _material(self, color: Rgba) -> int:
         if color not in self._cache:
-            linear = [round(_linear(part), 6) for part in color[:3]]
-            surface = {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0}
+            parts = [round(linear(part), 6) for part in color[:3]]
+            surface = {"baseColorFactor": [*parts, 1.0], "metallicFactor": 0.0}
             self._cache[color] = self._append("materials", {"pbrMetallicRoughness": surface})
         return self._cache[color]
 
@@ -171,7 +171,7 @@ def _to_gltf(path: str, values: Any) -> NDArray[np.float32]:
     return np.asarray(values * np.array(MIRROR[path]), dtype=np.float32)
 
 
-def _linear(part: float) -> float:
+def linear(part: float) -> float:
     """Linear value of an sRGB colour component, 0 to 1 (IEC 61966-2-1)."""
     return float(part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4)
 

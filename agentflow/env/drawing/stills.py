@@ -53,8 +53,13 @@ def render_png(
 
 def png_url(machine: Machine, *, view: str, size: Size, red: Collection[int] = ()) -> str:
     """The picture of `render_png` as a data URL, for pages and requests."""
+    return picture_url(_picture(machine, view, size, red))
+
+
+def picture_url(picture: Image.Image) -> str:
+    """Any picture as a data URL of a PNG."""
     content = BytesIO()
-    _picture(machine, view, size, red).save(content, "PNG", optimize=True)
+    picture.save(content, "PNG", optimize=True)
     return "data:image/png;base64," + base64.b64encode(content.getvalue()).decode()
 
 

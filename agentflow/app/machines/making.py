@@ -1,0 +1,77 @@
+"""Parts lists and instructions of machines."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+from agentflow.app.machines.files import read_one
+from agentflow.errors import UsageError
+from agentflow.files.atomic import write_output
+from agentflow.machine import Problem, place, spatial_problems
+from agentflow.machine.build_order import build_order
+from agentflow.making.bill import bill
+from agentflow.making.guide import guide, steps_of
+from agentflow.metrics.tables import Column, Row, Table, markdown
+
+HEADS = ("type", "name", "size")
+NUMBERS = ("number", "mass", "total_mass")
+
+
+def list_parts(source: str, out: Path | None = None) -> dict[str, Any]:
+    """The parts list of a machine as data; also written to a .csv or .md file.
+
+    Args:
+        source: File, run directory (its best machine), or `-` for standard input.
+        out: File to write.
+    """
+    rows = bill(read_one(source))
+    if out is not None:
+        if out.suffix.lower() not in (".csv", ".md"):
+            raise UsageError(f"cannot write {out}: a parts list is a .csv or .md file")
+        with write_output(out) as part, part.open("w", newline="", encoding="utf-8") as file:
+            if out.suffix.lower() == ".csv":
+                writer = csv.DictWriter(file, (*HEADS, *NUMBERS), lineterminator="\n")
+                writer.writeheader()
+                writer.writerows(rows)
+            else:
+                file.write(_markdown(rows))
+    return {
+        "rows": rows,
+        "blocks": sum(row["number"] for row in rows),
+        "mass": round(sum(row["total_mass"] for row in rows), 6),
+    }
+
+
+def _markdown(rows: list[dict[str, Any]]) -> str:
+    lines = (
+        Row(tuple(str(row[key]) for key in HEADS), tuple(row[key] for key in NUMBERS))
+        for row in rows
+    )
+    return markdown(Table("Parts", HEADS, tuple(Column("", key) for key in NUMBERS), tuple(lines)))
+
+
+def write_guide(source: str, out: Path) -> dict[str, Any]:
+    """Write the page that shows how a machine is put together.
+
+    Args:
+        source: File, run directory (its best machine), or `-` for standard input.
+        out: .html file to write.
+
+    Raises:
+        UsageError: The machine is not valid, or cannot be built in any order.
+    """
+    if out.suffix.lower() != ".html":
+        raise UsageError(f"cannot write {out}: instructions are an .html file")
+    machine = read_one(source)
+    geometry = place(machine)
+    for problem in spatial_problems(geometry):
+        raise UsageError(f"{source} is not a valid machine: {problem.message}")
+    order = build_order(geometry)
+    if isinstance(order, Problem):
+        raise UsageError(f"{source}: {order.message}")
+    page = guide(machine, order, Path(source).stem if source != "-" else "machine")
+    with write_output(out) as part:
+        part.write_text(page, encoding="utf-8")
+    return {"out": str(out), "blocks": len(machine), "steps": list(map(list, steps_of(order)))}

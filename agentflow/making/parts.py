@@ -1,0 +1,104 @@
+"""What is made of each block: solid shapes in its own frame, and where they go.
+
+Metres, in the right-handed frame with z up (`env.physics.frames`); the machine stands on z = 0.
+Shapes have the sizes of the block library, without the gaps that simulated ones leave. Hinges are
+whole blocks, so that all of their faces are there. Two-ended blocks are rods from face to face.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+from agentflow.env.constants import constants
+from agentflow.env.physics.assembly.parts import ROD_DIAMETER, block_parts
+from agentflow.env.physics.frames import swap, swap_quaternion
+from agentflow.env.physics.model import Shape
+from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.types import BlockType
+from agentflow.machine.geometry.placement import Geometry, place, place_step
+from agentflow.machine.geometry.pose import Placed
+from agentflow.machine.geometry.vectors import (
+    Quat,
+    Vec3,
+    add,
+    length,
+    rotation_from_up,
+    subtract,
+)
+from agentflow.machine.tree import Machine, Step
+
+SHORTEST = 1e-3
+"""Least length of a rod, m: both ends of a two-ended block may be at one place."""
+ORIGIN: Vec3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One block to make. Parts whose `kind` and `shapes` are equal are the same."""
+
+    block: int
+    kind: BlockType
+    shapes: tuple[Shape, ...]
+    """In its own frame, about the centre of its box; cylinders lie along z."""
+    at: Vec3
+    rotation: Quat
+
+    @property
+    def name(self) -> str:
+        """Such as block_3_powered_wheel."""
+        return f"block_{self.block}_{type_name(self.kind)}"
+
+    @property
+    def rod_length(self) -> float | None:
+        """Length of a two-ended block, m; None for others."""
+        return self.shapes[0].size[2] if self.kind.linear else None
+
+
+def type_name(kind: BlockType) -> str:
+    """The name of a block type in files, such as powered_wheel."""
+    return kind.name.lower().replace(" ", "_")
+
+
+def parts_of(machine: Machine) -> tuple[Part, ...]:
+    """The parts of a file-valid machine, in order of id."""
+    geometry = place(machine)
+    shift = shift_of(geometry)
+    return tuple(_part(placed, shift) for placed in geometry.blocks)
+
+
+def shift_of(geometry: Geometry) -> Vec3:
+    """From the machine frame to where the machine stands, above the origin; game frame, m."""
+    x, _, z = geometry.middle
+    return (-x, -geometry.box_min[1], -z)
+
+
+def _part(placed: Placed, shift: Vec3) -> Part:
+    kind, at = library()[placed.type], swap(add(placed.center, shift))
+    if placed.end_a is None or placed.end_b is None:
+        return Part(placed.id, kind, block_shapes(kind), at, swap_quaternion(placed.quaternion))
+    line = subtract(placed.end_b, placed.end_a)
+    size = round(length(line), 9)
+    turn = rotation_from_up(line if size > SHORTEST else (0.0, 1.0, 0.0))
+    rod = Shape("cylinder", (ROD_DIAMETER, ROD_DIAMETER, max(size, SHORTEST)))
+    return Part(placed.id, kind, (rod,), at, swap_quaternion(turn))
+
+
+@cache
+def block_shapes(kind: BlockType) -> tuple[Shape, ...]:
+    """The shapes of a block with one parent, as it faces z+ in the game frame."""
+    assert kind.size is not None
+    if kind.shape == "hinge":
+        return (Shape("box", swap(kind.size)),)
+    placed = place_step(Step(0, kind.type, -1, -1), {})
+    exact = constants().changed({"shrink": 0.0})
+    return tuple(
+        Shape(
+            shape.kind,
+            swap(shape.size),
+            swap(subtract(add(part.centre, shape.offset), placed.center)),
+            swap_quaternion(shape.rotation),
+        )
+        for part in block_parts(placed, kind, exact, ORIGIN)
+        for shape in part.shapes
+    )
