@@ -158,7 +158,7 @@ class EvaluationEvent(
     moved: float | None = None
     """Largest displacement of any block, m."""
     robust: float | None = None
-    """The robust score, if searches compare it; below 0 how much of requirements is missed."""
+    """The robust score, if searches compare it."""
     success: bool | None = None
     """Whether the task's criterion of success is met, where the score alone does not say."""
     met: tuple[int, int] | None = None

@@ -32,6 +32,8 @@ class Evaluation:
     """Whether no candidate can do better, so that a search ends."""
     value: float | None = None
     """What searches compare, if not the score."""
+    missed: float | None = None
+    """Below 0, what they compare in place of both, of a candidate that misses what is required."""
     measurements: tuple[Measurement, ...] = ()
     """What kind of candidate it is, for searches that keep different kinds: one per axis, and the
     same axes for every candidate of a search."""
@@ -40,8 +42,10 @@ class Evaluation:
 
     @property
     def reward(self) -> float | None:
-        """What searches compare: the value, or else the score."""
-        return self.score if self.value is None else self.value
+        """What searches compare: the value, or else the score; of a candidate that misses what is
+        required, how much it misses."""
+        known = (self.missed, self.value, self.score)
+        return next((one for one in known if one is not None), None)
 
 
 @dataclass(frozen=True)

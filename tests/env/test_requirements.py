@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from io import BytesIO
 
 import pytest
@@ -199,3 +200,5 @@ def test_searches_climb_towards_meeting_all(texts: tuple[str, ...], value: float
 def test_a_machine_that_would_not_score_comes_last() -> None:
     assert search_value(demanding(CRADLE, "mass <= 0.1 kg", "width <= 9 m"), "must") == -2.0
     assert search_value(demanding(CRADLE, "mass <= 0.1 kg", mode="report"), "report") is None
+    lost = replace(demanding(CAR, "mass <= 9 kg"), status="diverged", score=0.0, terms={})
+    assert search_value(lost, "must") == -1.0

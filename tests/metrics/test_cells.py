@@ -81,6 +81,18 @@ def test_success_counts_machines_not_scores() -> None:
     assert METRICS["success_95"].of(found) == Rate(2, 4).interval
 
 
+def test_met_counts_requirements_of_valid_machines() -> None:
+    events = [
+        evaluation("initial/traj-1", 5.0, "01", met=(1, 2)),
+        candidate("initial", 1, 5.0, machine="01"),
+        evaluation("initial/traj-2", 9.0, "02", met=(2, 2)),
+        candidate("initial", 2, 9.0, machine="02"),
+        candidate("initial", 3, None, valid=False, machine="03"),
+    ]
+    assert METRICS["met"].of(Cell((member(events), member(events[:2])), "initial")) == Rate(4, 6)
+    assert METRICS["met"].of(cell("initial")) is None
+
+
 def test_trees_cut_after_rounds_count_only_where_they_are_that_deep() -> None:
     assert METRICS["mean"].of(cell("env_feedback", rounds=1)) == 3.5
     assert METRICS["max"].of(cell("env_feedback", rounds=2)) == 6.0

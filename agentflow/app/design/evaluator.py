@@ -108,12 +108,10 @@ class PhysicsEvaluator:
         )
         kinds = measure(self._task.descriptors, machine, rollout)
         valid = rollout.status != "invalid"
-        found = Evaluation(valid, rollout.score, summary, measurements=kinds)
+        missed = search_value(rollout, self._task.brief.requirements.mode)
+        found = Evaluation(valid, rollout.score, summary, missed=missed, measurements=kinds)
         if self._objective != "score" and valid and found.score is not None:
             found = await self._with_value(found, machine, rollout)
-        missing = search_value(rollout, self._task.brief.requirements.mode)
-        if missing is not None and found.score is not None:
-            found = replace(found, value=missing)
         if self._objective == "pareto" and found.score is not None:
             found = replace(found, objectives=pareto_objectives(machine, found, rollout))
         return found

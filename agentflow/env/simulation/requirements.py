@@ -108,9 +108,9 @@ def search_value(rollout: Rollout, mode: Mode) -> float | None:
     that would not score at all (constrained dominance, Deb et al. 2002).
     """
     judged, without = rollout.requirements, rollout.terms.get(SCORE_IF_MET)
-    if mode == "report" or rollout.score or not isinstance(without, float):
+    if mode == "report" or not judged or rollout.score != 0.0:
         return None
-    if without <= 0.0:
+    if not without:  # also of those that diverged
         return -float(len(judged))
     return -sum(item.shortfall for item in judged)
 

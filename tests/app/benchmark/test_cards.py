@@ -21,6 +21,7 @@ from agentflow.app.benchmark.card import (
 from agentflow.app.benchmark.leaderboard import format_tables, leaderboard, read_cards
 from agentflow.errors import AgentflowError, UsageError
 from agentflow.files.documents import sealed
+from agentflow.metrics.intervals import Rate
 
 SHIPPED = Path(__file__).parents[3] / "docs" / "cards"
 MISSING = CountedMachine(outcome="missing", score=None, share=None, reason="the run is unfinished")
@@ -116,6 +117,15 @@ def written(folder: Path, name: str, of: Scorecard) -> Path:
 
 def test_a_card_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert read_card(written(tmp_path, "a", GOOD)) == GOOD
+
+
+def test_requirements_are_counted_where_items_have_some() -> None:
+    keeps = scored(0.75).model_copy(update={"met": (1, 2)})
+    card_of_both = card(
+        "new", item("throwing-1", (0.5,), keeps), item("flying-1", (0.0,), scored(1))
+    )
+    *_, by_item = leaderboard([card_of_both])
+    assert [row.values for row in by_item.rows] == [(0.5, 0.75, Rate(1, 2)), (0.0, 1.0, None)]
 
 
 def test_fragile_machines_are_counted_where_somebody_looked(tmp_path: Path) -> None:

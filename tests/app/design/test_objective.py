@@ -5,18 +5,22 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import agentflow
 from agentflow.app.design.config import load_config
 from agentflow.app.design.evaluator import PhysicsEvaluator
 from agentflow.app.design.run import RunOptions, design
 from agentflow.cli import main
 from agentflow.env.rollout import Feedback, Rollout
+from agentflow.env.simulation.requirements import SCORE_IF_MET
 from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine, library
+from agentflow.machine.requirements import Judged, Requirement
 from agentflow.metrics.machines import recorded_machine
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
@@ -147,3 +151,39 @@ def test_searches_compare_values_where_there_are_some() -> None:
     assert is_better(steady, lucky)
     assert not is_better(lucky, steady)
     assert is_better(Evaluation(valid=True, score=30.0), Evaluation(valid=True, score=10.0))
+
+
+@pytest.mark.slow
+def test_a_run_tells_what_its_best_machine_meets(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Events count what is met, and a replay finds the same."""
+    settings = {
+        "requirements.wanted": "mass <= 1 kg, tilt <= 90 degrees",
+        "settings.search.rounds": 0,
+        "trajectories": 2,
+        "verify": False,
+    }
+    found = agentflow.design("movement", workflow="single", settings=settings, out=tmp_path)
+    assert found.score == 0.0
+    assert [one["met"] for one in found.data["requirements"]] == [False, True]
+    record = RunRecord.of(read_typed_events(found.run))
+    assert {one.met for one in record.machines.values()} == {(1, 2)}
+    assert {one.robust for one in record.machines.values()} == {None}
+    assert main(["replay", str(found.run)]) == 0
+    assert main(["show", str(found.run)]) == 0
+    capsys.readouterr()
+
+
+async def test_a_machine_that_misses_requirements_is_compared_by_how_much() -> None:
+    judged = (Judged(Requirement.parse("mass <= 4 kg"), 5.0),)
+    rollout = Rollout("ok", 0.0, Feedback("", {}), {SCORE_IF_MET: 9.0}, requirements=judged)
+
+    class Missing(Scores):
+        async def run(self, *_: Any, **__: Any) -> Rollout:
+            return rollout
+
+    task = get_task("movement", {"requirements.wanted": "mass <= 4 kg"})
+    found = await PhysicsEvaluator(task, Missing(), 0).evaluate(CAR, "")
+    assert (found.score, found.value, found.reward) == (0.0, None, -0.25)
+    assert found.details.met == (0, 1)
