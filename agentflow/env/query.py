@@ -18,6 +18,8 @@ from agentflow.env.scene import Body
 from agentflow.machine.tree import Machine
 
 MAX_QUERIES = 12
+CONTROLLERS = "controllers"
+"""Key of what controllers read and gave in the data of feedback, and their id in queries."""
 MAX_ROWS = 30
 """Most rows of a table; longer intervals are shown without the samples between regular ones."""
 MOST_ROWS = 240
@@ -81,6 +83,11 @@ def answer_each(
                 raise _InvalidQuery(f"only the first {MAX_QUERIES} queries of a call are answered")
             if isinstance(rollout, str):
                 raise _InvalidQuery(rollout)
+            if isinstance(item, Mapping) and item.get("id") == CONTROLLERS:
+                text, answered = _answer_controllers(rollout, item, every)
+                texts.append(text)
+                data.append(answered)
+                continue
             objects = rollout.trace.objects if rollout.trace is not None else ()
             text, answered = _answer(machine, rollout, _read(machine, objects, item), every)
         except _InvalidQuery as refusal:
@@ -205,6 +212,34 @@ def _answer(
         "broke": broke if isfinite(broke) else None,
     }
     return "\n".join(lines), data
+
+
+def _answer_controllers(
+    rollout: Rollout, item: Mapping[str, object], usual: float
+) -> tuple[str, dict[str, Any]]:
+    """What sensors read and laws gave, which the properties name; all of them by default."""
+    told = rollout.feedback.data.get(CONTROLLERS)
+    if told is None:
+        raise _InvalidQuery("nothing was sensed: the machine has no controllers, or did not run")
+    known = {**told["laws"], **told["sensors"]}  # a sensor with the name of a law comes first
+    wanted = item.get("properties") or [*known]
+    names = [name for name in wanted if isinstance(name, str)] if isinstance(wanted, list) else []
+    if not names or not set(names) <= set(known):
+        raise _InvalidQuery(f"unknown property in {wanted!r}; known: {', '.join(known)}")
+    start, end = _read_duration(item.get("duration"))
+    step = max(usual, wanted_interval(item) or 0.0, (end - start) / MAX_ROWS)
+    times, kept, due = told["times"], [], start - EPSILON
+    for row, time in enumerate(times):
+        if due <= time <= end + EPSILON:
+            kept.append(row)
+            due = time + step - EPSILON
+    if not kept:
+        raise _InvalidQuery(f"nothing was sensed from {start:g} to {end:g} s")
+    columns = {name: np.array(known[name])[kept, None] for name in names}
+    rows = _table(np.array(times)[kept], columns, {name: name for name in names})
+    data = {"id": CONTROLLERS, "duration": [start, end], "times": [times[row] for row in kept]}
+    values = {name: _plain(column) for name, column in columns.items()}
+    return "\n".join([f"Controllers, {start:g} to {end:g} s:", *rows]), {**data, **values}
 
 
 def _rows(trace: Trace, query: _Query, usual: float) -> Indices:

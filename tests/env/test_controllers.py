@@ -12,6 +12,7 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.controllers.laws import Laws, spans_of
 from agentflow.env.controllers.rays import Rays
+from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Rollout
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.simulation.simulate import simulate
@@ -137,7 +138,7 @@ def test_feedback_tells_readings_outputs_and_times_at_a_limit() -> None:
         },
     }
     found = drive("pybullet", {"t": ALL["time"], "speed": ALL["speed"]}, laws).feedback
-    lines = found.text.partition("Controllers:\n")[2].splitlines()
+    lines = found.text.partition("over time):\n")[2].splitlines()
     assert len(lines) == 2
     assert lines[0].startswith("- law slow (speed, target 4.00): 0.00 -> 1.00 at 0.00 s, ")
     assert "; at its limit from " in lines[0]
@@ -205,3 +206,27 @@ def test_the_scene_goes_on_as_the_level_says() -> None:
     scene = [entry for _, entry, _ in task.schedule.switches() if entry == "loads"]
     assert scene
     assert scene == [entry for _, entry, _ in task.switches(sensing_car()) if entry == "loads"]
+
+
+def test_queries_show_readings_and_outputs() -> None:
+    found = drive("pybullet", {"speed": ALL["speed"]}, {"go": KEEP_SPEED})
+    asked = [
+        {"id": "controllers", "duration": [0, 1], "properties": ["speed", "go"]},
+        {"id": "controllers", "duration": [0, 2], "interval": 0.5},
+        {"id": "controllers", "duration": [0, 1], "properties": ["height"]},
+        {"id": "controllers", "duration": [7, 8]},
+        {"id": "controllers", "duration": [0, 1], "properties": {"speed": 1}},
+        {"id": "controllers"},
+    ]
+    answers = answer_queries(CAR, found, asked)
+    table, whole, *refused = answers.text.split("\n\n")
+    assert table.splitlines()[:2] == ["Controllers, 0 to 1 s:", "t s | speed | go"]
+    assert len(table.splitlines()) == 8
+    assert len(whole.splitlines()) == 6
+    assert answers.data[0]["go"][0] == 1
+    assert "unknown property in ['height']; known: go, speed" in refused[0]
+    assert "nothing was sensed from 7 to 8 s" in refused[1]
+    assert "no answer: " in refused[2]
+    assert "no answer: " in refused[3]
+    plain = simulate(CAR, get_task("movement", {"window": 1}, "pybullet"))
+    assert "nothing was sensed" in answer_queries(CAR, plain, asked[:1]).text

@@ -9,11 +9,11 @@ from typing import Any
 from agentflow.env.controllers.laws import spans_of
 from agentflow.env.controllers.pilot import Pilot
 from agentflow.env.feedback.text import number
+from agentflow.env.query import CONTROLLERS
 from agentflow.env.rollout import Feedback, Moment
 from agentflow.machine.controllers.model import Law
 
-CONTROLLERS = "controllers"
-"""Key of the readings and outputs in the data of feedback."""
+_HEAD = 'Controllers (queries with the id "controllers" show readings and outputs over time):'
 MOST_LAWS, MOST_SPANS = 8, 3
 """Most laws that are told of; most times at a limit of each, and most broken sensors."""
 SHORT = 0.1
@@ -43,7 +43,7 @@ def tell_controllers(
         f"{number(time)} s, so it keeps its last reading, {number(value)}"
         for name, (time, value) in [*pilot.lost.items()][:MOST_SPANS]
     ]
-    text = "\n".join([feedback.text, "Controllers:", *(f"- {line}" for line in lines)])
+    text = "\n".join([feedback.text, _HEAD, *(f"- {line}" for line in lines)])
     return replace(feedback, text=text, data={**feedback.data, CONTROLLERS: series_of(pilot)})
 
 
