@@ -77,7 +77,7 @@ def _bounds(number: Bounded) -> tuple[float, float]:
     """Bounds of the search: those of the number, or around its value where these are wide."""
     if number.high - number.low <= WIDE:
         return number.low, number.high
-    around = 3 * max(abs(number.value), 1.0)
+    around = 3 * abs(number.value) or 1.0
     return max(number.low, number.value - around), min(number.high, number.value + around)
 
 

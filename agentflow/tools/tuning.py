@@ -9,7 +9,6 @@ from typing import Annotated
 from pydantic import Field
 
 from agentflow.errors import ConfigError
-from agentflow.machine.edits.difference import edit_commands
 from agentflow.machine.numbers import machine_numbers, with_numbers
 from agentflow.machine.tree import Machine
 from agentflow.search import tuning
@@ -63,13 +62,18 @@ async def tune(
         brief.greatest,
     )
     made = workspace.name(best, known.name) if best != known.machine else known
-    cost, edits = before - allowance.left, edit_commands(known.machine, best, brief)
+    cost = before - allowance.left
+    changes = [
+        f"{old.path} {old.value:g} to {new.value:g}"
+        for old, new in zip(numbers, machine_numbers(best, window), strict=True)
+        if old != new
+    ]
     data = {
         "machine": made.name,
         "score": score,
         "parent": known.name,
         "before": base.score,
-        "changes": edits,
+        "changes": changes,
         "simulations": cost,
         **workspace.budget_data,
     }
@@ -78,7 +82,7 @@ async def tune(
     else:
         text = (
             f"Machine {made.name}: score {_shown(score)}, up from {_shown(base.score)} of machine "
-            f"{known.name}, by {cost} simulations. Changes: {'; '.join(edits)}"
+            f"{known.name}, by {cost} simulations. Changes: {'; '.join(changes)}"
         )
     return ToolResult(f"{text}\n{workspace.budget_text}", data)
 

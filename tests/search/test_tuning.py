@@ -59,4 +59,4 @@ async def test_a_greatest_score_or_no_budget_ends_it() -> None:
 def test_bounds_that_tell_nothing_are_drawn_around_the_value() -> None:
     low, high = -1e6, 1e6
     assert tuning._bounds(NumberAt("p", 5.0, low, high)) == (-10.0, 20.0)
-    assert tuning._bounds(NumberAt("p", 0.0, 0.0, high)) == (0.0, 3.0)
+    assert tuning._bounds(NumberAt("p", 0.0, 0.0, high)) == (0.0, 1.0)
