@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.brief import SIZE_LIMIT, Limits
@@ -18,11 +20,20 @@ MAX_OVERLAP_PROBLEMS = 200
 """Maximum number of overlaps reported as problems; `Report.overlaps` has them all."""
 
 
-def spatial_problems(geometry: Geometry, limits: Limits = ANYWHERE) -> list[Problem]:
-    """Everything that makes a file-valid machine invalid without regard to the task."""
+def spatial_problems(
+    geometry: Geometry, limits: Limits = ANYWHERE, moved: Sequence[int] = ()
+) -> list[Problem]:
+    """Everything that makes a file-valid machine invalid without regard to the task.
+
+    Args:
+        geometry: Of the machine.
+        limits: How large it may be.
+        moved: A block that was just moved, then those that it carries: overlaps tell where else it
+            could be, rather than the later block.
+    """
     problems = _shared_faces(geometry) + _duplicate_connections(geometry)
     for a, b in geometry.overlaps[:MAX_OVERLAP_PROBLEMS]:
-        problems.append(Problem("overlap", (a, b), overlap_message(geometry, a, b)))
+        problems.append(Problem("overlap", (a, b), overlap_message(geometry, a, b, moved)))
     left = len(geometry.overlaps) - MAX_OVERLAP_PROBLEMS
     if left > 0:
         problems.append(Problem("overlap", (), f"{left} more pairs of blocks overlap"))
@@ -77,12 +88,14 @@ def _piece_problems(geometry: Geometry, limits: Limits) -> list[Problem]:
     return [size_of_piece(parts, most, limits.engine)] if parts > most else []
 
 
-def overlap_message(geometry: Geometry, a: int, b: int) -> str:
-    """How far two blocks overlap, and which faces of the later one's parent are free."""
+def overlap_message(geometry: Geometry, a: int, b: int, moved: Sequence[int] = ()) -> str:
+    """How far two blocks overlap, and which faces are free of the parent of the later one, or of
+    the first of those that were moved."""
     first, second = geometry[a], geometry[b]
     depth = " x ".join(str(extent) for extent in overlap_of(first, second))
-    later, other = (second, first) if b > a else (first, second)
-    free = _free(geometry, later.step.parent)
+    other, later = sorted((first, second), key=lambda each: (each.id in moved, each.id))
+    chosen = geometry[moved[0]] if later.id in moved else later
+    free = _free(geometry, chosen.step.parent)
     return f"{later.label} and {other.label} overlap by {depth} m; {free}"
 
 

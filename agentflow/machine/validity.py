@@ -61,6 +61,9 @@ class Report:
     """Extent along x, y, z in metres; None if not file-valid."""
     task_valid: bool = False
     """Machine-valid and meets the task's demands; equals `machine_valid` without a task."""
+    rules_met: bool | None = None
+    """Whether it meets the task's own demands, whatever is wrong in space; None if not file-valid
+    or without a task."""
     machine: Machine | None = None
     """The machine that was checked, a `ValidMachine` if it is valid for a task; None if not
     file-valid."""
@@ -150,6 +153,7 @@ def check(
         overlaps=geometry.overlaps,
         size=geometry.size,
         task_valid=task_valid,
+        rules_met=None if brief is None else not demanded,
         machine=machine,
         notes=reading.notes,
         requirements=() if brief is None else brief.judge(geometry),

@@ -151,8 +151,8 @@ def test_without_a_terminal_there_is_one_line_per_event(capsys: Captured) -> Non
     assert captured.out == ""
     assert captured.err.splitlines() == [
         "throwing, iterative, a model",
-        "stage initial begins, 8 trajectories",
-        "stage initial: 7 of 8 valid, mean 12.50, best 20.00",
+        "stage initial begins",
+        "stage initial: 7 of 8 machines valid, mean 12.50, best 20.00",
         "drawing pictures",
         "agentflow: a remark",
     ]

@@ -416,8 +416,15 @@ def test_wrong_input_is_one_line(arguments: list[str], message: str, capsys: Cap
 def test_check_says_whether_the_rules_of_the_task_are_met(capsys: Captured) -> None:
     assert "rules of movement: met\n" in out(capsys, "check", "car.json", "--task", "movement")
     assert "rules of" not in out(capsys, "check", "car.json")
-    Path("none.json").write_text("[]")
-    assert "rules of movement: met" not in out(capsys, "check", "none.json", "--task", "movement")
+    root = {"type": 0, "id": 0, "parent": -1, "face_id": -1}
+    overlapping = [root, *({"type": 1, "id": id_, "parent": 0, "face_id": 0} for id_ in (1, 2))]
+    for machine, task, told in (
+        (overlapping, "movement", "met"),
+        (json.loads(Path("car.json").read_text()), "throwing", "not met"),
+        ([], "movement", "not checked"),
+    ):
+        Path("tried.json").write_text(json.dumps(machine))
+        assert f"rules of {task}: {told}\n" in out(capsys, "check", "tried.json", "--task", task)
 
 
 def test_edit_with_out_names_the_file_in_place_of_its_content(capsys: Captured) -> None:

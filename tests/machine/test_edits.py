@@ -201,6 +201,10 @@ Move 13 to 2 in 3
 overlap: block 13 (Boulder) and block 3 (Wooden Block) overlap by 0.45 x 1.0 x 1.9 m; free faces
 of block 2: 0, 1, 2, 5, 6, 7, 8
 
+Move 4 to 3 in 1
+overlap: block 4 (Wooden Block) and block 5 (Wooden Block) overlap by 1.0 x 1.0 x 1.0 m; free faces
+of block 3: 0, 2, 3, 4, 5, 6, 7, 8
+
 Remove 9; Add 35 to 3 in 7
 size_limit: with Ballast as new block 14: the machine is 9.9 m along y, 0.4 m over the limit of
 9.5 m; block 14 (Ballast) extends furthest to y- and block 13 (Boulder) to y+

@@ -104,7 +104,7 @@ def check(
     warnings = [warning.to_json() for warning in report.warnings]
     answer: dict[str, Any] = {**report.to_json(), "warnings": warnings}
     if brief is not None:
-        answer["task"] = brief.name
+        answer |= {"task": brief.name, "rules_met": report.rules_met}
     if geometry:
         machine = report.machine
         answer["blocks"] = [] if machine is None else place(machine).to_json()

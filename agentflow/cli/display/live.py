@@ -230,12 +230,11 @@ def _line(event: RunEvent | Event) -> str:
         return f"{event.label}: {event}"
     if isinstance(event, StageEvent):
         return (
-            f"stage {event.label}: {event.valid} of {event.trajectories} valid, "
+            f"stage {event.label}: {event.valid} of {event.trajectories} machines valid, "
             f"mean {number(event.mean)}, best {number(event.max)}"
         )
     if isinstance(event, StageBeginEvent):
-        noun = "trajectory" if event.trajectories == 1 else "trajectories"
-        return f"stage {event.label} begins, {event.trajectories} {noun}"
+        return f"stage {event.label} begins"  # a search may open more trajectories than set
     if isinstance(event, VerificationEvent):
         held = "" if event.holding is None else f", {event.holding}"
         return f"verified score {number(event.score)}{held}"

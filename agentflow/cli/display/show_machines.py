@@ -63,7 +63,7 @@ def show_report(report: Data) -> None:
     console = output()
     print_lines(console, CHECKED, report)
     if "task" in report:
-        met = {True: "met", False: "not met"}.get(report["machine_valid"], "not checked")
+        met = {True: "met", False: "not met"}.get(report["rules_met"], "not checked")
         console.print(f"rules of {report['task']}: {met}")
     print_problems(console, report["problems"])
     show_requirements(report)

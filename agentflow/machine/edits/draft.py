@@ -49,6 +49,8 @@ class Draft:
         self.program = Program(machine.controls)
         self.controllers = machine.controllers
         self.next_id = self.original
+        self._moved: list[int] = []
+        """The block that the last change has moved, then what it carries."""
         self.brief = brief
         self.limits = ANYWHERE if brief is None else brief.limits
         self._given = 1 if brief is None else len(brief.given)
@@ -69,6 +71,7 @@ class Draft:
         added = Step(self.next_id, kind, *(part for end in ends for part in end))
         self.next_id += 1
         self.steps[added.id] = added
+        self._moved = []
         return added
 
     def detach(self, block: int) -> None:
@@ -118,7 +121,7 @@ class Draft:
     def _reattach(self, moved: Step, parent: int) -> None:
         """Put a block in its place that has a new parent."""
         block, carried = moved.id, carried_by(self.steps.values(), moved.id)
-        self.steps[block] = moved
+        self.steps[block], self._moved = moved, [*carried]
         order = list(self.steps)
         if order.index(parent) > order.index(block):
             for id_ in carried:  # to the end, so that parents come first
@@ -259,7 +262,7 @@ class Draft:
     @property
     def problems(self) -> list[Problem]:
         """What makes the machine invalid as it is now, except the number of its blocks."""
-        return spatial_problems(self.geometry, self.limits)
+        return spatial_problems(self.geometry, self.limits, self._moved)
 
     def finish(self) -> tuple[Machine, dict[int, int]]:
         """The renumbered machine, and the map from ids to its ids."""
