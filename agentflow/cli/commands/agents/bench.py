@@ -27,6 +27,7 @@ TOOLS = {
     "simulate": "Simulate a machine and show its score and what happened.",
     "verify": "Simulate a machine under small changes, and show how its score holds.",
     "explore_edits": "Simulate single random edits of a machine and show what each gains.",
+    "tune": "Improve the numbers of a machine's controls by simulations.",
     "query": "Show recorded states of blocks: the name of a machine, then queries as JSON.",
     "look": "Draw a machine, as built or at times of its simulation.",
     "history": "List the machines so far, with their scores.",
