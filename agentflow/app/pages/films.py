@@ -13,6 +13,7 @@ from agentflow.env.drawing.film import tracked_block
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.mechanism import classify
 from agentflow.env.physics.model import Color
+from agentflow.env.query import CONTROLLERS
 from agentflow.env.rollout import Broken, Rollout, RolloutEvent, Trace
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.simulation.trials import SHOWN_TRIAL
@@ -31,6 +32,8 @@ GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (
 """Name and colour of given blocks: those with a motor, and the others."""
 THINNED = 3
 """Trials other than the one shown first keep one in this many samples."""
+MOST_SPANS = 100
+"""Most values of a sensor or law that are shown under a film."""
 MOST_TRACES = 4
 MOST_EVENTS = 40
 """Most events listed for one film."""
@@ -101,7 +104,7 @@ def machine_data(
         "mechanism": _mechanism(machine, rollout),
         "remark": remark,
         "files": _files(machine, shapes),
-        "lanes": [_lane_data(lane, machine) for lane in lanes(machine)],
+        "lanes": [*(_lane_data(lane, machine) for lane in lanes(machine)), *_curves(rollout)],
         "trials": _trial_data(machine, figures, rollout, played),
         **_film_data(machine, figures, rollout),
     }
@@ -113,6 +116,25 @@ def _lane_data(lane: Lane, machine: Machine) -> dict[str, Any]:
     noun = "block" if len(lane.blocks) == 1 else "blocks"
     name = f"{noun} {', '.join(map(str, lane.blocks))} ({', '.join(names)})"
     return {"name": name, "spans": [list(span) for span in lane.spans]}
+
+
+def _curves(rollout: Rollout | None) -> list[dict[str, Any]]:
+    """What sensors read and laws gave, as lanes whose levels are shares of the greatest value."""
+    told = None if rollout is None else rollout.feedback.data.get(CONTROLLERS)
+    if not told:
+        return []
+    every = len(told["times"]) // MOST_SPANS + 1
+    times, found = told["times"][::every], []
+    for kind in ("sensors", "laws"):
+        for name, values in told[kind].items():
+            most = max(map(abs, values)) or 1.0
+            target = told["targets"].get(name) if kind == "laws" else None
+            aim = "" if target is None else f" (target {target:g})"
+            levels = zip(times, [*times[1:], told["times"][-1]], values[::every], strict=True)
+            spans = [[begin, end, round(value / most, 3)] for begin, end, value in levels if value]
+            label = f"{kind[:-1]} {name}{aim}, as a share of {most:.3g}"
+            found.append({"name": label, "spans": spans})
+    return found
 
 
 def _mechanism(machine: Machine, rollout: Rollout | None) -> str | None:
