@@ -187,3 +187,18 @@ async def test_a_machine_that_misses_requirements_is_compared_by_how_much() -> N
     found = await PhysicsEvaluator(task, Missing(), 0).evaluate(CAR, "")
     assert (found.score, found.value, found.reward) == (0.0, None, -0.25)
     assert found.details.met == (0, 1)
+
+
+@pytest.mark.slow
+def test_the_embedded_designer_builds_a_safe_bridge(tmp_path: Path) -> None:
+    settings = {
+        "load.most": 300,
+        "load.until": 2,
+        "window": 3,
+        "requirements.wanted": "safety >= 1.5, cost <= 60 credits",
+        "max_simulations": 8,
+        "verify": False,
+    }
+    found = agentflow.design("bridge", workflow="iterative", settings=settings, out=tmp_path)
+    assert found.score == 300.0
+    assert [one["met"] for one in found.data["requirements"]] == [True, True]
