@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections import Counter
 from typing import Any
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 from agentflow.making.parts import parts_of
+
+COLUMNS = ("type", "name", "size", "number", "mass", "total_mass")
 
 
 def bill(machine: Machine) -> list[dict[str, Any]]:
@@ -24,3 +28,12 @@ def bill(machine: Machine) -> list[dict[str, Any]]:
         row = {"type": number, "name": kind.name, "size": size, "number": count}
         rows.append({**row, "mass": kind.mass, "total_mass": round(count * kind.mass, 6)})
     return rows
+
+
+def bill_csv(machine: Machine) -> str:
+    """The parts list as a table, with a line of headings."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(bill(machine))
+    return text.getvalue()

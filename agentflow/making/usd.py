@@ -54,16 +54,13 @@ def _primitive(stage: Any, path: str, shape: Shape, size: float) -> Any:
     if shape.kind == "box":
         cube = UsdGeom.Cube.Define(stage, path)
         cube.CreateSizeAttr(1.0)
-        cube.CreateExtentAttr([(-0.5,) * 3, (0.5,) * 3])
         return cube
     if shape.kind == "sphere":
         ball = UsdGeom.Sphere.Define(stage, path)
         ball.CreateRadiusAttr(x / 2)
-        ball.CreateExtentAttr([(-x / 2,) * 3, (x / 2,) * 3])
         return ball
     cylinder = UsdGeom.Cylinder.Define(stage, path)
     cylinder.CreateAxisAttr(UsdGeom.Tokens.z)
     cylinder.CreateRadiusAttr(x / 2)
     cylinder.CreateHeightAttr(z)
-    cylinder.CreateExtentAttr([(-x / 2, -x / 2, -z / 2), (x / 2, x / 2, z / 2)])
     return cylinder

@@ -313,7 +313,7 @@ def test_the_shown_machine_can_be_downloaded(opened: webdriver.Chrome, tmp_path:
     until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
     digest = find(opened, ".chosen p").text.split(" · ")[-1]
     buttons = opened.find_elements(By.CSS_SELECTOR, ".files button")
-    assert [button.text for button in buttons] == [".json", ".bsg", ".glb"]
+    assert [button.text for button in buttons] == [".json", ".bsg", ".glb", ".csv"]
     for button in buttons:
         name = f"machine-{digest}{button.text}"
         button.click()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +10,11 @@ from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
 from agentflow.machine import Problem, place, spatial_problems
 from agentflow.machine.build_order import build_order
-from agentflow.making.bill import bill
+from agentflow.making.bill import COLUMNS, bill, bill_csv
 from agentflow.making.guide import guide, steps_of
 from agentflow.metrics.tables import Column, Row, Table, markdown
 
-HEADS = ("type", "name", "size")
-NUMBERS = ("number", "mass", "total_mass")
+HEADS, NUMBERS = COLUMNS[:3], COLUMNS[3:]
 
 
 def list_parts(source: str, out: Path | None = None) -> dict[str, Any]:
@@ -26,17 +24,15 @@ def list_parts(source: str, out: Path | None = None) -> dict[str, Any]:
         source: File, run directory (its best machine), or `-` for standard input.
         out: File to write.
     """
-    rows = bill(read_one(source))
+    machine = read_one(source)
+    rows = bill(machine)
     if out is not None:
-        if out.suffix.lower() not in (".csv", ".md"):
+        suffix = out.suffix.lower()
+        if suffix not in (".csv", ".md"):
             raise UsageError(f"cannot write {out}: a parts list is a .csv or .md file")
-        with write_output(out) as part, part.open("w", newline="", encoding="utf-8") as file:
-            if out.suffix.lower() == ".csv":
-                writer = csv.DictWriter(file, (*HEADS, *NUMBERS), lineterminator="\n")
-                writer.writeheader()
-                writer.writerows(rows)
-            else:
-                file.write(_markdown(rows))
+        text = bill_csv(machine) if suffix == ".csv" else _markdown(rows)
+        with write_output(out) as part:
+            part.write_bytes(text.encode())
     return {
         "rows": rows,
         "blocks": sum(row["number"] for row in rows),

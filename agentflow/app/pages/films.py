@@ -23,6 +23,7 @@ from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.controls import Lane, lanes
 from agentflow.machine.geometry.vectors import IDENTITY
 from agentflow.machine.tree import Machine
+from agentflow.making.bill import bill_csv
 from agentflow.report.film import FilmMotion, deflate, pack_motion
 
 GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (
@@ -148,6 +149,7 @@ def _files(machine: Machine, shapes: Shapes) -> dict[str, tuple[int, int]]:
     formats = (".json", ".glb") if plate_of(machine[0].type) else (".json", ".bsg", ".glb")
     name = f"machine-{machine.digest}"
     written = {suffix: FORMATS[suffix].write(machine, Wishes())[0] for suffix in formats}
+    written[".csv"] = bill_csv(machine).encode()
     return {f"{name}{suffix}": shapes.attach(data) for suffix, data in written.items()}
 
 
