@@ -22,6 +22,10 @@ Axis = dict[str, dict[str, Any]]
 """Label -> dotted configuration keys and their values."""
 
 
+_BARE = re.compile(r"True|False|None|[-+.\de]*\d[-+.\de]*")
+"""Labels that say nothing without the name of their axis."""
+
+
 class PublishedSource(BaseModel, frozen=True, extra="forbid"):
     """A published table to compare a sweep with."""
 
@@ -125,8 +129,17 @@ class SweepRun:
 
     @property
     def variant(self) -> str:
-        """The labels of all axes but `task`, in order."""
-        return ", ".join(label for axis, label in self.labels.items() if axis != "task")
+        """See `variant_of`."""
+        return variant_of(self.labels)
+
+
+def variant_of(labels: Mapping[str, str]) -> str:
+    """The labels of all axes but `task`, in order; numbers and truth values with their axis."""
+    return ", ".join(
+        f"{axis.removeprefix('settings.')}={label.lower()}" if _BARE.fullmatch(label) else label
+        for axis, label in labels.items()
+        if axis != "task"
+    )
 
 
 def read_sweep(document: Mapping[str, Any], source: str) -> SweepConfig:

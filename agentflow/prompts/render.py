@@ -6,6 +6,7 @@ import hashlib
 import traceback
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from copy import copy
+from difflib import get_close_matches
 from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import jinja2
 import yaml
+from jinja2.meta import find_referenced_templates
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from agentflow.errors import PromptError, UnknownNameError
@@ -126,6 +128,23 @@ class PromptSet:
         folders = {path.partition("/")[0] for path in self.files}
         return tuple(sorted(folder for folder in folders if not folder.startswith("_")))
 
+    def require_use(self, roles: Iterable[str]) -> None:
+        """Raise PromptError if a folder holds a template that neither roles nor templates use."""
+        if self.folder is None:
+            return
+        asked = {f"{role}/{part}.j2" for role in roles for part in ("system", "user")}
+        known = asked | PromptSet(self.folder.base).files.keys()
+        included: set[str | None] = set()
+        for path, text in self.files.items():
+            try:
+                included |= {*find_referenced_templates(self._environment.parse(text))}
+            except jinja2.TemplateSyntaxError as error:
+                place = f"prompt set {self.name!r}, {path}, line {error.lineno}"
+                raise PromptError(f"{place}: {error.message}") from error
+        for path in sorted(self.folder.files.keys() - known - included):
+            close = "".join(f"; did you mean {one}?" for one in get_close_matches(path, known, 1))
+            raise PromptError(f"prompt set {self.name!r}: nothing uses {path}{close}")
+
     def completed(self, role: str, templates: Path | None) -> PromptSet:
         """The set with a role's own templates, from a folder, where it lacks the role's."""
         if templates is None:
@@ -192,13 +211,20 @@ class PromptSet:
     def _render(self, template: str, variables: Mapping[str, object]) -> str:
         try:
             return self._environment.get_template(template).render(variables).strip() + "\n"
-        except jinja2.UndefinedError as error:
-            # jinja shows templates as frames; the last one may be an included part
-            names = [frame.filename for frame in traceback.extract_tb(error.__traceback__)]
-            place = [template, *(name for name in names if name.endswith(".j2"))][-1]
-            raise PromptError(f"prompt set {self.name!r}, {place}: {error.message}") from error
         except jinja2.TemplateError as error:
-            raise PromptError(f"prompt set {self.name!r}, {template}: {error}") from error
+            # jinja shows templates as frames; the last one may be an included part
+            frames = traceback.extract_tb(error.__traceback__)
+            places = [(f.filename, f.lineno) for f in frames if f.filename.endswith(".j2")]
+            if isinstance(error, jinja2.TemplateSyntaxError):
+                places.append((error.name or template, error.lineno))
+            path, line = [(template, None), *places][-1]
+            what, known = error.message, ", ".join(sorted(variables))
+            if isinstance(error, jinja2.TemplateNotFound):
+                what = f"there is no template {error.name}"
+            elif isinstance(error, jinja2.UndefinedError) and "attribute" not in str(what):
+                what = f"{what}; known: {known}"
+            place = f"{path}, line {line}" if line else path
+            raise PromptError(f"prompt set {self.name!r}, {place}: {what}") from error
 
 
 def _insert(prompt: str, section: str) -> str:

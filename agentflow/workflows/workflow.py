@@ -16,6 +16,13 @@ from agentflow.workflows.settings import WorkflowSettings
 STRATEGY = "search.strategy"
 SEARCHING: tuple[str, ...] = ("local_trials", "inspirations", "lessons", "another_mechanism")
 """Settings of searches besides those of their strategies."""
+SWITCHES: Mapping[str, tuple[str, object]] = {
+    "inspector": ("inspector", True),
+    "querier": ("querier", True),
+    "meta_designer": ("meta_designer", "structures"),
+    "drafts": ("drafter", True),
+}
+"""Setting -> the role that it switches, and a value with which the role is asked."""
 RANDOM_EDITS = "none (random edits)"
 """Author of the baselines without a model."""
 
@@ -77,8 +84,8 @@ class Workflow:
     knowledge."""
 
     def unused(self, settings: WorkflowSettings) -> list[str]:
-        """Dotted keys of settings of searches that differ from the defaults and change nothing
-        here."""
+        """Dotted keys of settings of searches and roles that differ from the defaults and change
+        nothing here."""
         usual, strategy = WorkflowSettings(), settings.search.strategy
         uses = self.adapt(settings if self.searches else usual).search.strategy
         used = SEARCHING if self.searches else ()
@@ -89,7 +96,13 @@ class Workflow:
             for key in SEARCHING
             if key not in used and getattr(settings, key) != getattr(usual, key)
         ]
-        return found + [STRATEGY] * (strategy not in (usual.search.strategy, uses))
+        found += [STRATEGY] * (strategy not in (usual.search.strategy, uses))
+        return found + [
+            key
+            for key, (role, value) in SWITCHES.items()
+            if getattr(settings, key) != getattr(usual, key)
+            and not self.calls(settings.model_copy(update={key: value})).get(role)
+        ]
 
     def retries(self, settings: WorkflowSettings, brief: Brief) -> int:
         """Trials after the first ones; each is a call of a refiner and a simulation."""

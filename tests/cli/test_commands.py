@@ -67,6 +67,19 @@ def test_check_lines_gives_one_report_per_line(tmp_path: Path, capsys: Captured)
     ]
 
 
+@pytest.mark.slow
+def test_a_run_is_simulated_on_its_own_task(car: str, capsys: Captured) -> None:
+    run = Path(__file__).parents[2] / "runs" / "recorded-throwing"
+    assert main(["simulate", str(run), "--json"]) == 0
+    recorded = json.loads((run / "result.json").read_text())
+    found = json.loads(capsys.readouterr().out)
+    assert found["score"] == pytest.approx(recorded["score"], abs=0.5)
+    assert main(["simulate", car]) == 2
+    assert "a machine file does not name its task; add --task" in capsys.readouterr().err
+    assert main(["simulate", car, "--jsonl"]) == 2
+    assert "--jsonl reads machines only; name their task" in capsys.readouterr().err
+
+
 def test_simulate_gives_exactly_the_documented_keys(car: str, capsys: Captured) -> None:
     assert main(["simulate", car, "--task", "movement", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)

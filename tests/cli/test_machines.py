@@ -279,6 +279,9 @@ def test_a_run_stands_for_its_best_machine(capsys: Captured) -> None:
     assert json.loads(Path("back.json").read_text()) == best
     capsys.readouterr()
     assert "machine valid: yes" in out(capsys, "check", str(RECORDED), "--task", "throwing")
+    out(capsys, "convert", str(RECORDED), "own.xml")
+    out(capsys, "convert", str(RECORDED), "named.xml", "--task", "throwing")
+    assert Path("own.xml").read_text() == Path("named.xml").read_text()
     Path("empty").mkdir()
     assert main(["convert", "empty", "x.json"]) == 2
     assert "empty is not a run directory" in capsys.readouterr().err

@@ -101,6 +101,13 @@ def test_the_product_of_axes_and_seeds() -> None:
     assert last.variant == "off!"
 
 
+def test_numbers_and_truth_values_are_named_with_their_axis() -> None:
+    axes = {"settings.inspector": [False], "search.rounds": [5], "condition": {"x2": {}}}
+    [run] = list_runs(sweep(seeds=[0], axes=axes))
+    assert run.variant == "inspector=false, search.rounds=5, x2"
+    assert run.name == "False.5.x2.seed-0"
+
+
 def test_without_axes_there_is_a_run_per_seed() -> None:
     assert [run.name for run in list_runs(sweep(seeds=[7]))] == ["seed-7"]
 

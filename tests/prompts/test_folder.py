@@ -11,7 +11,10 @@ import pytest
 
 from agentflow.agents.base import Parsed, Prompt, chat_prompt
 from agentflow.agents.designer import Designer
+from agentflow.agents.registry import ROLES
+from agentflow.app.design.plan import RunPlan
 from agentflow.cli import main
+from agentflow.config.run import DesignConfig
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError, PromptError
 from agentflow.prompts.folder import read_folder
@@ -63,8 +66,36 @@ def test_folders_that_cannot_be_used(careful: Path) -> None:
 def test_templates_of_a_folder_run_no_code(careful: Path) -> None:
     for hostile in ("{{ task.__class__.__mro__ }}", "{{ ''.__class__ }}", "{{ types.clear() }}"):
         (careful / "designer" / "system.j2").write_text(hostile)
-        with pytest.raises(PromptError, match=r"designer/system\.j2: "):
+        with pytest.raises(PromptError, match=r"designer/system\.j2, line 1: "):
             chat_prompt(Designer, get_task("movement").brief, str(careful))
+
+
+@pytest.mark.parametrize(
+    ("path", "text", "fault"),
+    [
+        ("designr/system.j2", "x", ": nothing uses designr/system.j2; did you mean designer/"),
+        ("designer/sytem.j2", "x", ": nothing uses designer/sytem.j2; did you mean designer/sys"),
+        ("querier/user.j2", "\n{% if %}", ", querier/user.j2, line 2: Expected an expression"),
+    ],
+)
+def test_templates_that_no_prompt_shows_are_named(
+    careful: Path, path: str, text: str, fault: str
+) -> None:
+    PromptSet(str(careful)).require_use(ROLES)
+    (careful / path).parent.mkdir(exist_ok=True)
+    (careful / path).write_text(text)
+    with pytest.raises(PromptError) as caught:
+        RunPlan.of(DesignConfig(task="movement", prompts=str(careful)))
+    assert str(caught.value).startswith(f"prompt set {str(careful)!r}{fault}")
+
+
+def test_a_template_may_include_another(careful: Path) -> None:
+    (careful / "designer" / "user.j2").write_text("{% include 'mine/care.j2' %}")
+    with pytest.raises(PromptError, match=r"designer/user.j2, line 1: .* no template mine/care.j2"):
+        chat_prompt(Designer, get_task("movement").brief, str(careful))
+    (careful / "mine").mkdir()
+    (careful / "mine" / "care.j2").write_text("Take care.")
+    PromptSet(str(careful)).require_use(ROLES)
 
 
 @pytest.mark.slow

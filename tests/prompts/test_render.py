@@ -44,11 +44,14 @@ def test_missing_variable_names_template_and_variable() -> None:
     with pytest.raises(PromptError) as caught:
         PromptSet().render("querier", {"types": [2], "two_ended": [], "task": {"name": "t"}})
     assert str(caught.value) == (
-        "prompt set 'default', _parts/task.j2: 'dict object' has no attribute 'objective'"
+        "prompt set 'default', _parts/task.j2, line 3: 'dict object' has no attribute 'objective'"
     )
     with pytest.raises(PromptError) as caught:
         PromptSet().render("querier", {"types": [2]})
-    assert str(caught.value) == "prompt set 'default', querier/system.j2: 'two_ended' is undefined"
+    assert str(caught.value) == (
+        "prompt set 'default', querier/system.j2, line 10: 'two_ended' is undefined; known: room, "
+        "types"
+    )
 
 
 def test_inserted_text_is_not_rendered() -> None:

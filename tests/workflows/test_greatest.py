@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 
 import pytest
 
+from agentflow.errors import PluginError
 from agentflow.machine.tree import Machine
+from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 from tests.workflows.fakes import BRIEF, Author, Notes, Run, Shelf, edit, machine
@@ -52,6 +55,23 @@ async def test_a_search_ends_at_the_greatest_score(strategy: str) -> None:
     ]
     (end,) = run.notes.of("search").values()
     assert (end["reason"], end["stopped"], end["expansions"]) == ("greatest score", False, 1)
+
+
+async def test_a_strategy_that_returns_something_else_is_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def best_score(*_: object) -> float:
+        return 4.0
+
+    entry = EntryPoint("mine", "own:best_score", "agentflow.strategies")
+    monkeypatch.setitem(vars(STRATEGIES), "_others", {"mine": entry})
+    monkeypatch.setitem(STRATEGIES._loaded, "mine", best_score)
+    with pytest.raises(PluginError) as caught:
+        await refine("Add 1 to 0 in 4", search={"strategy": "mine"})("iterative")
+    assert str(caught.value) == (
+        "the search strategy 'mine' (own:best_score) must return a SearchResult, such as "
+        "tree.result(tree.best()), not float"
+    )
 
 
 async def test_a_machine_with_the_greatest_score_is_not_refined() -> None:

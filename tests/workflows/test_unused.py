@@ -31,6 +31,9 @@ POOLED: dict[str, Any] = {"search": {"strategy": "ab-mcts"}}
         ("explore", POOLED, ["search.strategy"]),
         ("explore", {"search": {"strategy": "map-elites"}}, []),
         ("placement", {}, []),
+        ("iterative", {"inspector": False, "meta_designer": "off"}, ["inspector", "meta_designer"]),
+        ("iterative", {"inspector": False, "search": {"strategy": "mcts"}}, []),
+        ("hierarchical", {"meta_designer": "detailed", "querier": False, "drafts": True}, []),
     ],
 )
 def test_what_changes_nothing_is_named(

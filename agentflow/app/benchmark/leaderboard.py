@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from agentflow.app.benchmark.card import ItemResult, Scorecard, read_card
+from agentflow.app.benchmark.card import NAME, ItemResult, Scorecard, read_card
 from agentflow.env.tasks.records import other_recorders
 from agentflow.errors import RunError, UsageError
 from agentflow.metrics.formats import number
@@ -32,7 +32,7 @@ def read_cards(paths: Sequence[Path]) -> list[Scorecard]:
         RunError: A file is not a card, is damaged, or was edited.
         UsageError: The cards are of different versions.
     """
-    cards = [read_card(path) for path in paths]
+    cards = [read_card(path / NAME if path.is_dir() else path) for path in paths]
     first = cards[0]
     for path, card in zip(paths, cards, strict=True):
         if different := [

@@ -136,6 +136,8 @@ class RunPlan:
         _check_start(config.settings, task.brief)
         config = config.model_copy(update={"engine": engine.name})
         found = open_set(config.prompts, prompts)
+        if prompts is None:
+            found.require_use(ROLES)
         if sketch is None and config.settings.sketch is not None:
             sketch = Sketch.read(Path(config.settings.sketch))
         return cls(config, task, found, str(engine.identity), level, sketch)

@@ -11,7 +11,7 @@ from pathlib import Path
 from shlex import quote
 
 from agentflow.app.sweeps.folder import RUNS, read_failures, read_folder
-from agentflow.app.sweeps.unread import unread_note
+from agentflow.app.sweeps.unread import unread_note, unused_note
 from agentflow.config.sweep import SweepConfig, SweepRun, list_runs
 from agentflow.env.tasks.records import full_score, other_recorders
 from agentflow.env.tasks.registry import get_task
@@ -85,6 +85,7 @@ class SweepResult:
             )
         only = "; no number is of more than one" if len(self.engines) > 1 else ""
         notes.append(f"Physics engine: {', '.join(self.engines)}{only}.")
+        notes += filter(None, [unused_note(self.sweep)])
         if any(run.result.model == ProceduralClient.name for run in self.finished):
             notes += filter(None, [unread_note(self.sweep)])
         return tuple(notes)

@@ -1,8 +1,9 @@
-"""What axes may vary that the built-in model does not read."""
+"""What axes may vary that changes nothing, for any model or for the built-in one."""
 
 from __future__ import annotations
 
-from agentflow.config.sweep import SweepConfig
+from agentflow.config.sweep import SweepConfig, axis_of_key, list_runs
+from agentflow.workflows.registry import WORKFLOWS
 
 UNREAD = frozenset(
     {
@@ -14,6 +15,19 @@ UNREAD = frozenset(
 )
 """Keys, without `settings.`, that change what a model reads or how it is sampled: the procedural
 model writes the same machines whatever they are."""
+
+
+def unused_note(sweep: SweepConfig) -> str:
+    """A note on axes that vary what the workflows do not use; "" if there are none."""
+    varied = {key.removeprefix("settings.") for key in axis_of_key(sweep)}
+    found: dict[str, None] = {}
+    for run in list_runs(sweep.model_copy(update={"seeds": sweep.seeds[:1]})):
+        workflow, settings = run.config.workflow, run.config.settings
+        for key in WORKFLOWS[workflow].unused(settings):
+            if key in varied:
+                strategy = f"search.strategy={settings.search.strategy}"
+                found[f"{key} changes nothing in the workflow {workflow} with {strategy}"] = None
+    return f"{'; '.join(found)}." if found else ""
 
 
 def unread_note(sweep: SweepConfig) -> str:

@@ -87,7 +87,7 @@ def benchmark(
 
 @commands.command(epilog="Example: agentflow leaderboard a/card.json b/card.json --html board.html")
 def leaderboard(
-    cards: Annotated[list[Path], typer.Argument(help="Scorecards of agentflow benchmark.")],
+    cards: Annotated[list[Path], typer.Argument(help="Scorecards, or directories of benchmarks.")],
     form: options.FormatOrJson = "text",
     html: Annotated[Path | None, typer.Option(help="Also write an HTML page to this file.")] = None,
 ) -> None:

@@ -113,7 +113,10 @@ def convert(
     ],
     task: Annotated[
         str | None,
-        typer.Option(help="Task whose scene an .xml file holds, such as movement/3."),
+        typer.Option(
+            help="Task whose scene an .xml file holds, such as movement/3; default: that of the "
+            "run."
+        ),
     ] = None,
     knobs: options.Knobs = None,
     scale: Annotated[
@@ -150,11 +153,15 @@ def convert(
     what is lost.
     """
     from agentflow.app.machines.convert import convert as rewrite
-    from agentflow.app.machines.formats import Wishes
+    from agentflow.app.machines.formats import Wishes, format_of
+    from agentflow.app.subjects.subject import Subject
     from agentflow.cli.display.show_machines import show_conversion
     from agentflow.making.sizes import making
 
-    wishes = Wishes(level_of(task, knobs, "mujoco"), making(scale, pegs, parts=parts))
+    level = level_of(task, knobs, "mujoco")
+    if level is None and format_of(out).needs == "task" and Path(source).is_dir():
+        level = Subject.of_run(Path(source)).on("mujoco").task
+    wishes = Wishes(level, making(scale, pegs, parts=parts))
     print_result(rewrite(source, out, wishes, strict=strict), as_json, show_conversion)
 
 
@@ -192,7 +199,7 @@ def instructions(
 @commands.command(epilog="Example: agentflow simulate machine.json --task movement --json")
 def simulate(
     machine: options.MachineOrRun,
-    task: options.NamedTask,
+    task: options.Task = None,
     knobs: options.Knobs = None,
     engine: options.Engine = None,
     seed: options.Seed = 0,
@@ -223,7 +230,10 @@ def simulate(
     backend: options.Backend = "local",
     as_json: options.Json = False,
 ) -> None:
-    """Simulate a machine on a task and print its score."""
+    """Simulate a machine on a task and print its score.
+
+    Without --task, the best machine of a run is simulated on its own task.
+    """
     from agentflow.app.pools import pools_on
     from agentflow.app.subjects.simulate import simulate_lines, simulate_one
     from agentflow.app.subjects.subject import resolve
@@ -240,6 +250,8 @@ def simulate(
         "interval": interval,
     }
     if lines:
+        if task is None:
+            raise UsageError("--jsonl reads machines only; name their task with --task")
         level = find_task(task, knobs or (), engine)
         if save:
             raise UsageError("--save needs a single machine; remove --jsonl")

@@ -149,7 +149,7 @@ def print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
     """Print the estimated cost of the runs that are left."""
     from agentflow.app.sweeps.estimates import NOTHING, estimate
     from agentflow.app.sweeps.folder import RUNS
-    from agentflow.app.sweeps.unread import unread_note
+    from agentflow.app.sweeps.unread import unread_note, unused_note
     from agentflow.config.run import build_config
     from agentflow.models.choices import choose_models
 
@@ -173,7 +173,8 @@ def print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
             )
     whole = _estimate_json(left)
     who = [one for first in plan.firsts for one in choose_models(first.config.model).values()]
-    note = unread_note(plan.sweep) if any(one.procedural for one in who) else ""
+    unread = unread_note(plan.sweep) if any(one.procedural for one in who) else ""
+    note = "\n".join(filter(None, [unused_note(plan.sweep), unread]))
     if as_json:
         print_json({"sweep": str(folder), "runs": runs, "left": whole, "note": note})
         return

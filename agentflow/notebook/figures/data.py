@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agentflow.app.sweeps.folder import is_sweep
+from agentflow.config.sweep import variant_of
 from agentflow.errors import RunError, UsageError
 from agentflow.notebook.figures.rows import CSV, Datum, read_csv
 from agentflow.notebook.loading import load
@@ -43,6 +44,10 @@ def read_rows(sources: Sequence[Source], view: View, by: By) -> list[Datum]:
     """
     if not sources:
         raise UsageError("there is nothing to plot: name a run, a sweep, or a folder with runs")
+    for item in sources:
+        if not isinstance(item, str | Path | Run | Sweep):
+            kind = type(item).__name__
+            raise UsageError(f"cannot plot a {kind}: name each run, sweep or folder on its own")
     paths = [Path(item) for item in sources if isinstance(item, str | Path)]
     if len(paths) == len(sources) == 1 and paths[0].suffix.lower() == CSV:
         return read_csv(paths[0], view)
@@ -106,7 +111,7 @@ def _runs_of(source: Source) -> Sequence[Run]:
 def _condition(run: Run, others: Sequence[Run]) -> str:
     """The labels of a run in its sweep; else what of its configuration differs from the others."""
     if run.labels:
-        return ", ".join(label for axis, label in run.labels.items() if axis != "task")
+        return variant_of(run.labels)
     return ", ".join(
         value(run) for value in _DIFFERING if len({value(other) for other in others}) > 1
     )

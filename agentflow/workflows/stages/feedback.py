@@ -12,7 +12,7 @@ from agentflow.agents.history import EditRecord, History
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
-from agentflow.errors import BudgetSpentError
+from agentflow.errors import BudgetSpentError, PluginError
 from agentflow.machine.edits.local import local_edits
 from agentflow.machine.edits.renumbering import matching_ids, renumbering
 from agentflow.machine.tree import Machine
@@ -95,6 +95,11 @@ async def feedback_loop(
             numbers,
             recorder,
             **more,
+        )
+    if not isinstance(found, SearchResult):
+        raise PluginError(
+            f"{STRATEGIES.describe(numbers.strategy)} must return a SearchResult, such as "
+            f"tree.result(tree.best()), not {type(found).__name__}"
         )
     recorder.finish(found)
     nothing_to_do = found.perfect and not found.cost.attempts

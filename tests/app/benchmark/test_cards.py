@@ -133,7 +133,9 @@ def test_fragile_machines_are_counted_where_somebody_looked(tmp_path: Path) -> N
     fragile, sturdy = scored(0.75, fragile=True), scored(1, fragile=False)
     new = card("new", item("throwing-1", (0.5,), fragile), item("flying-1", (0.0,), sturdy))
     assert (new.fragile, GOOD.fragile) == (1, None)
-    cards = read_cards([written(tmp_path, each.model, each) for each in (new, POOR)])
+    (tmp_path / "old").mkdir()
+    written(tmp_path / "old", "card", POOR)
+    cards = read_cards([written(tmp_path, "new", new), tmp_path / "old"])
     ranking, _, by_item = leaderboard(cards)
     at = [(column.group, column.name) for column in ranking.columns].index(("refined", "fragile"))
     assert [row.values[at] for row in ranking.rows] == [1, None]

@@ -109,6 +109,7 @@ def test_axes_are_columns_and_seeds_are_pooled(tmp_path: Path) -> None:
         "3 runs; 2 seeds, pooled.",
         "INCOMPLETE: 1 of 4 runs are missing, 0 of them failed.",
         "Physics engine: pybullet 3.2.7.",
+        "inspector changes nothing in the workflow hierarchical with search.strategy=halving.",
         "valid: trajectories (independent attempts) with a valid machine, after retries; mean: "
         "mean score over valid machines; max: best score.",
     )

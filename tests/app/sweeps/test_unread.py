@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from agentflow.app.pages.sweeps import sweep_report
-from agentflow.app.sweeps.unread import UNREAD, unread_note
+from agentflow.app.sweeps.unread import UNREAD, unread_note, unused_note
 from agentflow.app.sweeps.views import view
 from agentflow.cli import main
 from agentflow.config.sweep import SweepConfig
@@ -23,6 +23,7 @@ NOTE = (
 AXES = {"prompts": ["default", "compact"], "how": {"a": {"settings.history": False}, "b": {}}}
 OTHERS = {
     "prompts": "compact",
+    "brief": "Make it red.",
     "feedback": "basic",
     "representation": "coordinates",
     "refinement": "whole_machine",
@@ -50,6 +51,26 @@ def test_dry_run_and_tables_say_so(tmp_path: Path, capsys: pytest.CaptureFixture
     model = ("--model", "any", "--base-url", "http://localhost:1/v1")
     assert main(["sweep", str(tmp_path / "hand.yaml"), "--dry-run", *model]) == 0
     assert NOTE not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("key", "settings", "named"),
+    [
+        ("inspector", {}, "inspector changes nothing in the workflow iterative with search.strate"),
+        ("inspector", {"search": {"strategy": "mcts"}}, ""),
+        ("querier", {}, ""),
+        ("local_trials", {}, ""),
+    ],
+)
+def test_axes_that_workflows_do_not_use_are_named(
+    key: str, settings: dict[str, object], named: str
+) -> None:
+    base = {"task": "movement", "workflow": "iterative", "settings": settings}
+    values = [1, 2] if key == "local_trials" else [True, False]
+    document = {"title": "x", "base": base, "axes": {key: values}, "table": {"metrics": ["mean"]}}
+    note = unused_note(SweepConfig.model_validate(document))
+    assert note.startswith(named)
+    assert bool(note) == bool(named)
 
 
 def test_what_it_reads_is_not_named() -> None:

@@ -185,6 +185,7 @@ def test_what_cannot_be_plotted_is_said_in_one_sentence(sweep: Path, tmp_path: P
     agentflow.plot(sweep, view="scores", out=tmp_path / "scores.csv")
     cases: list[tuple[list[object], dict[str, str], str]] = [
         ([], {}, "there is nothing to plot: name a run, a sweep, or a folder with runs"),
+        ([[sweep]], {}, "cannot plot a list: name each run, sweep or folder on its own"),
         ([tmp_path / "gone"], {}, "no such file or directory"),
         ([empty], {}, r"no run of .*empty is finished, so there is nothing to plot"),
         ([unscored], {}, "there is nothing to plot: no machine of these runs has a score"),
