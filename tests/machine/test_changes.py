@@ -152,5 +152,5 @@ def test_every_reference_machine_can_be_built_block_by_block(family: str) -> Non
             change = partial(changes.add, kind=step.type, ends=step.attachments)
             machine, chosen = Mending(machine, brief).make(change)
             assert chosen == step.id
-        assert machine == wanted
+        assert machine.steps == wanted.steps
         assert check(machine, brief).task_valid
