@@ -33,4 +33,4 @@ def calls(settings: WorkflowSettings) -> dict[str, int]:
     return {**count_calls(settings), Namer.name: settings.trajectories}
 
 
-NAMED = Workflow("named", named, calls, count_rollouts)
+NAMED = Workflow("named", named, calls, count_rollouts, searches=True)
