@@ -68,7 +68,7 @@ def _mesh(solid: Any, making: Making) -> Trimesh:
         mesh.update_faces((a != b) & (b != c) & (c != a))
         if mesh.is_watertight:
             return mesh
-    raise UsageError("it has no watertight surface at this scale: try another one, or --parts")
+    raise UsageError("it has no watertight surface at this scale: try another one")
 
 
 def _bodies(machine: Machine, making: Making) -> tuple[Bodies, list[str]]:

@@ -64,7 +64,9 @@ def with_pegs(
         inward = np.array(swap(placed.front))
         peg = _pin(at - diameter * inward, inward, diameter, 2 * diameter)
         hole_depth = diameter + DEEPER
-        hole = _pin(at - hole_depth * inward, inward, diameter + 2 * CLEARANCE, hole_depth)
+        # it ends above the face: surfaces in one plane leave slivers
+        length = hole_depth + DEEPER
+        hole = _pin(at - hole_depth * inward, inward, diameter + 2 * CLEARANCE, length)
         wide = diameter + 2 * (CLEARANCE + WALL)
         for block, start, deep in (
             (parent, at - hole_depth * inward, hole_depth),
@@ -77,8 +79,9 @@ def with_pegs(
                     f"{geometry[parent].label}: take thinner pegs or make the machine larger"
                 )
         made[parent] -= hole
-        # the fork of a caster leans a little into its parent
-        made[placed.id] = made[placed.id].trim_by_plane(inward, float(at @ inward)) + peg
+        if library()[placed.type].shape == "caster":  # its fork leans a little into its parent
+            made[placed.id] = made[placed.id].trim_by_plane(inward, float(at @ inward))
+        made[placed.id] += peg
     return made
 
 
