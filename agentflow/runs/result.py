@@ -198,8 +198,12 @@ class RunFinding(_Part):
     @property
     def fragile(self) -> bool | None:
         """Whether the best machine fails under a small change; None if that is not known."""
-        found = None if self.verified is None else self.verified.holding
-        return None if found is None else found.fragile
+        return None if self.holding is None else self.holding.fragile
+
+    @property
+    def holding(self) -> Holding | None:
+        """In which simulations the verified score holds; None if that is not known."""
+        return None if self.verified is None else self.verified.holding
 
     @property
     def trusted_score(self) -> float | None:

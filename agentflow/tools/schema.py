@@ -90,7 +90,9 @@ class BenchTool:
     def _misfit(self, error: ValidationError) -> str:
         """What is wrong with arguments, and what the tool takes."""
         faults = [
-            f"{'.'.join(map(str, item['loc']))[:80]}: {item['msg']}" for item in error.errors()[:4]
+            f"{'.'.join(map(str, item['loc']))[:80]}"
+            + (" is missing" if item["type"] == "missing" else f": {item['msg']}")
+            for item in error.errors()[:4]
         ]
         names = self.spec.parameters["properties"]
         takes = ", ".join(names) if names else "no arguments"

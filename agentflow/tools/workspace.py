@@ -287,10 +287,11 @@ class Workspace:
         """Which machine counts, and how."""
         aims = self.host.aims
         if not aims.most_changes:
-            return "The best machine of all stages is the result."
-        now = " `verify` does this now." if self.budget.simulations else ""
+            return "The best submitted machine is the result."
+        now = " `verify` does this now, at their cost; for the result, it is free."
+        now *= self.budget.simulations is not None
         return (
-            "The best machine of all stages is the result. Its final score is the median of its "
+            "The best submitted machine is the result. Its final score is the median of its "
             f"simulation and up to {aims.most_changes} with small changes ({aims.changes}).{now}"
         )
 

@@ -14,14 +14,18 @@ from agentflow.cli.commands.agents.bench import TOOLS
 from agentflow.errors import RunError, UsageError
 from agentflow.runs import read_events, read_result, state_of
 from agentflow.runs.writing import RunDirectory
-from agentflow.tools.bench import TOOL_NAMES
+from agentflow.tools.bench import TOOLS as OFFERED
 
 CAR = str(Path(__file__).parents[2] / "examples" / "car.json")
 QUERY = '[{"id": 0, "duration": [0, 1], "properties": ["position"]}]'
 
 
-def test_every_tool_has_a_command() -> None:
-    assert set(TOOLS) == TOOL_NAMES
+def test_every_tool_has_a_command_that_names_its_arguments() -> None:
+    assert set(TOOLS) == {tool.spec.name for tool in OFFERED}
+    for tool in OFFERED:
+        help_, _ = TOOLS[tool.spec.name]
+        for name in tool.spec.parameters["properties"]:
+            assert name in help_
 
 
 def test_arguments_are_text_or_json_as_the_tool_takes_them(tmp_path: Path) -> None:

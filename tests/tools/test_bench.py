@@ -94,7 +94,7 @@ async def test_a_whole_session() -> None:
         ("simulate", {"machine": "deadbeef"}, "there is no machine 'deadbeef'; there is none yet"),
         ("simulate", "{", "the arguments are not JSON"),
         ("simulate", [1], "the arguments are a list; send a JSON object"),
-        ("simulate", {}, "simulate takes machine, trial; machine: Field required"),
+        ("simulate", {}, "simulate takes machine, trial; machine is missing"),
         (
             "simulate",
             {"machine": 3},

@@ -53,7 +53,7 @@ async def test_the_brief_says_how_the_final_score_is_made_and_what_scores_are_wo
     assert (
         "Its final score is the median of its simulation and up to 9 with small changes (4 x step "
         "rate; 2 % more and less of masses, friction, motor torque, pull of springs and winches). "
-        "`verify` does this now."
+        "`verify` does this now, at their cost; for the result, it is free."
     ) in text
     async with open_bench(stage="initial", rollouts=None) as (blind, _):
         assert "`verify`" not in blind.brief_text

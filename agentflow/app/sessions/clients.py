@@ -57,6 +57,7 @@ def summarise_end(result: RunResult, *, verifying: bool = False) -> str:
         if result.verified_score is not None:
             told = f"with a verified score of {result.verified_score:.2f} (plain: "
             told += f"{result.score:.2f})"
+            told += f", which {held}" if (held := result.holding) else ""
         elif verifying:
             told += "; it is still being verified, and any later call tells the result"
     return (

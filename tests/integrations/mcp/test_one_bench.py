@@ -85,7 +85,7 @@ WRONG_CALLS: list[tuple[str, dict[str, object], str]] = [
         {"machine": CAR, "shell": "rm"},
         "check takes machine, note, parent; shell: Extra inputs",
     ),
-    ("edit", {}, "edit takes machine, script; machine: Field required; script: Field"),
+    ("edit", {}, "edit takes machine, script; machine is missing; script is missing"),
 ]
 
 

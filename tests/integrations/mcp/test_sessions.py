@@ -72,7 +72,9 @@ async def test_a_car_in_five_calls_over_stdio(tmp_path: Path) -> None:
         run = only_run(tmp_path)
         result = read_result(run)
         both = f"a verified score of {result.verified_score:.2f} (plain: {result.score:.2f})"
-        assert f"The design is finished, with {both}. It is in {run};" in words
+        assert (
+            f"The design is finished, with {both}, which holds in 8 of 8. It is in {run};" in words
+        )
         late = await client.call_tool("simulate", {"machine": name})
         told = data_of(late)
         assert (told["score"], told["verified_score"]) == (result.score, result.verified_score)
