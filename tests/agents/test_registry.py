@@ -80,6 +80,7 @@ EXCEPTIONS = {
     "cli/commands/prompts.py": "a default that users read in the help",
     "integrations/verifiers/tasks.py": "an option of that library",
     "workflows/settings.py": "the settings' own names of emitters and switches",
+    "workflows/workflow.py": "settings, which are named as the roles that they switch off",
     "workflows/single.py": "a setting, which is named as the role that it switches off",
     "workflows/explore.py": "an emitter, which is named as the role that it asks",
 }

@@ -1,4 +1,4 @@
-"""What designers are told of controllers after a rollout."""
+"""What designers read of controllers after a rollout."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from agentflow.machine.controllers.model import Law
 
 _HEAD = 'Controllers (queries with the id "controllers" show readings and outputs over time):'
 MOST_LAWS, MOST_SPANS = 8, 3
-"""Most laws that are told of; most times at a limit of each, and most broken sensors."""
+"""Most laws that feedback names; most times at a limit of each, and most broken sensors."""
 SHORT = 0.1
-"""Shortest time at a limit that is told, s."""
+"""Shortest time at a limit that feedback names, s."""
 
 
 def tell_controllers(

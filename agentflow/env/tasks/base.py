@@ -127,7 +127,7 @@ class Task(ABC):
 
     def switches(self, machine: Machine) -> tuple[Switch, ...]:
         """What is switched when: by the machine's own controls, else by the schedule, which also
-        switches what is no block of the machine."""
+        switches what the scene adds."""
         switches = self.schedule.switches()
         if not machine.controlled:
             return switches

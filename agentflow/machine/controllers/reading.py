@@ -41,7 +41,7 @@ _WORDS: Mapping[str, str] = {
 }
 """Pydantic's type of an error -> what is wrong, after the path of the value."""
 _SHOWN = 8
-"""Most problems of a document that are told."""
+"""Most problems of a document that are listed."""
 
 
 def read_controllers(data: object, problems: list[Problem]) -> Controllers | None:
