@@ -24,8 +24,9 @@ UNBUILDABLE = "unbuildable"
 def build_order(geometry: Geometry) -> tuple[int, ...] | Problem:
     """Ids in an order in which all blocks can be put on; a problem if there is none.
 
-    Where several exist, it is the one that keeps closest to the order of ids. Each rule says that one
-    block comes before another, so there is an order unless blocks wait for each other in a circle.
+    Where several exist, it is the one that keeps closest to the order of ids. Each rule says that
+    one block comes before another, so there is an order unless blocks wait for each other in a
+    circle.
     """
     sorter: TopologicalSorter[int] = TopologicalSorter()
     for placed in geometry.blocks:

@@ -1,1 +1,1 @@
-"""Controllers in a rollout: what sensors read, how laws are evaluated, what designers read of it."""
+"""Controllers in a rollout: readings of sensors, evaluation of laws, what designers read of it."""
