@@ -53,7 +53,7 @@ def test_a_frame_has_a_row_for_each_machine() -> None:
     assert set(found.validity) == {"valid"}
     assert sorted(found.simulations) == list(range(1, FOUND["rollouts"] + 1))
     assert found.calls.iloc[-1] == FOUND["calls"]
-    other = agentflow.Run(ROOT / "runs" / "language-model-jumping").to_frame()
+    other = agentflow.Run(ROOT / "runs" / "language-model-throwing").to_frame()
     for numbers in ("score", "verified", "tokens"):
         assert other[numbers].dtype.kind in "fi", numbers
 
@@ -139,7 +139,7 @@ def test_a_damaged_run_says_which_line(tmp_path: Path) -> None:
 
 
 def test_runs_of_a_folder(tmp_path: Path) -> None:
-    shipped = ["language-model-jumping", "recorded-throwing"]
+    shipped = ["language-model-throwing", "recorded-throwing"]
     for name in reversed(shipped):
         shutil.copytree(ROOT / "runs" / name, tmp_path / "runs" / name)
     assert [run.path.name for run in agentflow.load_runs(tmp_path / "runs")] == shipped

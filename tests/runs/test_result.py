@@ -15,7 +15,7 @@ from tests.runs.results import a_result
 RUNS = Path(__file__).parents[2] / "runs"
 
 
-@pytest.mark.parametrize("name", ["recorded-throwing", "language-model-jumping"])
+@pytest.mark.parametrize("name", ["recorded-throwing", "language-model-throwing"])
 def test_a_result_is_written_as_it_was_read(name: str, tmp_path: Path) -> None:
     read_result(RUNS / name).write(tmp_path)
     written, recorded = (folder / "result.json" for folder in (tmp_path, RUNS / name))

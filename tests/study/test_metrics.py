@@ -123,7 +123,7 @@ def test_people_and_agents_stand_in_one_table(
 ) -> None:
     for name in ("one", "two"):
         record(tmp_path / name)
-    model = RUNS / "language-model-jumping"
+    model = RUNS / "language-model-throwing"
     arguments = ["study", "metrics", str(tmp_path), str(model)]
     assert main([*arguments, "--json"]) == 0
     first, second, agent = json.loads(capsys.readouterr().out)["sources"]

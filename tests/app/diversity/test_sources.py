@@ -40,7 +40,7 @@ def test_a_run_has_the_machines_that_its_last_stage_ended_with() -> None:
 
 
 def test_a_folder_of_runs_has_the_machines_of_all(tmp_path: Path) -> None:
-    names = ("language-model-jumping", "recorded-throwing")
+    names = ("language-model-throwing", "recorded-throwing")
     for name in names:
         shutil.copytree(RUNS / name, tmp_path / name)
     each = [only_machines(tmp_path / name) for name in names]

@@ -1,4 +1,4 @@
-"""Runs of a strong language model, recorded by an older version, stay readable.
+"""Runs of a strong language model, also those recorded by an older version, stay readable.
 
 One ships under `runs/`, to look at. Two are in `recorded/`, without pictures: a small one, and a
 large one without saved rollouts, whose machines break rules of today.
@@ -15,9 +15,18 @@ import pytest
 from agentflow.cli import main
 from agentflow.runs import read_document, read_result
 
-SHIPPED = Path(__file__).parents[3] / "runs" / "language-model-jumping"
+SHIPPED = Path(__file__).parents[3] / "runs" / "language-model-throwing"
 RECORDED = Path(__file__).parent / "recorded"
 MODEL = "large language model (recorded)"
+SCORES = [
+    64.69256830771697,
+    81.96393508341308,
+    80.63936663131483,
+    82.33556551768392,
+    100.42608066271052,
+    100.08084936776177,
+]
+"""Of its machines, as recorded."""
 Captured = pytest.CaptureFixture[str]
 
 
@@ -36,7 +45,7 @@ def older(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 def test_the_shipped_run_is_whole_and_names_no_place_on_a_disk() -> None:
     assert read_document(SHIPPED)["config"]["model"]["name"] == MODEL  # its seal holds
-    assert read_result(SHIPPED).run == "runs/language-model-jumping"
+    assert read_result(SHIPPED).run == "runs/language-model-throwing"
     for file in SHIPPED.rglob("*.*"):
         content = file.read_bytes()
         assert not any(path in content for path in (b"/home", b"/root", b"/tmp", b"/work"))
@@ -44,9 +53,9 @@ def test_the_shipped_run_is_whole_and_names_no_place_on_a_disk() -> None:
 
 def test_lists_and_details_of_the_shipped_run_name_its_model(capsys: Captured) -> None:
     (listed,) = json.loads(printed(capsys, "runs", SHIPPED, "--json"))
-    assert (listed["model"], listed["score"], listed["state"]) == (MODEL, 10.0, "done")
+    assert (listed["model"], listed["score"], listed["state"]) == (MODEL, SCORES[4], "done")
     assert MODEL in printed(capsys, "runs", SHIPPED)
-    assert f"jumping/3, iterative, {MODEL}, seed 0" in printed(capsys, "show", SHIPPED)
+    assert f"throwing/2, iterative, {MODEL}, seed 0" in printed(capsys, "show", SHIPPED)
     assert "0 of 9 replies rejected; 6 machines" in printed(capsys, "failures", SHIPPED)
 
 
@@ -61,7 +70,7 @@ def test_pages_of_the_shipped_run_name_its_model(tmp_path: Path, capsys: Capture
 @pytest.mark.slow
 def test_the_machines_of_the_shipped_run_score_what_they_did(capsys: Captured) -> None:
     compared = json.loads(printed(capsys, "rescore", SHIPPED, "--json"))
-    assert [machine["now"]["score"] for machine in compared["machines"]] == [10.0] * 6
+    assert {machine["now"]["score"] for machine in compared["machines"]} == set(SCORES)
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ PAIRS = 77
 QUESTIONS = 24
 
 
-@commands.command(epilog="Example: agentflow behaviour runs/language-model-jumping")
+@commands.command(epilog="Example: agentflow behaviour runs/language-model-throwing")
 def behaviour(
     sources: Annotated[
         list[Path],
