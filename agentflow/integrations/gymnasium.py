@@ -12,7 +12,6 @@ from dataclasses import replace
 from io import BytesIO
 from typing import Any, ClassVar
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -21,8 +20,12 @@ from agentflow.env.drawing.look import look_at
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.errors import UnknownNameError
+from agentflow.extras import needs_extra
 from agentflow.integrations.episode import DesignEpisode
 from agentflow.rewards.scoring import Sample, Scorer, read_knobs
+
+with needs_extra("gymnasium"):
+    import gymnasium
 
 SUBMIT = "submit"
 """The action that ends an episode."""

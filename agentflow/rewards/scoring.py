@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.pool.base import OpenPool
 from agentflow.env.pool.pool import RolloutPool
-from agentflow.errors import ConfigError, NoScoreError
+from agentflow.errors import ConfigError, NoScoreError, UsageError
 from agentflow.rewards.replies import Reward, reward_async
 
 T = TypeVar("T")
@@ -92,7 +92,12 @@ def shared_scorer(workers: int | None = None) -> Scorer:
 
     Where a launcher such as torchrun started several processes on this computer, they share its
     processors.
+
+    Raises:
+        UsageError: The number is below 1.
     """
+    if workers is not None and workers < 1:
+        raise UsageError(f"workers must be at least 1, not {workers}")
     with _LOCK:
         return _scorer(workers or own_processors(), os.getpid())
 

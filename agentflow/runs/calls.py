@@ -8,9 +8,10 @@ from typing import Any
 
 from pydantic import BaseModel, Field, NonNegativeInt, ValidationError
 
+from agentflow.errors import DamagedError
 from agentflow.files.chains import Chains
 from agentflow.files.lines import parse_object, read_lines
-from agentflow.runs.reading import CALLS
+from agentflow.runs.reading import CALLS, RESULT
 
 
 class _ToolCall(BaseModel):
@@ -65,8 +66,10 @@ def read_calls(path: Path) -> Iterator[dict[str, Any]]:
     Each has all its messages; in the file, a line of a conversation holds only those that are new.
 
     Raises:
-        RunError: A line before the last is damaged.
+        RunError: A line before the last is damaged, or a finished run lacks the file.
     """
+    if (path / RESULT).exists() and not (path / CALLS).exists():
+        raise DamagedError(f"{path / CALLS} is missing; restore it from a copy")
     conversations = Chains[Any]()
     return read_lines(path / CALLS, lambda line: _parse_call(line, conversations))
 

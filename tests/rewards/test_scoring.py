@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.errors import ConfigError, UnknownNameError
+from agentflow.errors import ConfigError, UnknownNameError, UsageError
 from agentflow.integrations.trl import simulation_reward
 from agentflow.integrations.verl import compute_score, compute_scores
 from agentflow.rewards import reward
-from agentflow.rewards.scoring import Sample, Scorer, own_processors, read_knobs
+from agentflow.rewards.scoring import Sample, Scorer, own_processors, read_knobs, shared_scorer
 from tests.integrations.foreign import CAR
 from tests.processes import run_python
 
@@ -172,3 +172,8 @@ def test_modules_need_no_foreign_library() -> None:
         f"print(sorted(set({names}) & set(sys.modules)))"
     )
     assert run_python("-c", code).stdout == "[]\n"
+
+
+def test_a_number_of_workers_is_at_least_one() -> None:
+    with pytest.raises(UsageError, match="workers must be at least 1, not 0"):
+        shared_scorer(0)

@@ -81,6 +81,15 @@ def test_a_pipe_in_a_run_does_not_stop_its_reader(
     assert f"{run / 'calls.jsonl'} is a pipe or device" in capsys.readouterr().err
 
 
+def test_calls_that_a_finished_run_has_lost_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = shutil.copytree(RECORDED, tmp_path / "run")
+    (run / "calls.jsonl").unlink()
+    assert main(["show", str(run)]) == 2
+    assert f"{run / 'calls.jsonl'} is missing; restore it from a copy" in capsys.readouterr().err
+
+
 def test_links_in_a_sweep_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "own").mkdir()
     sweep = tmp_path / "sweep"

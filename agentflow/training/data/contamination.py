@@ -13,8 +13,8 @@ from agentflow.env.tasks.family import Family
 from agentflow.env.tasks.records import read_records
 from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, task_names
 from agentflow.errors import RunError
+from agentflow.extras import needs_extra
 from agentflow.machine import Machine, library, read_machine
-from agentflow.models.local.libraries import require_libraries
 from agentflow.runs import find_runs
 from agentflow.runs.reading import MACHINES
 from agentflow.training.evaluation.record import ABOUT, REPLIES, read_replies
@@ -59,8 +59,8 @@ def compare_texts(texts: Mapping[str, str]) -> dict[str, Likeness]:
     Raises:
         ConfigError: scikit-learn is not installed.
     """
-    require_libraries("sklearn")
-    from sklearn.feature_extraction.text import TfidfVectorizer
+    with needs_extra("diversity"):
+        from sklearn.feature_extraction.text import TfidfVectorizer
 
     briefs = _briefs()
     sentences = [(level, text) for level, told in briefs.items() for text in told]
