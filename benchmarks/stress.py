@@ -82,8 +82,12 @@ def faults(rollout: Rollout) -> list[str]:
     if (rollout.trace is not None) not in traced:
         found.append(f"trace {rollout.trace is not None} with status {rollout.status}")
     for name, values in vars(rollout.trace).items() if rollout.trace else ():
-        numbers = isinstance(values, np.ndarray) and values.dtype.kind == "f"
-        if numbers and name != "utilisation" and not np.isfinite(values).all():
+        if not isinstance(values, np.ndarray) or values.dtype.kind != "f" or name == "utilisation":
+            continue
+        sound = np.isfinite(values).all(axis=0)
+        if name in ("pull", "work"):  # nan for all two-ended blocks but springs and winches
+            sound |= np.isnan(values).all(axis=0)
+        if not sound.all():
             found.append(f"{name} is not finite")
     return found
 
