@@ -45,6 +45,13 @@ def test_names_are_unique_and_the_default_comes_first() -> None:
     ]  # fmt: skip
 
 
+def test_a_weaker_machine_breaks() -> None:
+    short = get_task("movement", {"window": 1})
+    weak = replace(BY_NAME["strength -10 %"], strength=0.01)
+    assert simulate(CAR, short).broken == ()
+    assert simulate(CAR, short, variation=weak).broken
+
+
 @pytest.mark.parametrize("name", ["motor speed +10 %", "motor speed -10 %"])
 def test_motors_and_winches_get_another_speed(name: str) -> None:
     by = BY_NAME[name].motor_speed

@@ -81,9 +81,8 @@ class Trial:
         self._assembly = assemble(machine, place(machine), self._constants)
         self._scene = task.scene(machine)
         self._world = engine.build(self._assembly, self._scene, rate)
-        self._loads = Loads(
-            self._assembly.joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"]
-        )
+        joints = [variation.vary_strength(joint) for joint in self._assembly.joints]
+        self._loads = Loads(joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"])
         self._every = max(1, round(rate / RATE))
         """Steps between calls of the pilot."""
         self._pilot = self._make_pilot(variation) if machine.controllers and power else None

@@ -14,7 +14,7 @@ from typing import Any
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.engine import Engine, EngineIdentity, World
-from agentflow.env.physics.model import Assembly, Devices, Strength
+from agentflow.env.physics.model import Assembly, Devices, Joint, Strength
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Switch, Task, drives_blocks
 from agentflow.machine.blocks.library import library
@@ -71,6 +71,11 @@ class Variation:
             ),
             key=lambda switch: switch[0],
         )
+
+    def vary_strength(self, joint: Joint) -> Joint:
+        """A connection that bears another load; one that cannot break stays."""
+        own, by = joint.strength, self.strength
+        return replace(joint, strength=own and Strength(own.force * by, own.torque * by))
 
     @property
     def key(self) -> dict[str, str | float]:
@@ -215,14 +220,13 @@ class VariedEngine:
         )
         joints = tuple(
             replace(
-                joint,
+                self.variation.vary_strength(joint),
                 drive=replace(
                     joint.drive,
                     speed=joint.drive.speed * by.motor_speed,
                     torque=joint.drive.torque * by.motor_torque,
                     friction=joint.drive.friction * by.friction,
                 ),
-                strength=joint.strength and self._vary_strength(joint.strength),
             )
             for joint in assembly.joints
         )
@@ -247,10 +251,6 @@ class VariedEngine:
                 replace(each, force=each.force * by.strength) for each in devices.grippers
             ),
         )
-
-    def _vary_strength(self, value: Strength) -> Strength:
-        by = self.variation.strength
-        return Strength(value.force * by, value.torque * by)
 
     def _vary_scene(self, scene: Scene) -> Scene:
         objects = tuple(
