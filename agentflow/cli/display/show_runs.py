@@ -21,7 +21,7 @@ from agentflow.metrics.formats import NOTHING, block_count, change, counted, mon
 
 STAGE = (
     field("stage", "name"),
-    Field("valid at once", lambda stage: f"{stage['valid_first']}/{stage['trajectories']}"),
+    Field("valid 1st try", lambda stage: f"{stage['valid_first']}/{stage['trajectories']}"),
     Field("after retries", lambda stage: f"{stage['valid']}/{stage['trajectories']}"),
     field("mean", show=number),
     field("best", "max", number),
