@@ -30,6 +30,7 @@ MODULES = (
     "engines",
     "learning.data",
     "learning.evaluate",
+    "learning.export",
     "learning.train",
     "agents.mcp",
     "agents.bench",

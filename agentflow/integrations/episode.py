@@ -8,7 +8,7 @@ from agentflow.agents.context import RoleInput
 from agentflow.agents.refiner import verdict_text
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
-from agentflow.machine import Machine, apply_script, check, describe_text, read_machine
+from agentflow.machine import Brief, Machine, apply_script, check, describe_text, read_machine
 from agentflow.machine.edits.commands import is_machine, script_lines
 from agentflow.prompts.render import PromptSet
 from agentflow.rewards import Reward
@@ -19,6 +19,11 @@ RULES = ("world", "format", "geometry", "rules", "motion", "edits", "feedback")
 TASK = ("task", "blocks", "facts")
 """Parts of the prompts that state the task."""
 UNCHANGED = "The machine is unchanged."
+
+
+def rules_of(brief: Brief) -> str:
+    """How machines are built and changed, and a task, as designers see it."""
+    return PromptSet().render_parts((*RULES, *TASK), RoleInput(brief).context(None))
 
 
 @dataclass(frozen=True)
@@ -68,8 +73,7 @@ class DesignEpisode:
     @property
     def rules(self) -> str:
         """How machines are built and changed, and the task, as designers see it."""
-        variables, prompts = RoleInput(self._brief).context(None), PromptSet()
-        return prompts.render_parts((*RULES, *TASK), variables)
+        return rules_of(self._brief)
 
     def act(self, action: str) -> Outcome:
         """Change the machine by edit commands, or replace it by a whole machine, and simulate it.
