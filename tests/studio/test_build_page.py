@@ -12,6 +12,7 @@ from selenium.webdriver.common.actions.interaction import POINTER_MOUSE, POINTER
 from selenium.webdriver.common.actions.pointer_input import PointerInput
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.remote.webelement import WebElement
 
 from agentflow.app.inspect.overview import run_list
 from agentflow.app.machines.files import read_one
@@ -54,10 +55,12 @@ def test_a_car_is_built_by_keyboard_alone_tested_and_undone(
     until(browser, lambda: find(browser, ".player .title").text == f"Trial 1 · {score:.2f}")
     clock = find(browser, ".player output")
     until(browser, lambda: float(clock.text.removesuffix(" s")) > 0.3)
-    keys(browser, "e")
+    assert view(browser) == "Film"
+    assert not any("Starting" in item.text for item in palette(browser))
     for left in range(6, 0, -1):
         keys(browser, Keys.CONTROL, "z", Keys.NULL)
         blocks(browser, left)
+        assert view(browser) == "Machine"  # where what is edited is seen
     keys(browser, Keys.CONTROL, "z", Keys.NULL)
     said(browser, "nothing to undo")
     for count in range(2, 8):
@@ -69,6 +72,66 @@ def test_a_car_is_built_by_keyboard_alone_tested_and_undone(
     assert (row["state"], row["model"]) == ("done", "a person in the studio")
     assert row["score"] == pytest.approx(score, abs=0.005)
     assert read_one(row["run"]) == CAR
+    assert complaints(browser) == []
+
+
+def view(driver: webdriver.Chrome) -> str:
+    """The tab that is chosen, which is what is seen."""
+    name = find(driver, ".top [aria-selected=true]").text
+    assert find(driver, ".centre .player").is_displayed() == (name == "Film")
+    assert find(driver, ".centre .stage").is_displayed() == (name == "Machine")
+    return name
+
+
+def palette(driver: webdriver.Chrome) -> list[WebElement]:
+    return driver.find_elements(By.CSS_SELECTOR, ".palette [role=option]")
+
+
+def test_work_is_kept_in_the_browser_and_two_tabs_never_share_it(
+    browser: webdriver.Chrome, served: Served, tmp_path: Path
+) -> None:
+    (tmp_path / "car.json").write_text(CAR.to_text(), encoding="utf-8")
+    open_page(browser, served, "build?task=movement/2")
+    assert not browser.find_elements(By.CSS_SELECTOR, ".earlier")
+    browser.execute_script("document.querySelector('.more details').open = true")
+    find(browser, "input[type=file]").send_keys(str(tmp_path / "car.json"))
+    blocks(browser, 7)
+    keys(browser, "p")
+    said(browser, "Trial 1: score")
+    score = find(browser, ".strip b").text
+    for page in ("build", "runs", "build"):  # leaving and coming back, then reloading
+        open_page(browser, served, page)
+    browser.refresh()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "build")
+    assert len(tree(browser)) == 1
+    go_on = find(browser, ".earlier button")
+    assert go_on.text == f"Continue (7 blocks, best {score})"
+    go_on.click()
+    blocks(browser, 7)
+    assert find(browser, ".strip b").text == score
+    first = find(browser, ".trials-strip a").text
+    browser.switch_to.new_window("tab")
+    open_page(browser, served, "build?task=movement/2")
+    find(browser, ".earlier button").click()
+    said(browser, "Another tab works on this machine too")
+    blocks(browser, 7)
+    keys(browser, Keys.CONTROL, "z", Keys.NULL)
+    blocks(browser, 1)
+    browser.close()
+    browser.switch_to.window(browser.window_handles[0])
+    browser.refresh()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "build")
+    texts = [button.text for button in browser.find_elements(By.CSS_SELECTOR, ".earlier button")]
+    assert texts == [
+        *(f"Continue ({n}, best {score})" for n in ("1 block", "7 blocks")),
+        "Start new",
+    ]
+    browser.find_elements(By.CSS_SELECTOR, ".earlier button")[-1].click()
+    find(browser, "input[type=file]").send_keys(str(tmp_path / "car.json"))
+    blocks(browser, 7)
+    keys(browser, "p")
+    said(browser, "Trial 1: score")
+    assert find(browser, ".trials-strip a").text != first  # nobody asked to join it
     assert complaints(browser) == []
 
 
@@ -119,8 +182,7 @@ def test_a_car_is_built_by_mouse_or_touch_saved_and_reopened(
     )
 
     def choose(name: str) -> None:
-        items = browser.find_elements(By.CSS_SELECTOR, ".palette .list > div")
-        next(item for item in items if name in item.text).click()
+        next(item for item in palette(browser) if name in item.text).click()
         idle(browser)
         assert name in find(browser, "#faces h2").text
 

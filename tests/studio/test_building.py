@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import pytest
 
+from agentflow.app.tasks import find_task
 from agentflow.errors import UsageError
 from agentflow.machine import check, place
+from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.edits import changes
 from agentflow.machine.edits.changes import Mending
 from agentflow.studio.building.state import describe_state, spots_to_add
-from tests.machine.builders import CAR
+from tests.machine.builders import CAR, build
 from tests.machine.test_changes import BLOCK, BRIEF, SPRING, WHEEL, add, why_not
 
 
@@ -55,6 +57,17 @@ def test_blocks_that_the_task_does_not_allow_are_refused() -> None:
     for kind, reason in ((WHEEL, "is not allowed here"), (4711, "is unknown"), (0, "Starting")):
         with pytest.raises(UsageError, match=reason):
             list(spots_to_add(Mending(BRIEF.given, allowed), kind))
+
+
+def test_no_face_fits_a_block_of_which_the_task_has_enough_but_one_too_many_can_go() -> None:
+    brief = find_task("throwing").brief
+    one = build((BOULDER, 0, 0))
+    assert not any(spot["why_not"] for spot in spots_to_add(Mending(BRIEF.given, brief), BOULDER))
+    for spot in spots_to_add(Mending(one, brief), BOULDER):
+        assert "requires exactly 1 block" in spot["why_not"]
+    three = build(*((BOULDER, 0, face) for face in range(3)))
+    fewer, _ = Mending(three, brief).make(lambda draft: changes.remove(draft, 3))
+    assert fewer.count(BOULDER) == 2
 
 
 def test_the_state_tells_what_check_and_geometry_tell() -> None:

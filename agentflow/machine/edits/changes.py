@@ -17,6 +17,7 @@ from agentflow.machine.geometry.placement import flip, mirrored_face, place, pla
 from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.problems import Problem, RefusedEdit, block_label
 from agentflow.machine.tree import Machine, carried_by
+from agentflow.machine.validity import task_problems
 
 Change = Callable[[Draft], int]
 """Changes a draft; the block to go on with."""
@@ -107,8 +108,9 @@ def add_images(draft: Draft, what: int | Side) -> dict[int, int]:
 class Mending:
     """Changes of one machine at a task, each of the machine as it is.
 
-    A change is legal if it brings no problem that the machine does not have already: a machine with
-    problems, such as an imported one, can be repaired step by step.
+    A change is legal if it brings no problem that the machine does not have already, and not more
+    blocks of a type than the task requires. So a machine with problems, such as an imported one,
+    can be repaired step by step.
     """
 
     machine: Machine
@@ -123,7 +125,7 @@ class Mending:
         draft = Draft(self.machine, self.brief)
         try:
             chosen = change(draft)
-            for problem in _problems(draft):
+            for problem in (*self._surplus(draft), *_problems(draft)):
                 if (problem.code, problem.blocks) not in self._known:
                     raise RefusedEdit(problem.code, problem.message)
         except RefusedEdit as refused:
@@ -156,6 +158,13 @@ class Mending:
             after = [face for face in free if face > step.face_id]
             before = [face for face in free if face < step.face_id]
             yield from ((step.parent, face) for face in (*after, *before))
+
+    def _surplus(self, draft: Draft) -> Iterator[Problem]:
+        """More blocks of a type than the task requires, and than there were."""
+        for problem in task_problems(draft.geometry, self.brief):
+            for kind in {draft.steps[block].type for block in problem.blocks}:
+                if len(problem.blocks) > max(self.brief.required[kind], self.machine.count(kind)):
+                    yield problem
 
     @cached_property
     def _known(self) -> set[tuple[str, tuple[int, ...]]]:

@@ -1,4 +1,4 @@
-"""Tests of machines that people build: each task has a run, with a person as its author."""
+"""Tests of machines that people build, recorded in runs with a person as their author."""
 
 from __future__ import annotations
 
@@ -26,22 +26,25 @@ class PersonRuns(AsyncExitStack):
     """Tests machines and records each test in a run; leaving the context completes all runs."""
 
     def __init__(self, folder: RunFolder, simulations: Simulations) -> None:
-        """Prepare; the first test of a task begins its run."""
+        """Prepare; a test that names no open run begins one."""
         super().__init__()
         self._folder, self._simulations = folder, simulations
-        self._open: dict[str, RunSession] = {}
+        self._open: dict[str, tuple[str, RunSession]] = {}
+        """Name of a run -> its task, and what writes it."""
         self._turn = asyncio.Lock()
 
-    async def test(self, task: str, machine: Machine) -> dict[str, Any]:
+    async def test(self, task: str, machine: Machine, run: str = "") -> dict[str, Any]:
         """Simulate a machine, once; score, status, feedback and the run that holds the record.
+
+        It is recorded in `run`, an earlier test's; in a new run if that is not open for this task.
 
         Raises:
             Refusal: It is not valid for the task, or the run has no test left.
         """
-        session = await self._session(task)
+        session = await self._session(task, run)
         bench = await session.bench()
         if bench is None:
-            del self._open[task]
+            self._open.pop(run, None)
             raise Refusal(409, "this run has ended; test again to begin another one")
         checked = await bench.call("check", {"machine": machine.to_text()})
         if checked.refused:
@@ -49,25 +52,26 @@ class PersonRuns(AsyncExitStack):
         told = await bench.call("simulate", {"machine": checked.data["machine"]})
         if told.refused:
             raise Refusal(400, told.text)
-        kept = ("score", "status", "feedback")
-        return {key: told.data[key] for key in kept} | {"run": self._name(session)}
+        kept, name = ("score", "status", "feedback"), self._folder.name_of(session.path)
+        self._open[name] = task, session
+        return {key: told.data[key] for key in kept} | {"run": name}
 
-    async def finish(self, task: str) -> dict[str, Any]:
-        """Complete the run of a task; its best machine is the result.
+    async def finish(self, run: str) -> dict[str, Any]:
+        """Complete a run; its best machine is the result.
 
         Raises:
-            Refusal: Nothing has been tested.
+            Refusal: It is not open.
         """
-        session = self._open.pop(task, None)
+        _, session = self._open.pop(run, ("", None))
         if session is None:
-            raise Refusal(400, f"nothing has been tested on {task}, so there is nothing to finish")
+            raise Refusal(400, "this run has ended already")
         await session.finish()
-        result = read_result(self._folder.run(self._name(session)))
-        return {"run": self._name(session), "score": result.score}
+        return {"run": run, "score": read_result(self._folder.run(run)).score}
 
-    async def _session(self, task: str) -> RunSession:
+    async def _session(self, task: str, run: str) -> RunSession:
         async with self._turn:
-            if task not in self._open:
+            known, session = self._open.get(run, ("", None))
+            if session is None or known != task:
                 options = {"task": task, "settings.max_simulations": TESTS}
                 ours = ("workflow=tools", f"model.name={PROCEDURAL}", "candidates_per_stage=1")
                 config = load_config(None, (*ours, "verify=false"), options)
@@ -75,8 +79,5 @@ class PersonRuns(AsyncExitStack):
                     config, self._folder.root, (FEEDBACK,), self._simulations, lambda _: None
                 )
                 await self.enter_async_context(runs)
-                self._open[task] = runs.open(PERSON)
-            return self._open[task]
-
-    def _name(self, session: RunSession) -> str:
-        return self._folder.name_of(session.path)
+                session = runs.open(PERSON)
+            return session

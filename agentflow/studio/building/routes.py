@@ -85,6 +85,19 @@ class Edited(MachineForTask):
     ends: list[list[int]] = Field([], max_length=2)
 
 
+class Tested(MachineForTask):
+    """A machine to test."""
+
+    run: str = Field("", max_length=LONGEST)
+    """The run of earlier tests; "" begins another one."""
+
+
+class Finished(Arguments):
+    """A run of tests."""
+
+    run: str = Field(max_length=LONGEST)
+
+
 class Opened(OnTask):
     """The text of a machine file."""
 
@@ -119,9 +132,9 @@ class Building:
             post("/api/build/spots", Asked, self.spots),
             post("/api/build/edit", Edited, self.edit),
             post("/api/build/open", Opened, self.open),
-            post("/api/build/test", MachineForTask, self.test),
+            post("/api/build/test", Tested, self.test),
             post("/api/build/film", MachineForTask, self.film),
-            post("/api/build/finish", OnTask, self.finish),
+            post("/api/build/finish", Finished, self.finish),
         ]
 
     async def blocks(self, _given: Nothing) -> list[dict[str, Any]]:
@@ -169,9 +182,9 @@ class Building:
         )
         return await asyncio.to_thread(describe_state, machine, given.level.brief)
 
-    async def test(self, given: MachineForTask) -> dict[str, Any]:
+    async def test(self, given: Tested) -> dict[str, Any]:
         """Simulate a machine, and record it."""
-        return await self._person_runs.test(given.task, given.read()[0])
+        return await self._person_runs.test(given.task, given.read()[0], given.run)
 
     async def film(self, given: MachineForTask) -> dict[str, Any]:
         """The film of a machine."""
@@ -179,9 +192,9 @@ class Building:
         item = ReportedMachine(machine, given.level, SEED, None, FINE)
         return await self._simulations.film(item)
 
-    async def finish(self, given: OnTask) -> dict[str, Any]:
-        """Complete the run of a task."""
-        return await self._person_runs.finish(given.task)
+    async def finish(self, given: Finished) -> dict[str, Any]:
+        """Complete a run of tests."""
+        return await self._person_runs.finish(given.run)
 
 
 def _read_for_task(task: Task, source: object, *, is_bsg: bool = False) -> Machine:

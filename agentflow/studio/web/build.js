@@ -5,6 +5,7 @@ import { downloads } from "../../report/web/downloads.js";
 import { taskDetails } from "../../report/web/text.js";
 import { address, ask, follow, send } from "./api.js";
 import { designForm } from "./design.js";
+import { Draft, draftsOf, lastTask } from "./drafts.js";
 import { Editor } from "./editor.js";
 import { blockPalette, blockTree, faceList, facts } from "./panel.js";
 import { Recorder } from "./recorder.js";
@@ -14,9 +15,10 @@ import { Trials } from "./trials.js";
 const FIRST = "movement"; // the task of those who name none
 
 export async function buildPage({ task, run, machine }) {
-  const session = await ask("/api/session");
+  const [session, start] = await Promise.all([ask("/api/session"), ask("/api/start")]);
   const given = session ?? (run ? await ask("/api/build/from", machine ? { run, machine } : { run }) : null);
-  const [editor, library, start] = await Promise.all([Editor.of(given?.task ?? task ?? FIRST), ask("/api/build/blocks"), ask("/api/start")]);
+  const known = lastTask(start.tasks.map(({ name }) => name));
+  const [editor, library] = await Promise.all([Editor.of(given?.task ?? task ?? known ?? FIRST), ask("/api/build/blocks")]);
   editor.library = library;
   if (given) editor.take(await send("/api/build/state", { task: editor.task, machine: given.machine }), "open");
   return new BuildPage(editor, start, session);
@@ -33,24 +35,67 @@ class BuildPage {
     this.keys = (event) => this.press(event);
     document.addEventListener("keydown", this.keys);
     this.stop = () => {};
-    this.elements = [el("main", { class: session?.paused ? "build paused" : "build" }, this.recorder?.element ?? "", this.top(start), this.palette.element, this.view,
+    this.elements = [el("main", { class: session?.paused ? "build paused" : "build" }, this.recorder?.element ?? "", this.top(start), this.earlier(session), this.palette.element, this.view,
       el("div", { class: "side" }, faceList(editor), blockTree(editor), facts(editor), this.more(start)), this.trials.element), this.recorder?.over];
     editor.on(["busy"], () => this.elements[0].setAttribute("aria-busy", editor.busy));
-    this.turnTo(false);
+    editor.on(["state", "spots", "choice"], () => this.turnTo(false)); // whoever edits sees what
+    ["state", "trials"].forEach((kind) => editor.addEventListener(kind, () => this.keep()));
   }
 
   /** Show the film, or the machine that is being built. */
   turnTo(film) {
     this.view.classList.toggle("filming", film);
-    this.tab.textContent = film ? "Edit (E)" : "Film (E)";
+    this.tabs.forEach((tab, index) => tab.setAttribute("aria-selected", film === Boolean(index)));
     if (!film) this.trials.player.pause();
   }
 
   /** Switch between film and machine, as a person does. */
-  switch() {
-    const film = !this.view.classList.contains("filming");
+  switch(film = !this.view.classList.contains("filming")) {
+    if (film && !this.trials.shown) return this.editor.say("There is no film yet: test the machine (P).");
     this.turnTo(film);
-    if (film && this.trials.shown) this.editor.record("watch");
+    return film && this.editor.record("watch");
+  }
+
+  /** Offer to go on with earlier work on this task; a session goes on with its own. */
+  earlier(session) {
+    const owner = session ? `session ${session.session}` : this.editor.task;
+    const found = draftsOf(owner);
+    this.draft = new Draft(owner);
+    if (session && found.length) {
+      this.draft.adopt(found[0]);
+      this.trials.resume(found[0]);
+      if (JSON.stringify(found[0].machine) === JSON.stringify(session.machine)) this.editor.recall(found[0]);
+    }
+    if (session || !found.length) return "";
+    const told = ({ count, best }) => `${count} block${count === 1 ? "" : "s"}${best === null ? "" : `, best ${formatNumber(best)}`}`;
+    const bar = el("p", { class: "earlier" }, "Earlier work on this task: ",
+      ...found.map((draft) => el("button", { class: "play", title: new Date(draft.saved).toLocaleString(), click: () => this.resume(draft, bar) }, `Continue (${told(draft)})`)), " or ",
+      el("button", { click: () => bar.remove() }, "Start new"));
+    return bar;
+  }
+
+  async resume(draft, bar) {
+    const { editor } = this;
+    await editor.working;
+    const alone = await this.draft.adopt(draft);
+    this.trials.resume(draft);
+    await editor.resume(draft);
+    bar.remove();
+    editor.say(alone ? "This is your machine as you left it, with undo and trials." : "Another tab works on this machine too; here, you go on with a copy of it.");
+    this.stage.canvas.focus();
+  }
+
+  /** Keep what is there now; what a page begins with is not kept. */
+  keep() {
+    const { editor, trials } = this;
+    const kept = { ...editor.kept, ...trials.kept };
+    if (!kept.past.length && !kept.future.length && !kept.trials.length) return;
+    try {
+      const steps = this.draft.keep(kept);
+      if (steps < kept.past.length) editor.say(`The browser's storage is nearly full: after a reload, undo will reach ${steps} steps back.`, true);
+    } catch {
+      editor.say("The browser's storage is full: this machine would be lost with the page. Save it as a file.", true);
+    }
   }
 
   top(start) {
@@ -58,7 +103,7 @@ class BuildPage {
     const button = (text, key, act) => el("button", { title: `${text} (${key})`, click: act }, text);
     const tasks = el("select", { "aria-label": "Task", disabled: this.recorder ? "" : null, change: () => { location.hash = address("build", { task: tasks.value }); } },
       ...start.tasks.map(({ name }) => el("option", { value: name, selected: name === editor.task ? "" : null }, name)));
-    this.tab = el("button", { class: "tab", click: () => this.switch() });
+    this.tabs = ["Machine", "Film"].map((name, index) => el("button", { class: "tab", role: "tab", title: `${name} (E)`, click: () => this.switch(Boolean(index)) }, name));
     this.actions = {
       "Undo|Ctrl+Z": () => editor.undo(), "Redo|Ctrl+Y": () => editor.redo(),
       "Move|M": () => editor.aimAt({ move: editor.chosen }).then(focusFaces), "Turn|R": () => editor.edit("turn", { block: editor.chosen }),
@@ -68,7 +113,7 @@ class BuildPage {
     const said = el("p", { class: "said", role: "status" });
     editor.on(["said"], () => { said.textContent = editor.said?.text ?? ""; said.classList.toggle("bad", Boolean(editor.said?.bad)); });
     return el("div", { class: "top" }, tasks, ...Object.entries(this.actions).map(([name, act]) => button(...name.split("|"), () => { this.turnTo(false); act(); })),
-      this.tab, el("button", { class: "play test", title: "Simulate it (P)", click: () => this.trials.test() }, "Test"), said);
+      el("div", { class: "tabs", role: "tablist", "aria-label": "View" }, ...this.tabs), el("button", { class: "play test", title: "Simulate it (P)", click: () => this.trials.test() }, "Test"), said);
   }
 
   more(start) {
@@ -141,6 +186,7 @@ class BuildPage {
     this.stop();
     this.stage.close();
     this.trials.player.close();
+    this.draft.free?.();
   }
 }
 

@@ -38,6 +38,31 @@ export class Editor extends EventTarget {
     return this.state.blocks[id];
   }
 
+  /** Everything about a state of which a draft has kept the machine only. */
+  async whole(state) {
+    return state.picture ? state : send("/api/build/state", { task: this.task, machine: state.machine });
+  }
+
+  /** What a draft keeps. */
+  get kept() {
+    const bare = (steps) => steps.map(([{ machine }, chosen]) => [machine, chosen]);
+    return { machine: this.state.machine, count: this.state.count, chosen: this.chosen, past: bare(this.past), future: bare(this.future) };
+  }
+
+  /** Go on with what a draft has kept. */
+  resume(draft) {
+    return this.queue(async () => {
+      const state = await this.whole(draft);
+      this.recall(draft);
+      return this.put(state, draft.chosen);
+    });
+  }
+
+  /** Take over what can be undone and redone. */
+  recall({ past, future }) {
+    [this.past, this.future] = [past, future].map((steps) => steps.map(([machine, chosen]) => [{ machine }, chosen]));
+  }
+
   /** Show another state, which a deed has made; the one before can be undone to. */
   take(state, deed, chosen = state.chosen ?? 0) {
     const gone = deed === "remove" ? this.block() : null;
@@ -81,8 +106,11 @@ export class Editor extends EventTarget {
   step(deed, from, to) {
     this.queue(async () => {
       if (!from.length) return this.say(`There is nothing to ${deed}.`);
+      const [state, chosen] = from.at(-1);
+      const whole = await this.whole(state);
+      from.pop();
       to.push([this.state, this.chosen]);
-      const shown = this.put(...from.pop());
+      const shown = this.put(whole, chosen);
       this.record(deed);
       return shown;
     });

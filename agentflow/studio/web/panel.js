@@ -5,7 +5,7 @@ import { Listbox } from "./listbox.js";
 
 /** The blocks of the task, found by typing. */
 export function blockPalette(editor) {
-  const kinds = editor.library.filter(({ type }) => editor.start.allowed.includes(type));
+  const kinds = editor.library.filter(({ type }) => type && editor.start.allowed.includes(type)); // 0 is the Starting Block
   const list = new Listbox("Blocks", ({ type, name, mass }) => ({ text: el("span", {}, el("span", { class: "kind-id" }, `${type} `), name, " ", el("small", {}, `${formatNumber(mass)} kg`)), key: type }), { pick: aim });
   const words = el("input", { type: "search", placeholder: "Block (B)", "aria-label": "Find a block", input: () => draw(), keydown: (event) => {
     if (event.key === "Enter" && list.items.length) aim((list.items[list.at] ?? list.items[0]).item);

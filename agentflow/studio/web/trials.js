@@ -10,6 +10,7 @@ export class Trials {
     this.showFilm = showFilm;
     this.films = new Map();
     this.list = [];
+    this.name = ""; // of the run that the tests are recorded in; the first one begins it
     this.player = new Player();
     this.strip = el("ol", { class: "strip", "aria-label": "Trials" });
     this.run = el("p", { class: "quiet" });
@@ -30,17 +31,37 @@ export class Trials {
     this.film(state, given);
     const begun = performance.now();
     try {
-      const found = await send("/api/build/test", given);
+      const found = await send("/api/build/test", { ...given, run: this.name });
       Object.assign(trial, found);
+      const ended = this.name && this.name !== found.run ? " The earlier run has ended, so this test began another one." : "";
       this.name = found.run;
       editor.tellTrial({ machine: given.machine, seconds: (performance.now() - begun) / 1000, score: found.score, status: found.status, run: found.run });
-      editor.say(`Trial ${trial.number}: ${found.score === null ? found.status : `score ${formatNumber(found.score)}`}.`);
+      editor.say(`Trial ${trial.number}: ${found.score === null ? found.status : `score ${formatNumber(found.score)}`}.${ended}`);
     } catch (error) {
       trial.status = "failed";
       editor.say(error.message, true);
     }
     this.draw();
+    editor.tell("trials");
     return this.open(trial, false);
+  }
+
+  /** The best score; null without one. */
+  get best() {
+    return this.list.reduce((best, { score }) => (score !== null && score > (best ?? -Infinity) ? score : best), null);
+  }
+
+  /** What a draft keeps. */
+  get kept() {
+    const bare = ({ state: { machine, count, digest }, ...trial }) => ({ ...trial, state: { machine, count, digest } });
+    return { trials: this.list.map(bare), run: this.name, best: this.best };
+  }
+
+  /** Go on with what a draft has kept. */
+  resume({ trials, run }) {
+    this.list = trials.map((trial) => (trial.status === "running" ? { ...trial, status: "interrupted" } : trial));
+    this.name = run;
+    this.draw();
   }
 
   film(state, given) {
@@ -55,13 +76,13 @@ export class Trials {
   /** Play the film of a trial; its machine is what is built on, if that is wanted. */
   async open(trial, build = true) {
     const { editor } = this;
-    if (build && editor.state !== trial.state) editor.take(trial.state, "open", 0);
+    if (build && editor.state.digest !== trial.state.digest) await editor.queue(async () => editor.take(await editor.whole(trial.state), "open", 0));
     this.shown = trial;
     this.draw();
     try {
       const { machine, shapes, files } = await this.film(trial.state, { task: editor.task, machine: trial.state.machine });
       if (this.shown !== trial) return;
-      this.showFilm();
+      if (editor.state.digest === trial.state.digest) this.showFilm();
       editor.record("watch");
       this.player.use(shapes, files);
       await this.player.show(machine, `Trial ${trial.number} · ${trial.score === null ? trial.status : formatNumber(trial.score)}`, machine.remark);
@@ -73,7 +94,7 @@ export class Trials {
   }
 
   draw() {
-    const best = Math.max(...this.list.map(({ score }) => score ?? -Infinity));
+    const { best } = this;
     this.strip.replaceChildren(...this.list.map((trial) => el("li", {}, el("button", {
       "aria-current": trial === this.shown ? "true" : null, class: trial.score === best && this.list.length > 1 ? "best" : null, title: trial.feedback, click: () => this.open(trial),
     }, el("small", {}, `#${trial.number} · ${trial.state.count} blocks`), el("b", {}, trial.score === null ? trial.status : formatNumber(trial.score))))));
@@ -84,7 +105,10 @@ export class Trials {
   /** Complete the run; the next test begins another one. */
   async finish() {
     try {
-      const { run, score } = await send("/api/build/finish", { task: this.editor.task });
+      const { run, score } = await send("/api/build/finish", { run: this.name });
+      this.name = "";
+      this.draw();
+      this.editor.tell("trials");
       this.editor.say(`${run} is complete${score === null ? "" : `: its best score is ${formatNumber(score)}`}.`);
     } catch (error) {
       this.editor.say(error.message, true);
