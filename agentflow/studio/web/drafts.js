@@ -22,7 +22,7 @@ export class Draft {
     this.hold(this.key);
   }
 
-  /** Go on with another draft; false if another tab does so already, and this one writes a copy. */
+  /** Continue another draft; false if another tab does so already, and this one writes a copy. */
   async adopt({ key }) {
     const before = this.free;
     if (!(await this.hold(key))) return false;

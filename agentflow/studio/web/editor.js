@@ -49,7 +49,7 @@ export class Editor extends EventTarget {
     return { machine: this.state.machine, count: this.state.count, chosen: this.chosen, past: bare(this.past), future: bare(this.future) };
   }
 
-  /** Go on with what a draft has kept. */
+  /** Take over what a draft has kept. */
   resume(draft) {
     return this.queue(async () => {
       const state = await this.whole(draft);

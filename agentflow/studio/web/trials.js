@@ -57,7 +57,7 @@ export class Trials {
     return { trials: this.list.map(bare), run: this.name, best: this.best };
   }
 
-  /** Go on with what a draft has kept. */
+  /** Take over what a draft has kept. */
   resume({ trials, run }) {
     this.list = trials.map((trial) => (trial.status === "running" ? { ...trial, status: "interrupted" } : trial));
     this.name = run;
