@@ -6,12 +6,11 @@ import random
 import time
 from dataclasses import replace
 
-from recordbook import Target, own_machines
+from recordbook import MachineRecord, Target, own_machines
 
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Parameters, Task
 from agentflow.env.tasks.family import Family
-from agentflow.env.tasks.records import TaskRecord
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.machine.edits.moves import removals
@@ -22,10 +21,10 @@ TRIES = 4
 """Blocks whose removal is tried before one is removed."""
 
 
-def adapt(target: Target, end: float, rng: random.Random) -> TaskRecord | None:
+def adapt(target: Target, end: float, rng: random.Random) -> MachineRecord | None:
     """The best of the machines that fit the knobs after withheld types were exchanged and blocks
     were removed from known machines of the family; blocks whose removal costs least go first."""
-    best: TaskRecord | None = None
+    best: MachineRecord | None = None
     for item in own_machines():
         if item.family == target.task.family and time.monotonic() < end:
             machine = reduce(exchange(item.machine, target.task.brief, rng), target, rng)

@@ -8,20 +8,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shelf import DIGITS, families, here, load, load_file, read
+from shelf import (
+    DIGITS,
+    MachineRecord,
+    families,
+    here,
+    load,
+    load_file,
+    machine_records,
+    read,
+    read_record,
+    scores_text,
+)
 
 from agentflow.config.run import load_document
 from agentflow.config.sweep import list_runs, read_sweep
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.tasks import records
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.records import TaskRecord, read_records
+from agentflow.env.tasks.records import MACHINES, SCORES
 from agentflow.env.tasks.registry import get_level, get_task, task_names
 from agentflow.env.verification import verify
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check as check_machine
 
-FOLDER = Path(records.__file__).parent / records.FOLDER
 BENCHMARK = Path(__file__).parent.parent / "configs" / "benchmark.yaml"
 
 
@@ -61,14 +70,16 @@ class Target:
         rollout = simulate(machine, self.task, seed=self.seed)
         return None if rollout.status == "invalid" else rollout.score
 
-    def record(self, machine: Machine, how: str) -> TaskRecord | None:
+    def record(self, machine: Machine, how: str) -> MachineRecord | None:
         """The verified machine; None if some simulation failed."""
         found = verify(machine, self.task, seed=self.seed)
         plain, verified, low = found.default.score, found.score, found.low
         if plain is None or verified is None or low is None or found.holding is None:
             return None
         scores = {name: rollout.score or 0.0 for name, rollout in found.rollouts.items()}
-        return TaskRecord(
+        return MachineRecord.build(
+            machine,
+            name=self.name,
             task=self.level,
             knobs=dict(self.knobs),
             seed=self.seed,
@@ -79,9 +90,6 @@ class Target:
             fails={name: round(scores[name], DIGITS) for name in found.holding.fails},
             how=how,
             platform=here(),
-            blocks=tuple(step.to_json() for step in machine),
-            controls=tuple(control.to_json() for control in machine.controls),
-            controllers=machine.controllers and machine.controllers.to_json(),
         )
 
 
@@ -118,7 +126,7 @@ class Known:
 
 def own_machines() -> Iterator[Known]:
     """The machines of records and references."""
-    for record in read_records().values():
+    for record in machine_records().values():
         yield Known(record.machine, get_level(record.task).file.family, record.how)
     for family in families():
         for item in read(family).references:
@@ -136,20 +144,21 @@ def recorded_machines(folders: Iterable[Path]) -> Iterator[Known]:
             yield Known(load_file(file), run["task"].partition("/")[0], how)
 
 
-def stored(target: Target) -> TaskRecord | None:
+def stored(target: Target) -> MachineRecord | None:
     """The record in the file."""
-    file = FOLDER / f"{target.name}.json"
-    return TaskRecord.model_validate_json(file.read_bytes()) if file.exists() else None
+    file = MACHINES / f"{target.name}.json"
+    return read_record(file) if file.exists() else None
 
 
-def store(target: Target, record: TaskRecord) -> None:
-    """Write the record and print it."""
-    FOLDER.mkdir(exist_ok=True)
-    (FOLDER / f"{target.name}.json").write_text(record.to_text(), encoding="utf-8")
+def store(target: Target, record: MachineRecord) -> None:
+    """Write the record, and its scores into the package; print it."""
+    MACHINES.mkdir(exist_ok=True)
+    (MACHINES / f"{target.name}.json").write_text(record.to_text(), encoding="utf-8")
+    SCORES.write_text(scores_text(), encoding="utf-8")
     print(line(target, record), flush=True)
 
 
-def line(target: Target, record: TaskRecord | None) -> str:
+def line(target: Target, record: MachineRecord | None) -> str:
     """A record in one line."""
     good = get_level(target.level).file.good
     if record is None:
@@ -157,7 +166,7 @@ def line(target: Target, record: TaskRecord | None) -> str:
     return (
         f"{target.name:24s} good {good:7g}  score {record.score:8.2f}  verified "
         f"{record.verified:8.2f}  lowest {record.low:8.2f}  "
-        f"{len(record.blocks):3d} blocks  {record.holding}  {record.how}"
+        f"{record.size:3d} blocks  {record.holding}  {record.how}"
     )
 
 

@@ -5,11 +5,13 @@
     python benchmarks/records.py check [NAME ...]
     python benchmarks/records.py list [NAME ...]
     python benchmarks/records.py page
+    python benchmarks/records.py scores
 
 Records are ranked by verified score, of which a fragile machine loses a tenth: a sturdy one within
-10 % replaces it. They are stored in agentflow/env/tasks/records, one file each: NAME
-is the file's name, for example throwing-3. Every improvement is stored at once, so that a command
-that was stopped loses nothing and can be run again.
+10 % replaces it. They are stored in the folder records, one file each: NAME is the
+file's name, for example throwing-3. Their scores are in agentflow/env/tasks/records.json as well,
+because the package has no machines that solve its tasks. Every improvement is stored at once, so
+that a command that was stopped loses nothing and can be run again.
 
 `update` verifies each record again and compares it with the other known machines of its family:
 reference machines, other records, and the machines of recorded runs in the given folders. `find`
@@ -17,7 +19,8 @@ runs hill climbing from the record for some seconds; a step that scores more cou
 verified score is higher, too. An item of the benchmark without a record starts from another machine
 of its family, adapted to the item's budget and block types. `check` simulates the records and fails
 if a score differs from the file. `list` prints the records, and `page` writes which are fragile to
-docs/results/records.md.
+docs/results/records.md. `scores` writes the scores of all into the package, as `update` and `find`
+do.
 """
 
 from __future__ import annotations
@@ -32,17 +35,19 @@ from pathlib import Path
 from adapting import adapt
 from climbing import PATIENCE, change
 from recordbook import (
+    MachineRecord,
     Target,
     fragile_page,
     line,
     own_machines,
     recorded_machines,
+    scores_text,
     store,
     stored,
     targets,
 )
 
-from agentflow.env.tasks.records import TaskRecord
+from agentflow.env.tasks.records import SCORES
 from agentflow.machine.tree import Machine
 
 CLIMB = "hill climbing from "
@@ -58,7 +63,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("command", choices=("update", "find", "check", "list", "page"))
+    parser.add_argument("command", choices=("update", "find", "check", "list", "page", "scores"))
     parser.add_argument("names", nargs="*", help="all by default")
     parser.add_argument("--machines", type=Path, action="append", default=[])
     parser.add_argument("--seconds", type=float, default=60)
@@ -80,6 +85,8 @@ def main() -> int:
         return 1 if wrong else 0
     elif options.command == "page":
         PAGE.write_text(fragile_page(list(known.values())), encoding="utf-8")
+    elif options.command == "scores":
+        SCORES.write_text(scores_text(), encoding="utf-8")
     else:
         for target in chosen:
             print(line(target, stored(target)))
@@ -95,7 +102,7 @@ def update(target: Target, machines: Mapping[Machine, str]) -> None:
         if scores[machine] == greatest and not (old and old.holding.fragile):
             break
     ordered = sorted(scores, key=lambda machine: -scores[machine])[:VERIFIED]
-    best: TaskRecord | None = None
+    best: MachineRecord | None = None
     for machine in ordered:
         how = old.how if old and machine == old.machine else machines[machine]
         found = target.record(machine, how)
@@ -140,7 +147,7 @@ def find(target: Target, seconds: float, rng: random.Random) -> None:
     print(f"{target.name}: {tried} machines tried", flush=True)
 
 
-def worth(record: TaskRecord) -> float:
+def worth(record: MachineRecord) -> float:
     """What records are ranked by: the verified score, less for a fragile machine."""
     return (1 - LOSS * record.holding.fragile) * record.verified
 

@@ -1,14 +1,18 @@
-"""Reads and writes tests/machines/<family>.yaml, which list reference machines and cheats."""
+"""Reads and writes the files of known machines: those of tests/machines, and records."""
 
 from __future__ import annotations
 
+import json
 import platform
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import yaml
 from pydantic import BaseModel, ConfigDict
 
+from agentflow.diversity.topology import tree_hash
+from agentflow.env.tasks.records import MACHINES, TaskRecord
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 
@@ -23,6 +27,73 @@ HEAD = """\
 # intended: whether its film shows that it solves the task in the intended way.
 # Cheats: the machine must not score more than `most` on any of the levels.
 """
+
+
+class MachineRecord(TaskRecord):
+    """A record with its machine, as records/<name>.json has it."""
+
+    blocks: tuple[dict[str, int], ...]
+    """The machine's construction tree."""
+    controls: tuple[dict[str, Any], ...] = ()
+    """Its control program, if it brings one."""
+    controllers: dict[str, Any] | None = None
+    """Its controllers, if it senses."""
+
+    @classmethod
+    def build(cls, machine: Machine, **scores: Any) -> MachineRecord:
+        """The record of a machine with these scores."""
+        return cls(
+            size=len(machine),
+            tree=tree_hash(machine),
+            blocks=tuple(step.to_json() for step in machine),
+            controls=tuple(control.to_json() for control in machine.controls),
+            controllers=machine.controllers and machine.controllers.to_json(),
+            **scores,
+        )
+
+    @property
+    def machine(self) -> Machine:
+        """The machine.
+
+        Raises:
+            ValueError: The tree is not one.
+        """
+        data = {"controllers": self.controllers, "controls": list(self.controls)}
+        return _machine({**data, "blocks": list(self.blocks)}, f"the record {self.name}")
+
+    def scores(self) -> dict[str, Any]:
+        """What the package knows of it, under its name."""
+        return self.model_dump(mode="json", include={*TaskRecord.model_fields} - {"name"})
+
+    def to_text(self) -> str:
+        """The content of the file, one block or control per line."""
+        own = {"name", "size", "tree", "blocks", "controls"}
+        own |= set() if self.controllers else {"controllers"}
+        head = self.model_dump(mode="json", exclude=own)
+        lines = [f" {json.dumps(key)}: {json.dumps(value)}" for key, value in head.items()]
+        for key, items in (("blocks", self.blocks), ("controls", self.controls)):
+            rows = ",\n".join("  " + json.dumps(item) for item in items)
+            lines += [f' "{key}": [\n{rows}\n ]'] if items else []
+        return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def read_record(file: Path) -> MachineRecord:
+    """Read a record with its machine."""
+    data = json.loads(file.read_text(encoding="utf-8"))
+    own = ("blocks", "controls", "controllers")
+    scores = {key: value for key, value in data.items() if key not in own}
+    return MachineRecord.build(load_file(file), name=file.stem, **scores)
+
+
+def machine_records() -> dict[str, MachineRecord]:
+    """All records with their machines, by name."""
+    return {file.stem: read_record(file) for file in sorted(MACHINES.glob("*.json"))}
+
+
+def scores_text() -> str:
+    """What the package has of the records: their scores, one record per line."""
+    rows = (f" {json.dumps(n)}: {json.dumps(r.scores())}" for n, r in machine_records().items())
+    return "{\n" + ",\n".join(rows) + "\n}\n"
 
 
 class Reference(BaseModel):
@@ -102,7 +173,11 @@ def load_file(path: Path) -> Machine:
     Raises:
         ValueError: The file contains no machine.
     """
-    reading = read_machine(path.read_text(encoding="utf-8"), range(1000))
+    return _machine(path.read_text(encoding="utf-8"), str(path))
+
+
+def _machine(source: object, name: str) -> Machine:
+    reading = read_machine(source, range(1000))
     if reading.machine is None:
-        raise ValueError(f"{path}: {reading.problems[0].message}")
+        raise ValueError(f"{name}: {reading.problems[0].message}")
     return reading.machine

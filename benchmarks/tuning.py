@@ -22,7 +22,7 @@ from learning import write
 from agentflow.app.tasks import find_task
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.records import record_of
+from agentflow.env.tasks.records import record_machine, record_of
 from agentflow.machine.numbers import machine_numbers, with_numbers
 from agentflow.machine.tree import Machine
 from agentflow.metrics.tables import Column, Row, Table, markdown
@@ -87,7 +87,9 @@ async def run(task: Task, source: str, seed: int, most: int, pool: RolloutPool) 
     """One run: the score at its start, and the best one."""
     window, record = task.window, record_of(task)
     assert record is not None
-    start = displaced(record.machine, window, seed)
+    machine = record_machine(record.name)
+    assert machine is not None
+    start = displaced(machine, window, seed)
     first = await pool.run(start, task)
 
     async def judge(machines: Sequence[Machine], _generation: int) -> list[float | None]:

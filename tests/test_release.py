@@ -55,6 +55,24 @@ def packaged_files() -> set[str]:
     return {name for name in listed.splitlines() if (ROOT / name).exists()}
 
 
+def record_blocks() -> dict[str, list[dict[str, int]]]:
+    """The machine of each record: what an agent that is measured must not find."""
+    found = {file.stem: json.loads(file.read_bytes()) for file in ROOT.glob("records/*.json")}
+    return {name: record["blocks"] for name, record in found.items()}
+
+
+def solutions_in(texts: dict[str, str]) -> list[tuple[str, str]]:
+    """Each text with a machine of a record, however it is spaced, or with the end of one."""
+    found = []
+    for name, text in texts.items():
+        plain = "".join(text.split()).replace("'", '"')
+        for record, blocks in record_blocks().items():
+            tail = json.dumps(blocks[-min(6, len(blocks) - 1) :], separators=(",", ":"))
+            if tail.strip("[]") in plain:
+                found.append((name, record))
+    return found
+
+
 def newest_python() -> str:
     """The newest CPython that is found, from 3.12 on; the running one if there is none."""
     found = run(ROOT / "scripts" / "pythons", "3.12", folder=ROOT).splitlines()
@@ -70,7 +88,8 @@ def test_a_release_installs_without_node_and_designs_a_machine(tmp_path: Path) -
     for name in {*packaged_files(), *BUNDLE, *PARTS[1:]}:
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, source / name)
-    shutil.copytree(ROOT / "configs", source / "configs")
+    for name in ("configs", "records"):
+        shutil.copytree(ROOT / name, source / name)
     configs = {str(path.relative_to(ROOT)) for path in ROOT.glob("configs/**/*.yaml")}
 
     run(sys.executable, "-m", "build", "--sdist", "--outdir", dist, folder=source)
@@ -87,6 +106,9 @@ def test_a_release_installs_without_node_and_designs_a_machine(tmp_path: Path) -
     release = wheel.name.removesuffix("-py3-none-any.whl")
     with zipfile.ZipFile(wheel) as archive:
         content = set(archive.namelist())
+        texts = {name: archive.read(name).decode(errors="replace") for name in content}
+    assert solutions_in({"the control": json.dumps(record_blocks()["throwing-1"], indent=4)})
+    assert solutions_in(texts) == []
     assert content == {
         *(name for name in ours if not name.startswith(WEB)),
         *BUNDLE,

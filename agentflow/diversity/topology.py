@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from functools import lru_cache
 
 from agentflow.machine import Machine
@@ -26,6 +27,11 @@ def tree_text(machine: Machine) -> str:
         if step.parent >= 0:
             children[step.parent].append((step.face_id, text))
     return text
+
+
+def tree_hash(machine: Machine) -> str:
+    """Hash of a machine as a tree of block types: equal where the tree edit distance is 0."""
+    return hashlib.sha256(tree_text(machine).encode()).hexdigest()[:16]
 
 
 def tree_edit_distance(a: Machine, b: Machine) -> float:

@@ -18,8 +18,9 @@ from agentflow.env.physics.engines import usable_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.records import TaskRecord, record_of
+from agentflow.env.tasks.records import TaskRecord, record_machine, record_of
 from agentflow.env.tasks.registry import get_level, get_task
+from agentflow.machine import Machine
 from agentflow.progress import Progress, counter
 from agentflow.report.page import write_page
 
@@ -36,6 +37,7 @@ class Exhibit:
     """The best known machine of one level."""
 
     record: TaskRecord
+    machine: Machine
     task: Task
     picture: str
     """As a data URL."""
@@ -44,12 +46,13 @@ class Exhibit:
     def of(cls, level: str) -> Exhibit | None:
         """The machine of a level; None if none is known."""
         record = record_of(get_task(level))
-        if record is None:
+        machine = record_machine(record.name) if record else None
+        if record is None or machine is None:
             return None
         engine = usable_engine(record.engine.partition(" ")[0])
         task = get_task(level, record.knobs, engine)
-        picture = png_url(record.machine, view="three-quarter", size=THUMBNAIL)
-        return cls(record, task, picture)
+        picture = png_url(machine, view="three-quarter", size=THUMBNAIL)
+        return cls(record, machine, task, picture)
 
     @property
     def title(self) -> str:
@@ -59,7 +62,7 @@ class Exhibit:
     @property
     def blocks(self) -> str:
         """How many blocks count."""
-        count = self.task.brief.count_blocks(len(self.record.blocks))
+        count = self.task.brief.count_blocks(self.record.size)
         return f"{count} {'block' if count == 1 else 'blocks'}"
 
     @property
@@ -89,7 +92,7 @@ async def _simulate(exhibits: Sequence[Exhibit], workers: int, say: Progress) ->
     async def run(item: Exhibit) -> Rollout:
         trial = item.task.trials(item.record.seed)[0]
         rollout = await pool.run(
-            item.record.machine, trial, seed=item.record.seed, interval=COARSE, recorded=True
+            item.machine, trial, seed=item.record.seed, interval=COARSE, recorded=True
         )
         count()
         return rollout
@@ -101,9 +104,7 @@ async def _simulate(exhibits: Sequence[Exhibit], workers: int, say: Progress) ->
 def _viewer_data(exhibits: Sequence[Exhibit], rollouts: Sequence[Rollout]) -> dict[str, Any]:
     shapes = Shapes()
     machines = {
-        item.record.task: machine_data(
-            item.record.machine, rollout, shapes, given=item.task.brief.given
-        )
+        item.record.task: machine_data(item.machine, rollout, shapes, given=item.task.brief.given)
         for item, rollout in zip(exhibits, rollouts, strict=True)
     }
     cards = list(map(_card, exhibits))

@@ -14,7 +14,7 @@ from agentflow.env.physics.engines import installed_engines
 from agentflow.env.physics.registry import ENGINES
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
-from agentflow.env.tasks.records import TaskRecord, read_records
+from agentflow.env.tasks.records import TaskRecord, read_records, record_machine
 from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.errors import ConfigError
 from agentflow.llm.messages import Sampling
@@ -24,6 +24,11 @@ from agentflow.machine.tree import Machine
 from agentflow.metrics.intervals import missing_scipy
 from agentflow.progress import Progress, counter
 from agentflow.prompts.render import PromptSet
+
+NO_MACHINES = (
+    "The machines of records are not in the package but in its repository: run this in a clone of "
+    "it to compare them."
+)
 
 
 def compare_engines(
@@ -45,7 +50,7 @@ def compare_engines(
         `machine`, `task` and `results`, one per engine; `families`: of each `family`, the number of
         its `machines` that every engine simulated, and `correlations`: Spearman's between the
         scores on the default engine and on each of the others, None if it is undefined; `note`: why
-        there are no correlations, or "".
+        there are no machines of records or no correlations, or "".
 
     Raises:
         ConfigError: Only one engine is installed.
@@ -55,13 +60,14 @@ def compare_engines(
         records = {name: one for name, one in read_records().items() if not one.knobs}
     known = [
         Subject(
-            record.machine,
+            machine,
             get_task(record.task, record.knobs),
             record.seed,
             name,
             recorded=True,
         )
         for name, record in records.items()
+        if (machine := record_machine(name))
     ]
     drawn = asyncio.run(_draw_machines(machines))
     cases = [*known, *drawn]
@@ -77,7 +83,9 @@ def compare_engines(
             _rank(family, [told[case.origin] for case in drawn if case.task.family == family])
             for family in ranked_families()
         ],
-        "note": missing_scipy("Rank correlations"),
+        "note": " ".join(
+            [*[NO_MACHINES] * (not known), missing_scipy("Rank correlations")]
+        ).strip(),
     }
 
 

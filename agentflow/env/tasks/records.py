@@ -1,7 +1,8 @@
-"""Records: the best known machine of each level, which shows what a score is worth.
+"""Records: the best known score of each level, which shows what a score is worth.
 
-Each is a file `records/<name>.json`; `benchmarks/records.py` finds and updates them. Some levels
-also have records with changed knobs: those of the benchmark's items.
+Their machines solve what models are measured with, so the package has none of them: they are in the
+folder `records` of the repository. `benchmarks/records.py` finds machines and writes `records.json`
+from them. Some levels also have records with changed knobs: those of the benchmark's items.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -24,14 +25,18 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 
-FOLDER = "records"
+SCORES = Path(__file__).with_suffix(".json")
+"""What the package knows of all records, by name."""
+MACHINES = Path(__file__).parents[3] / "records"
+"""The folder of the repository with the machine of each record, as `<name>.json`."""
 
 
 class TaskRecord(BaseModel):
-    """The best known machine of a task, by verified score."""
+    """What the best known machine of a task reaches, by verified score."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    name: str
     task: str
     """Name of the level."""
     knobs: dict[str, Any] = {}
@@ -51,12 +56,10 @@ class TaskRecord(BaseModel):
     """How the machine was found."""
     platform: str
     """Platform and package versions; where they are equal, scores are bitwise equal."""
-    blocks: tuple[dict[str, int], ...]
-    """The machine's construction tree."""
-    controls: tuple[dict[str, Any], ...] = ()
-    """Its control program, if it brings one."""
-    controllers: dict[str, Any] | None = None
-    """Its controllers, if it senses."""
+    size: int
+    """Number of blocks of the machine, with its root."""
+    tree: str
+    """Hash of its tree of block types; see `diversity.topology.tree_hash`."""
 
     @property
     def engine(self) -> str:
@@ -68,44 +71,25 @@ class TaskRecord(BaseModel):
         """In which simulations the score holds."""
         return Holding(self.of, tuple(self.fails))
 
-    @property
-    def machine(self) -> Machine:
-        """The machine.
 
-        Raises:
-            ValueError: The tree is not one.
-        """
-        data = {
-            "blocks": list(self.blocks),
-            "controls": list(self.controls),
-            "controllers": self.controllers,
-        }
-        reading = read_machine(data, tuple(library()))
-        if reading.machine is None:
-            raise ValueError(f"the record of {self.task}: {reading.problems[0].message}")
-        return reading.machine
+def record_file(name: str) -> Path | None:
+    """The file with the machine of a record; None where the repository is not at hand."""
+    file = MACHINES / f"{name}.json"
+    return file if file.is_file() else None
 
-    def to_text(self) -> str:
-        """The content of the file, one block or control per line."""
-        own = {"blocks", "controls", *([] if self.controllers else ["controllers"])}
-        head = self.model_dump(mode="json", exclude=own)
-        lines = [f" {json.dumps(key)}: {json.dumps(value)}" for key, value in head.items()]
-        for key, items in (("blocks", self.blocks), ("controls", self.controls)):
-            rows = ",\n".join("  " + json.dumps(item) for item in items)
-            lines += [f' "{key}": [\n{rows}\n ]'] if items else []
-        return "{\n" + ",\n".join(lines) + "\n}\n"
+
+def record_machine(name: str) -> Machine | None:
+    """The machine of a record; None where the repository is not at hand."""
+    if (file := record_file(name)) is None:
+        return None
+    return read_machine(file.read_text(encoding="utf-8"), tuple(library())).machine
 
 
 @cache
 def read_records() -> Mapping[str, TaskRecord]:
-    """All records by name of their file, without the ending."""
-    folder = files(__package__) / FOLDER
-    found = sorted((item for item in folder.iterdir()), key=lambda item: item.name)
-    return {
-        item.name.removesuffix(".json"): TaskRecord.model_validate_json(item.read_bytes())
-        for item in found
-        if item.name.endswith(".json")
-    }
+    """All records by name."""
+    found = json.loads(SCORES.read_bytes())
+    return {name: TaskRecord(name=name, **record) for name, record in found.items()}
 
 
 def other_recorders(engines: Iterable[str]) -> str:
@@ -144,9 +128,10 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
     """The record of a task for readers; None if there is none.
 
     Returns:
-        `score`, `verified`, `fragile`, `engine`, `how`, `blocks` (how many count), and the share
-        that `score` reaches as `share` and `of`: "record", with the name of its engine if that of
-        the task is another one, or "greatest possible score".
+        `score`, `verified`, `fragile`, `engine`, `how`, `blocks` (how many count), `file` (with its
+        machine; None where the repository is not at hand), and the share that `score` reaches as
+        `share` and `of`: "record", with the name of its engine if that of the task is another one,
+        or "greatest possible score".
     """
     found = record_of(task)
     if found is None:
@@ -157,7 +142,8 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
         "fragile": found.holding.fragile,
         "engine": found.engine,
         "how": found.how,
-        "blocks": task.brief.count_blocks(len(found.blocks)),
+        "blocks": task.brief.count_blocks(found.size),
+        "file": (file := record_file(found.name)) and str(file),
         "share": record_share(task, score),
         "of": _full_name(task, found),
     }

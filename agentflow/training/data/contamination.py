@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from agentflow.diversity.topology import tree_text
+from agentflow.diversity.topology import tree_hash
 from agentflow.env.tasks.family import Family
 from agentflow.env.tasks.records import read_records
 from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, task_names
 from agentflow.errors import RunError
 from agentflow.extras import needs_extra
-from agentflow.machine import Machine, library, read_machine
+from agentflow.machine import library, read_machine
 from agentflow.runs import find_runs
 from agentflow.runs.reading import MACHINES
 from agentflow.training.evaluation.record import ABOUT, REPLIES, read_replies
@@ -104,11 +103,6 @@ def _share(own: Sequence[tuple[str, ...]], theirs: set[tuple[str, ...]]) -> floa
     return sum(gram in theirs for gram in own) / max(1, len(own))
 
 
-def tree_hash(machine: Machine) -> str:
-    """Hash of a machine as a tree of block types: equal where the tree edit distance is 0."""
-    return hashlib.sha256(tree_text(machine).encode()).hexdigest()[:16]
-
-
 def evaluation_trees(folders: Iterable[Path]) -> frozenset[str]:
     """The trees of the machines in evaluations, and of the best known machine of every level.
 
@@ -118,7 +112,7 @@ def evaluation_trees(folders: Iterable[Path]) -> frozenset[str]:
     Raises:
         RunError: One holds neither, or a machine cannot be read.
     """
-    trees = {tree_hash(record.machine) for record in read_records().values()}
+    trees = {record.tree for record in read_records().values()}
     for folder in folders:
         runs, evaluations = list(find_runs(folder)), sorted(folder.rglob(ABOUT))
         if not runs and not evaluations:

@@ -13,6 +13,7 @@ from typing import Literal
 
 from pydantic import BaseModel
 
+from agentflow.diversity.topology import tree_hash
 from agentflow.env.pool.base import AHEAD, OpenPool, Pool
 from agentflow.env.tasks.base import Task
 from agentflow.files.lines import require_planned
@@ -20,7 +21,7 @@ from agentflow.machine import Brief, Machine, Report, check
 from agentflow.progress import Progress
 from agentflow.search.concurrency import work_in_order
 from agentflow.training.data.answers import Answer, AnswerPlan
-from agentflow.training.data.contamination import Likeness, tree_hash
+from agentflow.training.data.contamination import Likeness
 from agentflow.training.data.folder import open_log
 from agentflow.training.data.variants import EDITED
 from agentflow.training.objectives import Objective, works

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from agentflow.agents.base import chat_prompt
 from agentflow.agents.designer import Designer
+from agentflow.diversity.topology import tree_hash
 from agentflow.errors import UsageError
 from agentflow.files.atomic import os_errors
 from agentflow.files.folders import hold_new_folder
@@ -22,7 +23,7 @@ from agentflow.machine.formats.detect import read_any
 from agentflow.machine.formats.source import read_text
 from agentflow.training.data.answers import split_reply
 from agentflow.training.data.card import DataCard, make_card, write_set
-from agentflow.training.data.contamination import compare_texts, evaluation_trees, tree_hash
+from agentflow.training.data.contamination import compare_texts, evaluation_trees
 from agentflow.training.data.gates import Gate, Judgement
 from agentflow.training.data.pairs import (
     ChatMessage,

@@ -11,7 +11,7 @@ from agentflow.cli.display.show_scores import show_engines
 from agentflow.env.physics.engines import choose_engine, default_engine
 from agentflow.env.physics.registry import ENGINES
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.tasks.records import read_records
+from agentflow.env.tasks.records import read_records, record_machine
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
 
@@ -34,7 +34,8 @@ def test_one_engine_says_what_to_install() -> None:
 @pytest.mark.mujoco
 def test_records_and_rankings_of_two_engines(capsys: pytest.CaptureFixture[str]) -> None:
     steps: list[tuple[int, int]] = []
-    record = read_records()[LEVEL]
+    record, machine = read_records()[LEVEL], record_machine(LEVEL)
+    assert machine is not None
     found = compare_engines(2, 2, lambda done, of: steps.append((done, of)), {LEVEL: record})
     engines = [str(choose_engine(name).identity) for name in ("pybullet", "mujoco")]
     assert found["engines"] == engines
@@ -42,7 +43,7 @@ def test_records_and_rankings_of_two_engines(capsys: pytest.CaptureFixture[str])
     assert (item["machine"], item["task"]) == (LEVEL, "movement")
     for result, name in zip(item["results"], ("pybullet", "mujoco"), strict=True):
         task = replace(get_task("movement"), engine=name)
-        rollout = simulate(record.machine, task, recorded=True)
+        rollout = simulate(machine, task, recorded=True)
         assert (result["status"], result["score"]) == ("ok", rollout.score)
         first = min(rollout.broken, key=lambda broken: broken.time, default=None)
         assert result["first_break"] == (first and {"block": first.block, "time": first.time})

@@ -14,7 +14,7 @@ from agentflow.config.sweep import read_sweep
 from agentflow.env.physics.registry import ENGINES
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.records import (
-    TaskRecord,
+    SCORES,
     full_score,
     read_records,
     record_json,
@@ -24,7 +24,7 @@ from agentflow.env.tasks.records import (
 from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, make_task, task_names
 from agentflow.env.verification import verify
 from agentflow.machine.validity import check
-from benchmarks.shelf import DIGITS, here
+from benchmarks.shelf import DIGITS, MachineRecord, here, machine_records, read_record, scores_text
 from tests.loops import for_each
 
 ELSEWHERE = 0.05
@@ -36,7 +36,7 @@ HOW = (
     "strong language model",
     "procedur",
 )
-RECORDS = read_records()
+RECORDS = machine_records()
 BENCHMARK = Path(__file__).parents[3] / "configs" / "benchmark.yaml"
 
 
@@ -68,7 +68,7 @@ def test_a_record_is_a_valid_machine_within_its_budget(name: str) -> None:
     task = get_task(record.task, record.knobs)
     report = check(record.machine, task.brief)
     assert report.task_valid, report.problems
-    assert record_of(task) == record
+    assert record_of(task) == read_records()[name]
     assert record.low <= record.verified
     assert record.how.startswith(HOW)
     levels = {f"{task.family}-{task.level}"}
@@ -94,7 +94,7 @@ def test_every_item_of_the_benchmark_has_a_record(item: str) -> None:
     assert record.verified > 0.0
 
 
-def keeps(record: TaskRecord, then: list[float], now: list[float | None]) -> None:
+def keeps(record: MachineRecord, then: list[float], now: list[float | None]) -> None:
     found = [round(score or 0.0, DIGITS) for score in now]
     assert found == (then if record.platform == here() else pytest.approx(then, rel=ELSEWHERE))
 
@@ -146,7 +146,7 @@ def test_the_share_is_that_of_the_verified_score() -> None:
     assert record_share(task, None) is None
     found = record_json(task, record.verified / 4)
     assert found is not None
-    assert (found["share"], found["blocks"]) == (0.25, len(record.machine))
+    assert (found["share"], found["blocks"]) == (0.25, record.size)
 
 
 def test_the_greatest_possible_score_takes_the_place_of_the_record() -> None:
@@ -164,16 +164,21 @@ def test_lists_of_tasks_show_records() -> None:
 def test_types_can_be_withheld() -> None:
     """The reference of throwing needs springs; without them it is refused."""
     task = get_task("throwing", {"blocks.without": [9]})
-    record = record_of(get_task("throwing"))
-    assert record is not None
     assert 9 not in task.brief.blocks
-    assert simulate(record.machine, task).status == "invalid"
+    assert simulate(RECORDS["throwing-1"].machine, task).status == "invalid"
     assert not any("pring" in sentence for sentence in task.brief.schedule[1:])
 
 
-def test_records_keep_control_programs() -> None:
-    (name, first), *_ = read_records().items()
+def test_the_package_knows_the_scores_of_the_machines() -> None:
+    """If this fails: python benchmarks/records.py scores."""
+    assert scores_text() == SCORES.read_text(encoding="utf-8")
+    assert "parent" not in SCORES.read_text(encoding="utf-8")
+
+
+def test_records_keep_control_programs(tmp_path: Path) -> None:
+    name, first = "movement-1", RECORDS["movement-1"]
     controls = ({"group": "motors", "at": 0, "for": 1, "level": 1},)
-    kept = TaskRecord.model_validate_json(first.model_copy(update={"controls": controls}).to_text())
-    assert kept.controls == controls
+    file = tmp_path / f"{name}.json"
+    file.write_text(first.model_copy(update={"controls": controls}).to_text())
+    assert read_record(file).controls == controls
     assert '"controls"' not in first.to_text(), name

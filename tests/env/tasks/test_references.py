@@ -11,9 +11,18 @@ from PIL import Image
 
 from agentflow.env import tasks
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.tasks.records import read_records
 from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, task_names
-from benchmarks.shelf import DIGITS, FOLDER, IDLE, Reference, families, here, load, read
+from benchmarks.shelf import (
+    DIGITS,
+    FOLDER,
+    IDLE,
+    Reference,
+    families,
+    here,
+    load,
+    machine_records,
+    read,
+)
 from tests.loops import for_each
 
 LEVELS = Path(tasks.__file__).parent / "levels"
@@ -28,7 +37,7 @@ PICTURE = 25_000
 
 RECORDS = {
     (get_task(record.task).name, record.machine.digest): record.score
-    for record in read_records().values()
+    for record in machine_records().values()
     if not record.knobs
 }
 """Scores of the best known machine of each level, which test_records.py simulates."""

@@ -9,14 +9,15 @@ import pytest
 
 from agentflow.api import design_prompt
 from agentflow.app.prompts import render_prompt
-from agentflow.env.tasks.records import read_records
+from agentflow.diversity.topology import tree_hash
 from agentflow.env.tasks.registry import task_names
 from agentflow.errors import RunError
 from agentflow.machine import Machine, read_machine
 from agentflow.machine.tree import ROOT, Step
-from agentflow.training.data.contamination import compare_texts, evaluation_trees, tree_hash
+from agentflow.training.data.contamination import compare_texts, evaluation_trees
 from agentflow.training.evaluation.replies import JudgedReply
 from agentflow.training.objectives import read_objectives
+from benchmarks.shelf import machine_records
 
 pytest.importorskip("sklearn")
 ROOT_FOLDER = Path(__file__).parents[3]
@@ -73,7 +74,7 @@ def test_strange_texts_are_compared() -> None:
 
 def test_machines_of_runs_and_records_are_known(tmp_path: Path) -> None:
     trees = evaluation_trees([])
-    assert {tree_hash(record.machine) for record in read_records().values()} == trees
+    assert {tree_hash(record.machine) for record in machine_records().values()} == trees
     file = next((RECORDED / "machines").glob("*.json"))
     shutil.copytree(RECORDED, tmp_path / "sweep" / "runs" / "one")
     machine = read_machine(file.read_text()).machine
