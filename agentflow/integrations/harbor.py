@@ -15,7 +15,7 @@ from typing import Any
 
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import choose_engine
-from agentflow.env.tasks.records import record_of
+from agentflow.env.tasks.records import record_machine, record_of
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import NoScoreError, UsageError
 from agentflow.files.atomic import write_output
@@ -74,7 +74,7 @@ def export(
 
     Raises:
         UsageError: A level, the engine or the wheel does not exist, a level is a file, or has no
-            record; or a folder cannot be written.
+            record; solutions are not at hand; or a folder cannot be written.
     """
     graded_by = choose_engine(engine).name
     if wheel is not None and not wheel.is_file():
@@ -101,8 +101,14 @@ def _contents(task: str, engine: str, solutions: bool, wheel: Path | None) -> Ma
     """Name -> text of each file of a task."""
     level, made = get_level(task), get_task(task, engine=engine)
     record = record_of(made)
+    solution = record_machine(record.name) if solutions and record else None
     if solutions and record is None:
         raise UsageError(f"{task} has no record to write as a solution: omit --with-solutions")
+    if solutions and solution is None:
+        raise UsageError(
+            "the machines of records are not in the package but in its repository: omit "
+            "--with-solutions, or run this in a clone of it"
+        )
     graded = {"task": task, "engine": engine, "record": record.score if record else None}
     source = f"/tmp/{wheel.name}" if wheel else "agentflow-machines"
     wanted = f"{source}[mcp]" if wheel else f"{source}[mcp]=={__version__}"
@@ -115,8 +121,8 @@ def _contents(task: str, engine: str, solutions: bool, wheel: Path | None) -> Ma
         "tests/test.sh": TEST,
         f"tests/{GRADED}": json.dumps(graded) + "\n",
     }
-    if solutions and record is not None:
-        files["solution/solve.sh"] = SOLVE.format(machine=record.machine.to_text())
+    if solution is not None:
+        files["solution/solve.sh"] = SOLVE.format(machine=solution.to_text())
     return files
 
 

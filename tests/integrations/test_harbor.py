@@ -115,3 +115,10 @@ def test_what_is_not_a_level_is_refused(tmp_path: Path, task: str, told: str) ->
     with pytest.raises(UsageError, match=told):
         export([task], tmp_path)
     assert not [*tmp_path.iterdir()]
+
+
+def test_solutions_need_the_repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agentflow.env.tasks.records.MACHINES", tmp_path)
+    with pytest.raises(UsageError, match="not in the package but in its repository"):
+        export(["throwing"], tmp_path / "out", solutions=True)
+    assert not (tmp_path / "out").exists()
