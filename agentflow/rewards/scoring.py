@@ -44,7 +44,7 @@ class Scorer:
         self._loop = asyncio.new_event_loop()
         self._thread = Thread(target=self._loop.run_forever, name="scorer", daemon=True)
         self._thread.start()
-        self._pool = self._wait_for(open_pool(workers).__aenter__())
+        self.pool = self.wait_for(open_pool(workers).__aenter__())
 
     def rewards(self, samples: Sequence[Sample]) -> list[Reward]:
         """The reward of each sample, in their order.
@@ -68,7 +68,7 @@ class Scorer:
             reward_async(
                 sample.task,
                 sample.text,
-                self._pool,
+                self.pool,
                 sample.seed,
                 knobs=sample.knobs,
                 engine=sample.engine,
@@ -78,12 +78,13 @@ class Scorer:
 
     def close(self) -> None:
         """End the worker processes."""
-        self._wait_for(self._pool.__aexit__(None, None, None))
+        self.wait_for(self.pool.__aexit__(None, None, None))
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
 
-    def _wait_for(self, work: Coroutine[Any, Any, T]) -> T:
+    def wait_for(self, work: Coroutine[Any, Any, T]) -> T:
+        """The result of work on the event loop of the worker processes."""
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()
 
 

@@ -29,7 +29,7 @@ from agentflow.rewards.scoring import Sample, shared_scorer
 scorer = shared_scorer(2)
 assert scorer.rewards([Sample("movement", "a car")])[0].value == 0
 assert shared_scorer(2) is scorer
-print(*scorer._pool.pids, flush=True)
+print(*scorer.pool.pids, flush=True)
 """
 
 
@@ -69,7 +69,7 @@ def test_unknown_tasks_and_knobs_are_errors(scorer: Scorer) -> None:
 
 def test_a_closed_scorer_leaves_no_process() -> None:
     scorer = Scorer(workers=1)
-    [worker] = scorer._pool.pids
+    [worker] = scorer.pool.pids
     scorer.close()
     with pytest.raises(ProcessLookupError):
         os.kill(worker, 0)

@@ -86,7 +86,7 @@ def test_the_oldest_reply_is_forgotten_only_once_its_step_is_judged() -> None:
 @pytest.mark.slow
 def test_a_worker_that_dies_is_replaced(scorer: Scorer) -> None:
     found = Judging(scorer, shaped, "auto")
-    os.kill(scorer._pool.pids[0], signal.SIGKILL)
+    os.kill(scorer.pool.pids[0], signal.SIGKILL)
     (judged,) = found.collect(["movement/2"], [CAR])
     assert judged.score is not None
 

@@ -1,0 +1,190 @@
+"""OpenEnv: a server of designs at a bench, whose actions are calls of its tools; and its client."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from openenv.core.client_types import StepResult
+from openenv.core.env_client import EnvClient
+from openenv.core.env_server import Action, Environment, Observation, State, create_app
+from pydantic import Field
+
+from agentflow.errors import UsageError
+from agentflow.integrations.session import BenchSession, bench_config
+from agentflow.rewards.scoring import read_knobs, shared_scorer
+from agentflow.tools import ToolResult
+
+OPTIONS = ("seed", "episode_id", "task", "knobs")
+
+
+class BenchAction(Action):
+    """A call of a tool."""
+
+    tool: str
+    """Its name."""
+    arguments: Mapping[str, Any] = Field(default_factory=dict)
+    """By name, as the tool's JSON schema says."""
+
+
+class BenchObservation(Observation):
+    """The answer to a call; the first observation is the brief.
+
+    `reward` is the score of the submitted machine, and None before the submission. It stays None
+    after a time-out or crash: leave such an episode out of what is learned.
+    """
+
+    text: str
+    """What the model reads."""
+    data: Mapping[str, Any] = Field(default_factory=dict)
+    """The same as data."""
+    refused: bool = False
+    """Whether the call was refused; the text says what to change."""
+    picture: str | None = None
+    """PNG in base64, only of `look`."""
+    tools: Sequence[Mapping[str, Any]] = ()
+    """Name, description and parameters (a JSON schema) of each tool, only of the brief."""
+
+
+class BenchState(State):
+    """A session so far."""
+
+    task: str = ""
+    """Level."""
+    seed: int = 0
+    """Random seed of its trials."""
+    budget: str = ""
+    """What is left of the budget, in one sentence."""
+    submitted: str = ""
+    """The submitted machine as JSON text."""
+
+
+class BenchEnvironment(Environment[BenchAction, BenchObservation, BenchState]):
+    """The design of one machine for each `reset`; sessions share only the worker processes."""
+
+    SUPPORTS_CONCURRENT_SESSIONS = True
+
+    def __init__(
+        self,
+        rollouts: int = 24,
+        vision: bool = False,
+        engine: str = "auto",
+        workers: int | None = None,
+        out: Path | None = None,
+    ) -> None:
+        """Prepare; see `make_app`."""
+        super().__init__()
+        self._config = partial(bench_config, engine=engine, rollouts=rollouts, vision=vision)
+        self._workers, self._out = workers, out
+        self._state = BenchState()
+        self._session: BenchSession | None = None
+
+    def reset(
+        self,
+        seed: int | None = None,
+        episode_id: str | None = None,
+        task: str = "throwing",
+        knobs: Mapping[str, object] | None = None,
+        **others: object,
+    ) -> BenchObservation:
+        """Begin a design at a level, with a random seed of its trials (0 by default) and changed
+        knobs.
+
+        Raises:
+            UsageError: The task, a knob or an option does not exist.
+        """
+        for name in others:
+            raise UsageError(f"reset has no option {name!r}; it has {', '.join(OPTIONS)}")
+        self.close()
+        config = self._config(task, seed=seed or 0, knobs=read_knobs(knobs))
+        scorer = shared_scorer(self._workers)
+        session = self._session = BenchSession(scorer, config, "OpenEnv", self._out)
+        self._state = BenchState(episode_id=episode_id, task=task, seed=config.seed)
+        return BenchObservation(text=session.brief, tools=[vars(spec) for spec in session.tools])
+
+    def step(self, action: BenchAction, **_: object) -> BenchObservation:
+        """Call a tool. Simulations have a limit of time of their own.
+
+        Raises:
+            UsageError: There was no `reset`.
+        """
+        session = self._session
+        if session is None:
+            raise UsageError("no design has begun; call reset first")
+        ended = bool(session.submitted)
+        result = session.call(action.tool, action.arguments)
+        self._state.step_count += 1
+        submitted = not ended and bool(session.submitted)
+        return _observe(result, bool(session.submitted), session.score() if submitted else None)
+
+    @property
+    def state(self) -> BenchState:
+        """The session so far."""
+        session = self._session
+        told = {"budget": session.budget, "submitted": session.submitted} if session else {}
+        return BenchState(**{**self._state.model_dump(), **told})
+
+    def close(self) -> None:
+        """End the design with what is submitted; the server calls it when a client leaves."""
+        if self._session is not None:
+            self._session.close()
+        self._session = None
+
+
+def _observe(result: ToolResult, done: bool, reward: float | None) -> BenchObservation:
+    picture = base64.b64encode(result.image).decode() if result.image else None
+    return BenchObservation(
+        text=result.text,
+        data=result.data,
+        refused=result.refused,
+        picture=picture,
+        done=done,
+        reward=reward,
+    )
+
+
+class BenchClient(EnvClient[BenchAction, BenchObservation, BenchState]):
+    """A client of the server."""
+
+    def _step_payload(self, action: BenchAction) -> dict[str, Any]:
+        return dict(action.model_dump())
+
+    def _parse_result(self, payload: dict[str, Any]) -> StepResult[BenchObservation]:
+        ends = {"reward": payload.get("reward"), "done": payload.get("done", False)}
+        observation = BenchObservation(**{**payload["observation"], **ends})
+        return StepResult(observation=observation, **ends)
+
+    def _parse_state(self, payload: dict[str, Any]) -> BenchState:
+        return BenchState(**payload)
+
+
+def make_app(
+    sessions: int = 100,
+    *,
+    rollouts: int = 24,
+    vision: bool = False,
+    engine: str = "auto",
+    workers: int | None = None,
+    out: Path | None = None,
+) -> Any:
+    """The server as an ASGI application, for uvicorn.
+
+    Args:
+        sessions: Clients at a time; more are refused.
+        rollouts: Simulations of a session.
+        vision: Whether the tools include pictures.
+        engine: Physics engine.
+        workers: Worker processes; by default one per processor.
+        out: Parent folder of the runs; by default they are not kept.
+    """
+    environment = partial(BenchEnvironment, rollouts, vision, engine, workers, out)
+    return create_app(
+        environment,
+        BenchAction,
+        BenchObservation,
+        env_name="agentflow",
+        max_concurrent_envs=sessions,
+    )

@@ -1,0 +1,150 @@
+"""One design at a bench, for libraries in which an environment is such a session."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from agentflow.app.design.run import DesignRun, RunOptions
+from agentflow.app.sessions.clients import RunSession
+from agentflow.config.run import DesignConfig
+from agentflow.env.tasks.registry import get_task
+from agentflow.errors import AgentflowError
+from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.runs.locations import FEEDBACK
+from agentflow.tools import Bench, ToolResult, ToolSpec
+from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.tools.stages import Worker
+from agentflow.workflows.tools.workflow import TOOLS, workflow_of
+
+FAULTS = ("timeout", "crashed")
+"""Statuses of simulations that say nothing about their machine."""
+
+
+def bench_config(
+    task: str,
+    *,
+    seed: int = 0,
+    knobs: Mapping[str, Any] | None = None,
+    engine: str = "auto",
+    rollouts: int = 24,
+    vision: bool = False,
+) -> DesignConfig:
+    """The configuration of a run whose worker simulates at once and submits one machine.
+
+    Args:
+        task: Level, such as "throwing/3".
+        seed: Random seed of its trials.
+        knobs: Knobs of the level to change.
+        engine: Physics engine.
+        rollouts: Simulations that the worker may use.
+        vision: Whether the tools include pictures.
+    """
+    return DesignConfig(
+        task=task,
+        knobs=dict(knobs or {}),
+        workflow=TOOLS.name,
+        settings=WorkflowSettings(candidates_per_stage=1, max_simulations=rollouts, vision=vision),
+        seed=seed,
+        engine=engine,
+        verify=False,
+    )
+
+
+class BenchSession:
+    """A run at a bench, without an event loop of the caller's; it ends with the submission."""
+
+    def __init__(
+        self, scorer: Scorer, config: DesignConfig, author: str, out: Path | None = None
+    ) -> None:
+        """Begin the run.
+
+        Args:
+            scorer: Where machines are simulated.
+            config: As from `bench_config`.
+            author: Who designs, as results name it.
+            out: Parent folder of the run; by default it is not kept.
+
+        Raises:
+            UsageError: The task, a knob or the engine does not exist.
+        """
+        get_task(config.task, config.knobs, config.engine)
+        self._scorer, self._config, self._author = scorer, config, author
+        self._temporary = TemporaryDirectory() if out is None else None
+        self._out = out or Path(self._temporary.name if self._temporary else "")
+        self._faulty = False
+        self._bench = scorer.wait_for(self._open())
+
+    async def _open(self) -> Bench:
+        async def leave_unverified(_path: Path) -> bool:
+            return False
+
+        self._session = RunSession(self._begin, leave_unverified, lambda _line: None)
+        bench = await self._session.bench()
+        assert bench is not None  # there is one stage
+        return bench
+
+    def _begin(self, worker: Worker) -> DesignRun:
+        workflow = workflow_of(worker, self._author, (FEEDBACK,))
+        options = RunOptions(pool=self._scorer.pool, workflow=workflow)
+        return DesignRun.create(self._config, self._out, options, "")
+
+    @property
+    def tools(self) -> tuple[ToolSpec, ...]:
+        """The tools on offer."""
+        return self._bench.tools
+
+    @property
+    def brief(self) -> str:
+        """The task, the rules and the budget."""
+        return self._bench.brief_text
+
+    @property
+    def budget(self) -> str:
+        """What is left of the budget, in one sentence."""
+        return self._bench.budget_text
+
+    @property
+    def submitted(self) -> str:
+        """The submitted machine as JSON text; "" before that."""
+        return self._bench.submitted[-1].to_text() if self._bench.submitted else ""
+
+    @property
+    def lost(self) -> bool:
+        """Whether a simulation or the run failed and nothing is submitted: no sample."""
+        return self._faulty and not self._bench.submitted
+
+    def call(self, tool: str, arguments: object) -> ToolResult:
+        """Call a tool; what does not fit is refused. After the submission, those that only read
+        still answer.
+
+        Raises:
+            AgentflowError: The run cannot go on.
+        """
+        answer = self._bench.review if self._bench.ended else self._bench.call
+        try:
+            result = self._scorer.wait_for(answer(tool, arguments))
+        except AgentflowError:
+            self._faulty = True
+            raise
+        self._faulty |= result.data.get("status") in FAULTS
+        return result
+
+    def score(self) -> float | None:
+        """The reward of the submitted machine, simulated again; 0 if there is none.
+
+        None after a time-out or crash, which says nothing about the design.
+        """
+        if not self.submitted:
+            return None if self.lost else 0.0
+        config = self._config
+        sample = Sample(config.task, self.submitted, config.seed, config.knobs, config.engine)
+        return self._scorer.rewards([sample])[0].value
+
+    def close(self) -> None:
+        """End the run with what is submitted."""
+        self._scorer.wait_for(self._session.finish())
+        if self._temporary is not None:
+            self._temporary.cleanup()
