@@ -67,7 +67,10 @@ async def _respond(
     except Refusal as refusal:
         return told(refusal)
     try:
-        content = json.dumps(await answer(arguments), allow_nan=False, separators=(",", ":"))
+        found = await answer(arguments)
+        if isinstance(found, Response):
+            return found
+        content = json.dumps(found, allow_nan=False, separators=(",", ":"))
         return Response(content, media_type="application/json")
     except Refusal as refusal:
         return told(refusal)

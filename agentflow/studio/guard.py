@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from html import escape
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
@@ -41,6 +42,14 @@ CLOSED = (
     "this address needs the token that `agentflow studio` printed, and the token opens one "
     "browser only: start the studio again for another one"
 )
+
+PAGE = (
+    '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
+    '<meta name="viewport" content="width=device-width"><meta name="color-scheme" '
+    'content="light dark"><title>agentflow studio</title></head>'
+    "<body><h1>agentflow studio</h1><p>{}.</p></body></html>"
+)
+"""A refusal as a page."""
 
 
 @dataclass(frozen=True)
@@ -142,7 +151,8 @@ class Guard:
             with anyio.fail_after(self._limits.answer_s):
                 await self._app(scope, _replay(body, receive), send)
         except Refusal as refusal:
-            await told(refusal, LAST)(scope, receive, send)
+            answer = _page_told(refusal) if _reads_pages(scope) else told(refusal, LAST)
+            await answer(scope, receive, send)
         except TimeoutError:
             late = Refusal(504, "this took too long; try it again, or with less")
             await told(late, LAST)(scope, receive, send)
@@ -218,6 +228,16 @@ def told(refusal: Refusal, headers: Mapping[str, str] | None = None) -> Response
     """A refusal as an answer."""
     content = json.dumps({"problem": refusal.text})
     return Response(content, refusal.status, headers, media_type="application/json")
+
+
+def _reads_pages(scope: Scope) -> bool:
+    """Whether a person has opened the address, not a script."""
+    return any(name == b"accept" and b"text/html" in value for name, value in scope["headers"])
+
+
+def _page_told(refusal: Refusal) -> Response:
+    content = PAGE.format(escape(refusal.text[:1].upper() + refusal.text[1:]))
+    return Response(content, refusal.status, LAST, media_type="text/html")
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:

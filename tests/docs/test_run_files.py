@@ -44,7 +44,7 @@ def test_every_key_of_a_result_is_listed() -> None:
 
 @pytest.mark.parametrize(
     ("file", "younger"),
-    [("run.yaml", {"plugins", "prompt_folder"}), ("calls.jsonl", {"after", "shared"})],
+    [("run.yaml", {"began", "plugins", "prompt_folder"}), ("calls.jsonl", {"after", "shared"})],
 )
 def test_every_key_is_listed(file: str, younger: set[str]) -> None:
     assert first_cells(file) == keys(file) | younger

@@ -13,6 +13,7 @@ from selenium.webdriver.common.actions.pointer_input import PointerInput
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver.support.ui import Select
 
 from agentflow.app.inspect.overview import run_list
 from agentflow.app.machines.files import read_one
@@ -325,8 +326,9 @@ def test_a_model_refines_a_machine_and_its_answer_can_be_undone(
     before = tree(browser)
     form = find(browser, ".more form")
     fill(form, workflow="iterative", trajectories="1", rounds="1")
+    Select(form.find_element(By.CSS_SELECTOR, "select")).select_by_value("Another endpoint")
     fill(form, model="some-model", base_url=stub_url)
-    form.find_element(By.CSS_SELECTOR, "button").click()
+    form.find_element(By.CSS_SELECTOR, "[type=submit]").click()
     take = "//button[text()='Use this machine']"
     until(browser, lambda: browser.find_elements(By.XPATH, take))
     browser.find_element(By.XPATH, take).click()

@@ -68,6 +68,14 @@ def test_nothing_is_told_without_the_cookie(served: Served, path: str) -> None:
     assert "token that `agentflow studio` printed" in answer.json()["problem"]
 
 
+def test_a_visit_without_the_token_is_told_so_on_a_page(served: Served) -> None:
+    answer = httpx.get(served.base, trust_env=False, headers={"accept": "text/html"})
+    assert (answer.status_code, answer.headers["content-type"]) == (
+        *(403, "text/html; charset=utf-8"),
+    )
+    assert "<p>This address needs the token" in answer.text
+
+
 def test_the_token_opens_once(served: Served, browser: Browser) -> None:
     assert browser.client.get("/").status_code == 200
     assert bare(served.address).status_code == 403

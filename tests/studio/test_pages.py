@@ -47,6 +47,9 @@ def test_runs_are_listed_filtered_and_opened_and_names_stay_text(
     until(browser, lambda: {"throwing", NASTY} <= set(listed(browser)))
     find(browser, "input[type=search]").send_keys("onerror")
     until(browser, lambda: listed(browser) == [NASTY])
+    assert browser.current_url.endswith("#runs?words=onerror")
+    browser.refresh()
+    until(browser, lambda: listed(browser) == [NASTY])
     find(browser, "input[type=search]").send_keys(Keys.BACKSPACE * 20, "hierarchical throwing")
     until(browser, lambda: sorted(listed(browser)) == [NASTY, "throwing"])
     find(browser, "tr[data-run=throwing] a").click()
@@ -128,15 +131,25 @@ def test_a_design_is_started_watched_and_stopped(
     open_page(browser, served, "runs")
     find(browser, ".design summary").click()
     form = find(browser, ".design form")
+    form.find_element(By.CSS_SELECTOR, "summary").click()
     fill(form, task="throwing", seed="5", rounds="50")
-    form.find_element(By.CSS_SELECTOR, "button").click()
+    until(browser, lambda: "simulations (about" in form.text)
+    form.find_element(By.CSS_SELECTOR, "[type=submit]").click()
     until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "run")
     until(browser, lambda: find(browser, ".live .state").text.endswith("running"))
-    until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, "svg[aria-label^='Best score']"))
-    stop = find(browser, ".live button")
+    until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, "svg[aria-label^='Score over']"))
+    assert "of about" in find(browser, ".live").text
+    best = find(browser, ".score b").text
+    until(browser, lambda: find(browser, ".view .title").text.endswith(f" · {best}"))
+    follow, stop, resume = browser.find_elements(By.CSS_SELECTOR, ".live button")
+    assert follow.get_attribute("aria-pressed") == "true"
+    find(browser, ".tree .node:not([aria-selected=true])").click()
+    assert follow.get_attribute("aria-pressed") == "false"
     until(browser, stop.is_displayed)
     stop.click()
     until(browser, lambda: find(browser, ".live .state").text.endswith("stopped"))
+    until(browser, resume.is_displayed)
+    assert find(browser, ".live .problem").text == ""
     [row] = [row for row in run_list(runs) if row["seed"] == 5]
     assert (row["task"], row["state"]) == ("throwing", "stopped")
     assert complaints(browser) == []

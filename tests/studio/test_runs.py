@@ -9,15 +9,18 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from agentflow.app.design.config import load_config
+from agentflow.app.design.plan import RunPlan
 from agentflow.app.inspect.overview import run_list
 from agentflow.cli import main
-from agentflow.runs import state_of
+from agentflow.runs import RunDirectory, state_of
 from agentflow.studio.folder import RunFolder
 from agentflow.studio.watching.listing import Listing
 from tests.studio.serving import Browser, studio
@@ -60,6 +63,9 @@ def test_the_list_is_that_of_the_command_line_and_a_curve(browser: Browser, runs
     assert (row["run"], row["sweep"]) == ("throwing", None)
     same = ("state", "task", "workflow", "model", "seed", "score", "calls", "problem")
     assert {key: row[key] for key in same} == {key: known[key] for key in same}
+    assert (row["seconds"], round(row["share"], 2)) == (17.73, 0.07)
+    picture = browser.client.get(f"/api/picture?run=throwing&machine={row['machine']}")
+    assert picture.headers["content-type"] == "image/png"
     scores = [score for _, score in row["curve"]]
     assert scores == sorted(set(scores))
     assert scores[-1] == pytest.approx(known["score"])
@@ -89,6 +95,22 @@ def test_a_damaged_run_is_listed_with_its_problem(browser: Browser, runs: Path) 
     [row] = browser.get("/api/runs")
     assert row["state"] == "damaged"
     assert "edited" in row["problem"]
+
+
+def test_a_run_began_when_it_says_so_not_when_its_files_were_copied(runs: Path) -> None:
+    config = load_config(None, (), {"task": "movement"})
+    document = {**RunPlan.of(config).run_document, "began": "2026-01-02T03:04:05+00:00"}
+    RunDirectory.create(runs, "older", document).close()
+    rows = {row["run"]: row["begun"] for row in Listing(RunFolder(runs)).rows()}
+    assert rows["older"] == datetime(2026, 1, 2, 3, 4, 5, tzinfo=timezone.utc).timestamp()
+
+
+def test_runs_of_different_tasks_are_not_compared(browser: Browser, runs: Path) -> None:
+    config = load_config(None, (), {"task": "movement"})
+    RunDirectory.create(runs, "driving", RunPlan.of(config).run_document).close()
+    answer = browser.client.get("/api/pair?a=throwing&b=driving")
+    assert "only runs of one task can be compared" in answer.text
+    assert "--" not in answer.text
 
 
 def test_an_empty_folder_has_no_runs(tmp_path: Path) -> None:
@@ -166,6 +188,10 @@ def test_two_runs_are_compared_with_both_films(browser: Browser, runs: Path) -> 
     assert all(film["film"]["samples"] > 10 for film in data["films"])
 
 
+def row_of(browser: Browser, name: str) -> dict[str, Any]:
+    return next(row for row in browser.get("/api/runs") if row["run"] == name)
+
+
 FORM = {"task": "movement", "workflow": "single", "trajectories": 2, "rounds": 0}
 
 
@@ -176,7 +202,9 @@ def test_a_design_runs_to_its_end_and_the_command_line_reads_it(
     name = browser.post("/api/designs", {**FORM, "seed": 3})["run"]
     assert name in {row["run"] for row in browser.get("/api/runs")}
     until(lambda: not browser.get("/api/designs")[0]["running"])
-    assert browser.get("/api/designs") == [{"run": name, "running": False, "problem": ""}]
+    assert browser.get("/api/designs") == [
+        {"run": name, "running": False, "problem": "", "form": {**FORM, "seed": 3}}
+    ]
     assert main(["show", str(runs / name), "--json"]) == 0
     details = json.loads(capsys.readouterr().out)
     assert (details["task"], details["workflow"], details["seed"]) == ("movement", "single", 3)
@@ -191,9 +219,54 @@ def test_a_design_is_stopped_and_can_be_resumed(browser: Browser, runs: Path) ->
     until(lambda: (runs / name / "events.jsonl").read_bytes().count(b"\n") > 1)
     browser.post("/api/designs/stop", {"run": name})
     [told] = browser.get("/api/designs")
-    assert not told["running"]
-    assert "--resume" in told["problem"]
-    assert state_of(runs / name) == "stopped"
+    assert (told["running"], told["problem"]) == (False, "")
+    assert (state_of(runs / name), row_of(browser, name)["state"]) == ("stopped", "stopped")
+    browser.post("/api/designs/resume", {"run": name})
+    until(lambda: state_of(runs / name) == "running")
+    assert row_of(browser, name)["problem"] == ""
+
+
+def test_a_complete_run_is_not_resumed(browser: Browser) -> None:
+    answer = browser.ask("/api/designs/resume", {"run": "throwing"})
+    assert "throwing is not stopped" in answer.text
+
+
+def test_a_run_that_sends_prompts_elsewhere_is_not_resumed_unasked(
+    browser: Browser, runs: Path
+) -> None:
+    config = load_config(
+        None,
+        ("model.base_url=http://models.example.org/v1",),
+        {"task": "movement", "model.name": "gpt"},
+    )
+    RunDirectory.create(runs, "foreign", RunPlan.of(config).run_document).close()
+    answer = browser.ask("/api/designs/resume", {"run": "foreign"})
+    assert "sends prompts to http://models.example.org" in answer.text
+
+
+@pytest.mark.slow
+def test_a_design_that_fails_stays_in_the_list_with_its_reason_and_form(
+    browser: Browser, runs: Path
+) -> None:
+    form = {**FORM, "model": "gpt", "base_url": "http://127.0.0.1:9/v1"}
+    name = browser.post("/api/designs", form)["run"]
+    last = list(news(browser, run=name))[-1]
+    assert (last["state"], last["ended"]) == ("failed", True)
+    assert "connection refused" in last["problem"]
+    assert not (runs / name).exists()
+    row = row_of(browser, name)
+    assert (row["state"], row["problem"], row["task"]) == ("failed", last["problem"], "movement")
+    assert browser.get("/api/designs")[0]["form"] == form
+
+
+def test_a_run_that_is_deleted_while_it_is_watched_says_so(browser: Browser, runs: Path) -> None:
+    (runs / "throwing" / "result.json").unlink()
+    stream = news(browser, run="throwing")
+    assert next(stream)["state"] == "stopped"
+    shutil.rmtree(runs / "throwing")
+    assert [(told["state"], told["problem"]) for told in stream] == [
+        ("gone", "the folder of this run was deleted")
+    ]
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import platform
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import datetime, timezone
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -287,6 +287,7 @@ class RunPlan:
             "agentflow": __version__,
             "commit": _commit(),
             **self.conditions,
+            "began": datetime.now(timezone.utc).isoformat(timespec="seconds"),
             "python": platform.python_version(),
             "platform": platform.platform(),
             "level": self.level.record,

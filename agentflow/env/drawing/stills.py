@@ -51,6 +51,11 @@ def render_png(
     _picture(machine, view, size, red).save(path, "PNG", optimize=True)
 
 
+def png(machine: Machine, *, view: str, size: Size) -> bytes:
+    """The picture of `render_png` as the content of a file."""
+    return _content(_picture(machine, view, size))
+
+
 def png_url(machine: Machine, *, view: str, size: Size, red: Collection[int] = ()) -> str:
     """The picture of `render_png` as a data URL, for pages and requests."""
     return picture_url(_picture(machine, view, size, red))
@@ -58,9 +63,7 @@ def png_url(machine: Machine, *, view: str, size: Size, red: Collection[int] = (
 
 def picture_url(picture: Image.Image) -> str:
     """Any picture as a data URL of a PNG."""
-    content = BytesIO()
-    picture.save(content, "PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(content.getvalue()).decode()
+    return "data:image/png;base64," + base64.b64encode(_content(picture)).decode()
 
 
 def render_image(
@@ -88,6 +91,12 @@ def caption(picture: Image.Image, text: str) -> None:
     """Write text into the upper left corner of a picture."""
     font = ImageFont.load_default(size=max(12, picture.height // 24))
     ImageDraw.Draw(picture).text((10, 8), text, fill=INK, font=font)
+
+
+def _content(picture: Image.Image) -> bytes:
+    content = BytesIO()
+    picture.save(content, "PNG", optimize=True)
+    return content.getvalue()
 
 
 def _picture(machine: Machine, view: str, size: Size, red: Collection[int] = ()) -> Image.Image:

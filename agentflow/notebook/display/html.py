@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import base64
 from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import singledispatch
@@ -13,7 +12,7 @@ from typing import Any, TypeVar
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.runs import run_page
 from agentflow.app.tasks import TaskInfo
-from agentflow.env.drawing.stills import png_url
+from agentflow.env.drawing.stills import png, png_url
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.variations import DEFAULT
 from agentflow.env.verification import Verification
@@ -44,7 +43,7 @@ def to_html(shown: object) -> str:
 
 def to_png(machine: Machine) -> bytes:
     """The picture of a machine, for places that show no HTML."""
-    return base64.b64decode(png_url(machine, view="three-quarter", size=PICTURE).partition(",")[2])
+    return png(machine, view="three-quarter", size=PICTURE)
 
 
 @to_html.register

@@ -38,8 +38,9 @@ export class Player {
     this.pause();
     const asked = (this.asked = {});
     this.title.textContent = title;
-    this.remark.textContent = remark;
+    this.remark.textContent = machine ? remark : "";
     this.element.classList.toggle("empty", !machine || !this.view.picture);
+    if (this.view.picture) this.view.nothing.textContent = remark && !machine ? remark : "No machine to show.";
     if (!machine || !this.view.picture) return;
     if (!(await this.load(machine, asked))) return;
     this.choices(machine);

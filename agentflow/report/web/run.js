@@ -27,6 +27,8 @@ export class RunView {
     this.player = new Player();
     this.chosen = el("section", { class: "chosen", "aria-label": "Selected machine" });
     this.parts = new Map();
+    this.following = false; // whether the best machine is shown as soon as there is a better one
+    this.picking = () => {}; // called when somebody picks a machine
     this.top = el("div", {});
     this.rest = el("div", {});
     this.main = el("main", {}, this.top, this.chosen, this.rest);
@@ -49,13 +51,12 @@ export class RunView {
     this.put("usage", data.usage, this.rest, () => usage(data));
     this.put("talk", data.calls, this.rest, () => conversations(data, this.calls));
     this.put("facts", data.facts, this.rest, () => settings(data));
-    if (this.picked || !data.nodes.length) {
-      if (!this.picked) this.player.show(null, "");
-      return;
-    }
     const first = data.nodes.find((node) => node.best) ?? data.nodes.at(-1);
-    this.tree.select(first.id);
-    this.choose(first);
+    if (!first) this.player.show(null, "");
+    else if (!this.picked || (this.following && this.picked !== first.id)) {
+      this.tree.select(first.id);
+      this.show(first);
+    }
   }
 
   put(name, key, place, make) {
@@ -82,8 +83,13 @@ export class RunView {
     this.choose(node);
   }
 
-  /** Show a machine of the tree. */
-  async choose(node) {
+  /** Show a machine of the tree that somebody has picked. */
+  choose(node) {
+    this.picking();
+    return this.show(node);
+  }
+
+  async show(node) {
     this.picked = node.id;
     const coming = node.machine && this.film(node.machine);
     if (coming instanceof Promise) this.player.show(null, heading(node), "Simulating …");

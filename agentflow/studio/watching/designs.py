@@ -11,9 +11,10 @@ import tempfile
 from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from secrets import token_hex
+from time import time
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -22,11 +23,12 @@ from pydantic import Field
 from agentflow.app.design.config import load_config, urls_with_credentials
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.trust import unnamed
-from agentflow.config.run import KEY_VARIABLE
+from agentflow.config.run import KEY_VARIABLE, build_config
 from agentflow.env.tasks.registry import task_names
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.interpreter import python_command, python_environment
 from agentflow.models.completion import PATH_STARTS
+from agentflow.runs import read_document, state_of
 from agentflow.runs.reading import FILE_NAME
 from agentflow.studio.answers import Arguments
 from agentflow.studio.folder import RunFolder
@@ -121,14 +123,26 @@ class _Started:
     """A process, and the end of what it has said."""
 
     process: Process
+    form: NewDesign | None = None
+    """None for a run that was resumed."""
     said: str = ""
+    stopped: bool = False
+    """Whether somebody has stopped it."""
+    begun: float = field(default_factory=time)
 
     def __post_init__(self) -> None:
         self.listening = asyncio.create_task(_listen(self))
 
     @property
     def running(self) -> bool:
-        return self.process.returncode is None
+        return not self.listening.done()
+
+    @property
+    def problem(self) -> str:
+        """Why it failed; "" if it did not, or not yet."""
+        if self.running or self.stopped or not self.process.returncode:
+            return ""
+        return self.said.strip().removeprefix("agentflow: ") or "the process ended without a word"
 
 
 class Designs:
@@ -153,15 +167,48 @@ class Designs:
                 await asyncio.gather(*map(designs.stop, list(designs._started)))
 
     def told(self) -> list[dict[str, Any]]:
-        """Every design: its run, whether its process runs, and what it said if it failed."""
+        """Every design: its run, whether its process runs, why it failed, and its form."""
         return [
             {
                 "run": name,
                 "running": started.running,
-                "problem": started.said if started.process.returncode else "",
+                "problem": started.problem,
+                "form": started.form and started.form.model_dump(exclude_unset=True),
             }
             for name, started in self._started.items()
         ]
+
+    def failed(self) -> dict[str, dict[str, Any]]:
+        """Name -> what is known of each design that failed, as a row of the list of runs."""
+        form = ("task", "workflow", "model", "seed")
+        nothing = dict.fromkeys((*form, "score", "verified", "share", "sweep", "machine"))
+        return {
+            name: {
+                **nothing,
+                **(started.form.model_dump(include=set(form)) if started.form else {}),
+                "run": name,
+                "state": "failed",
+                "problem": started.problem,
+                "calls": 0,
+                "begun": started.begun,
+                "seconds": 0.0,
+                "curve": [],
+                "fragile": False,
+            }
+            for name, started in self._started.items()
+            if started.problem
+        }
+
+    def problem(self, name: str) -> str:
+        """Why a design failed; "" if it did not, or if this studio has not started it."""
+        return self._started[name].problem if name in self._started else ""
+
+    async def end_of(self, name: str) -> str:
+        """The same once its process has ended, which it does soon after its run is gone."""
+        if name in self._started:
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(asyncio.shield(self._started[name].listening), STOP_S)
+        return self.problem(name)
 
     async def start(self, form: NewDesign) -> str:
         """Start a design; the name of its run, which then exists.
@@ -181,10 +228,35 @@ class Designs:
             self._starting -= 1
         if not await _appears(self._folder.root / name, started):
             await self.stop(name)
-            said = started.said.strip() or "the process ended without a word"
+            said = started.problem or "it did not begin in time"
             del self._started[name]
             raise UsageError(said)
         return name
+
+    async def resume(self, name: str) -> None:
+        """Continue a run that has stopped.
+
+        Raises:
+            UsageError: It is running or complete, or needs what only the command line may allow.
+            RunError: There is no such run.
+        """
+        path = self._folder.run(name)
+        if state_of(path) != "stopped":
+            raise UsageError(f"{name} is not stopped, so it cannot be resumed")
+        known = self._started.get(name)
+        form = known.form if known else None
+        config = build_config(read_document(path).get("config"))
+        named = {"model": {"base_url": form.base_url}} if form else {}
+        hosts = (host.split()[0] for host in unnamed(config.model, named))
+        foreign = [host for host in hosts if urlsplit(host).hostname not in THIS_COMPUTER]
+        if foreign or config.workflow not in workflow_names():
+            what = f"sends prompts to {foreign[0]}" if foreign else "runs other programs"
+            raise UsageError(
+                f"this run {what}, which the studio does not do unasked: continue it in a terminal "
+                f"with agentflow design --resume {path}"
+            )
+        options = ["--quiet", f"--resume={path}", "--trust"]
+        self._started[name] = _Started(await _begin_process(options), form)
 
     async def stop(self, name: str) -> None:
         """Interrupt a design, and wait until it has ended.
@@ -195,13 +267,14 @@ class Designs:
         if name not in self._started:
             raise UsageError(f"this studio has not started {name[:80]!r}, so it cannot stop it")
         started = self._started[name]
+        started.stopped = started.running
         for ask in (_interrupt, Process.terminate, Process.kill):
             if not started.running:
                 break
             with suppress(ProcessLookupError):
                 ask(started.process)
             with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(started.process.wait(), STOP_S)
+                await asyncio.wait_for(asyncio.shield(started.listening), STOP_S)
         await started.listening
 
     async def _spawn(self, name: str, form: NewDesign) -> _Started:
@@ -212,15 +285,18 @@ class Designs:
             file = self._scratch / f"{name}.json"
             file.write_text(json.dumps(form.machine), encoding="utf-8")
             options.append(f"--start={file}")
-        process = await asyncio.create_subprocess_exec(
-            *python_command(_PROGRAM, "design", *options),
-            env=python_environment(),
-            stdin=DEVNULL,
-            stdout=DEVNULL,
-            stderr=PIPE,
-            start_new_session=True,
-        )
-        return _Started(process)
+        return _Started(await _begin_process(options), form)
+
+
+async def _begin_process(options: list[str]) -> Process:
+    return await asyncio.create_subprocess_exec(
+        *python_command(_PROGRAM, "design", *options),
+        env=python_environment(),
+        stdin=DEVNULL,
+        stdout=DEVNULL,
+        stderr=PIPE,
+        start_new_session=True,
+    )
 
 
 async def _listen(started: _Started) -> None:
@@ -228,11 +304,12 @@ async def _listen(started: _Started) -> None:
     assert started.process.stderr is not None
     while said := await started.process.stderr.read(4096):
         text = started.said + said.decode("utf-8", "replace")
-        started.said = _without_key(text)[-KEPT:]
+        started.said = without_key(text)[-KEPT:]
     await started.process.wait()
 
 
-def _without_key(text: str) -> str:
+def without_key(text: str) -> str:
+    """A text in which the key of endpoints cannot be read."""
     key = os.environ.get(KEY_VARIABLE, "").strip()
     return text.replace(key, "***") if len(key) > 5 else text
 

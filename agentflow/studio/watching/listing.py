@@ -5,18 +5,25 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.design.plan import RunPlan, task_of_run
 from agentflow.app.inspect.overview import run_list
+from agentflow.app.sweeps.estimates import estimate
 from agentflow.app.sweeps.folder import is_sweep
-from agentflow.errors import AgentflowError, RunError
-from agentflow.runs import find_runs, state_of
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.records import record_share
+from agentflow.errors import AgentflowError, RunError, UsageError
+from agentflow.runs import find_runs, read_document, state_of
 from agentflow.runs.events import EvaluationEvent, RunEvent, read_new_typed_events
 from agentflow.runs.reading import CALLS, EVENTS, FILE_NAME, RESULT, Event
 from agentflow.runs.record import RunRecord
 from agentflow.studio.folder import RunFolder
+from agentflow.studio.watching.designs import Designs
 
 Row = dict[str, Any]
 Signature = tuple[object, ...]
@@ -34,6 +41,10 @@ class Follower:
 
     path: Path
     record: RunRecord = field(default_factory=RunRecord)
+    at: float = 0.0
+    """Seconds into the run at the last event."""
+    best: str | None = None
+    """Content hash of the machine with the highest score."""
     _offset: int = 0
 
     def new_points(self) -> list[dict[str, float]]:
@@ -47,15 +58,13 @@ class Follower:
 
     def _points(self, events: Iterable[RunEvent | Event]) -> Iterator[dict[str, float]]:
         for event in events:
+            before = self.record.best
             self.record.add(event)
+            self.at = max(self.at, event.at)
             if isinstance(event, EvaluationEvent) and event.score is not None:
-                yield {
-                    "at": event.at,
-                    "expansions": self.record.steps,
-                    "calls": self.record.calls,
-                    "tokens": self.record.tokens,
-                    "score": event.score,
-                }
+                if self.record.best != before:
+                    self.best = event.machine
+                yield {"at": event.at, "score": event.score}
 
 
 @dataclass
@@ -66,22 +75,42 @@ class _Known:
     row: Row
     follower: Follower
     curve: list[tuple[float, float]]
+    task: Task | None = None
+    begun: float | None = None
+    """When the run began, seconds since 1970; None until its run.yaml was read."""
+
+    def read_document(self, path: Path) -> None:
+        """Learn what a run's run.yaml says, which does not change."""
+        document = read_document(path)
+        recorded = document.get("began")
+        self.begun = (
+            datetime.fromisoformat(recorded).timestamp()
+            if recorded
+            else (path / FILE_NAME).stat().st_mtime  # of runs that did not record it
+        )
+        self.task = task_of_run(path, document)
 
 
 class Listing:
     """The runs of a folder; those whose files have not changed are not read again."""
 
-    def __init__(self, folder: RunFolder) -> None:
-        self._folder = folder
+    def __init__(self, folder: RunFolder, designs: Designs | None = None) -> None:
+        self._folder, self._designs = folder, designs
         self._known: dict[Path, _Known] = {}
 
     def rows(self) -> list[Row]:
-        """Every run as `run_list` lists it, by name, and its sweep, start, and best over time."""
-        if not self._folder.root.is_dir():
-            return []
-        runs = list(find_runs(self._folder.root))
+        """Every run as `run_list` lists it, by name, and its sweep, start, and best over time.
+
+        A design that failed is among them, as `failed`, even if nothing is left of its run.
+        """
+        runs = list(find_runs(self._folder.root)) if self._folder.root.is_dir() else []
         self._known = {path: self._read(path) for path in runs}
-        return [known.row for known in self._known.values()]
+        rows = {known.row["run"]: known.row for known in self._known.values()}
+        for name, row in (self._designs.failed() if self._designs else {}).items():
+            known = rows.get(name, row)
+            if known["state"] in ("stopped", "failed"):
+                rows[name] = {**known, "state": "failed", "problem": row["problem"]}
+        return list(rows.values())
 
     def _read(self, path: Path) -> _Known:
         known, signature = self._known.get(path), _signature(path)
@@ -94,15 +123,23 @@ class Listing:
         except RunError:
             known.curve.clear()
         row = next(run_list(path))
+        if known.begun is None:
+            with suppress(UsageError, ValueError):
+                known.read_document(path)
         verified = row["verified"]
+        trusted = verified["score"] if verified else None
+        score = row["score"] if trusted is None else trusted
         known.row = {
             **row,
             "run": self._folder.name_of(path),
-            "verified": verified["score"] if verified else None,
+            "verified": trusted,
             "fragile": bool(verified and verified["fragile"]),
+            "share": known.task and record_share(known.task, score),
             "sweep": self._sweep_of(path),
-            "begun": (path / FILE_NAME).stat().st_mtime,
+            "begun": known.begun,
+            "seconds": known.follower.at,
             "curve": known.curve,
+            "machine": known.follower.best,
         }
         return known
 
@@ -149,7 +186,7 @@ async def as_stream(news: AsyncIterator[News]) -> AsyncIterator[str]:
             elif quiet % QUIET == 0:
                 yield ": still here\n\n"
     except AgentflowError as error:
-        yield _message({"problem": str(error)})
+        yield _message({"problem": str(error), "ended": True})
 
 
 async def follow_list(listing: Listing) -> AsyncIterator[News]:
@@ -158,7 +195,7 @@ async def follow_list(listing: Listing) -> AsyncIterator[News]:
     while True:
         rows = {row["run"]: row for row in await asyncio.to_thread(listing.rows)}
         before = told or {}
-        changed = [row for name, row in rows.items() if before.get(name) is not row]
+        changed = [row for name, row in rows.items() if before.get(name) != row]
         gone = [name for name in before if name not in rows]
         is_news = changed or gone or told is None
         yield {"rows": changed, "gone": gone} if is_news else None
@@ -166,20 +203,50 @@ async def follow_list(listing: Listing) -> AsyncIterator[News]:
         await asyncio.sleep(EVERY_S)
 
 
-async def follow_run(path: Path) -> AsyncIterator[News]:
-    """The scores of one run so far, then each new one, and its state; ends when the run does."""
-    follower, told = Follower(path), ("", -1)
+async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[News]:
+    """The scores of one run so far, then each new one, its state and how far it is; ends when the
+    run is complete or gone."""
+    follower, told = Follower(path), Row()
+    planned = await asyncio.to_thread(_planned, path)
     while True:
-        state = await asyncio.to_thread(state_of, path)  # first, so that no late event is missed
-        points = await asyncio.to_thread(follower.new_points)
-        record = follower.record
-        now = (state, record.calls)
-        news = {"state": state, "points": points, "best": record.best, "calls": record.calls}
-        yield news if points or now != told else None
+        problem = designs.problem(name)
+        try:
+            state: str = await asyncio.to_thread(state_of, path)  # first: no late event is missed
+            points = await asyncio.to_thread(follower.new_points)
+        except RunError:
+            if path.exists():
+                raise
+            problem = await designs.end_of(name)
+            why = problem or "the folder of this run was deleted"
+            yield {**told, "state": "failed" if problem else "gone", "problem": why, "ended": True}
+            return
+        record, failing = follower.record, problem if state == "stopped" else ""
+        now = {
+            "state": "failed" if failing else state,
+            "problem": failing,
+            "best": record.best,
+            "machine": follower.best,
+            "stage": record.stage and record.stage.location.name,
+            "calls": record.calls,
+            "refused": record.calls - record.valid_calls,
+            "simulations": record.evaluations,
+            "seconds": follower.at,
+            "planned": planned,
+        }
+        is_news = points or now != told
+        yield {**now, "points": points, "ended": state == "done"} if is_news else None
         if state == "done":
             return
         told = now
         await asyncio.sleep(EVERY_S)
+
+
+def _planned(path: Path) -> Mapping[str, int]:
+    """About how many calls and simulations a run needs; nothing if that cannot be said any more."""
+    with suppress(AgentflowError):
+        found = estimate(RunPlan.of_run(path, read_document(path)))
+        return {"calls": found.calls, "simulations": found.rollouts}
+    return {}
 
 
 def _message(data: object) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
@@ -12,19 +13,32 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import BaseRoute, Route
 
 from agentflow.app.design.config import load_config
+from agentflow.app.design.plan import task_of_run
+from agentflow.app.doctor import check_endpoint
 from agentflow.app.pages.compare import Comparison
 from agentflow.app.pages.runs import FINE, ReportedMachine, run_data
+from agentflow.app.sweeps.estimates import estimate
 from agentflow.app.tasks import list_tasks
 from agentflow.config.run import KEY_VARIABLE
-from agentflow.errors import AgentflowError
+from agentflow.env.drawing.stills import png
+from agentflow.errors import AgentflowError, UsageError
 from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_document
 from agentflow.studio.answers import Arguments, Nothing, get, post
 from agentflow.studio.folder import LONGEST, RunFolder
 from agentflow.studio.guard import FOLLOW, Refusal, told
 from agentflow.studio.simulations import Simulations
-from agentflow.studio.watching.designs import Designs, NewDesign, workflow_names
+from agentflow.studio.watching.designs import (
+    Designs,
+    NewDesign,
+    require_possible,
+    without_key,
+    workflow_names,
+)
 from agentflow.studio.watching.listing import Listing, News, as_stream, follow_list, follow_run
+
+SMALL = (160, 120)
+"""Width and height of pictures in lists, in pixels."""
 
 
 class OneRun(Arguments):
@@ -52,7 +66,7 @@ class Watching:
     def __init__(self, folder: RunFolder, designs: Designs, simulations: Simulations) -> None:
         """Prepare; nothing is read yet."""
         self._folder, self._designs, self._simulations = folder, designs, simulations
-        self._listing = Listing(folder)
+        self._listing = Listing(folder, designs)
 
     @property
     def routes(self) -> list[BaseRoute]:
@@ -65,7 +79,11 @@ class Watching:
             get("/api/pair", TwoRuns, self.pair),
             get("/api/designs", Nothing, self.designs),
             post("/api/designs", NewDesign, self.begin_design),
+            post("/api/designs/estimate", NewDesign, self.estimate),
+            post("/api/designs/connect", NewDesign, self.connect),
             post("/api/designs/stop", OneRun, self.stop_design),
+            post("/api/designs/resume", OneRun, self.resume_design),
+            get("/api/picture", OneMachine, self.picture),
             Route(FOLLOW, self.follow, methods=["GET"]),
         ]
 
@@ -98,8 +116,14 @@ class Watching:
 
     async def pair(self, given: TwoRuns) -> dict[str, Any]:
         """The best machines of two runs, with both films and what differs."""
-        paths = (str(self._folder.run(given.a)), str(self._folder.run(given.b)))
-        comparison = await asyncio.to_thread(Comparison.of, paths)
+        paths = [self._folder.run(name) for name in (given.a, given.b)]
+        one, other = (task_of_run(path, read_document(path)).name for path in paths)
+        if one != other:
+            raise UsageError(
+                f"{given.a} is a run of {one} and {given.b} of {other}: only runs of one task can "
+                "be compared; choose another pair"
+            )
+        comparison = await asyncio.to_thread(Comparison.of, (str(paths[0]), str(paths[1])))
         played = await comparison.play(await self._simulations.pool())
         data = comparison.page_data(played)
         for machine, name in zip(data["machines"], (given.a, given.b), strict=True):
@@ -114,10 +138,34 @@ class Watching:
         """Start a design."""
         return {"run": await self._designs.start(form)}
 
+    async def estimate(self, form: NewDesign) -> dict[str, Any]:
+        """About how much a design would need."""
+        plan = await asyncio.to_thread(require_possible, form)
+        found = estimate(plan)
+        seconds = found.worker_seconds / (plan.config.workers or os.cpu_count() or 1)
+        return {"calls": found.calls, "simulations": found.rollouts, "seconds": round(seconds)}
+
+    async def connect(self, form: NewDesign) -> dict[str, Any]:
+        """Ask the model of a design for one small machine, and say what came of it."""
+        plan = await asyncio.to_thread(require_possible, form)
+        found = await asyncio.to_thread(check_endpoint, plan.config, "designer")
+        return {key: without_key(str(found[key] or "")) for key in ("problem", "machine")}
+
     async def stop_design(self, given: OneRun) -> dict[str, str]:
         """Stop a design that this studio has started."""
         await self._designs.stop(given.run)
         return {"run": given.run}
+
+    async def resume_design(self, given: OneRun) -> dict[str, str]:
+        """Continue a run that has stopped."""
+        await self._designs.resume(given.run)
+        return {"run": given.run}
+
+    async def picture(self, given: OneMachine) -> Response:
+        """A small picture of a machine as built."""
+        machine = recorded_machine(self._folder.run(given.run), given.machine)
+        content = await asyncio.to_thread(png, machine, view="three-quarter", size=SMALL)
+        return Response(content, media_type="image/png")
 
     async def follow(self, request: Request) -> Response:
         """The stream of one run, or of the list."""
@@ -129,4 +177,4 @@ class Watching:
         return StreamingResponse(as_stream(news), media_type="text/event-stream")
 
     def _one(self, name: str) -> AsyncIterator[News]:
-        return follow_run(self._folder.run(name))
+        return follow_run(self._folder.run(name), name, self._designs)

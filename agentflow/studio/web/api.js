@@ -27,7 +27,7 @@ export function follow(fields, hear) {
   const stream = new EventSource(`/api/follow?${new URLSearchParams(fields)}`);
   stream.onmessage = ({ data }) => {
     const found = JSON.parse(data);
-    if (found.problem || found.state === "done") stream.close(); // else the browser would ask again
+    if (found.ended) stream.close(); // else the browser would ask again
     hear(found);
   };
   return () => stream.close();

@@ -7,6 +7,7 @@ import { address, ask, follow, send } from "./api.js";
 import { designForm } from "./design.js";
 import { Draft, draftsOf, lastTask } from "./drafts.js";
 import { Editor } from "./editor.js";
+import { EXAMPLE } from "./example.js";
 import { blockPalette, blockTree, faceList, facts } from "./panel.js";
 import { Recorder } from "./recorder.js";
 import { Stage } from "./stage.js";
@@ -14,9 +15,9 @@ import { Trials } from "./trials.js";
 
 const FIRST = "movement"; // the task of those who name none
 
-export async function buildPage({ task, run, machine }) {
+export async function buildPage({ task, run, machine, example }) {
   const [session, start] = await Promise.all([ask("/api/session"), ask("/api/start")]);
-  const given = session ?? (run ? await ask("/api/build/from", machine ? { run, machine } : { run }) : null);
+  const given = session ?? (run ? await ask("/api/build/from", machine ? { run, machine } : { run }) : example ? EXAMPLE : null);
   const known = lastTask(start.tasks.map(({ name }) => name));
   const [editor, library] = await Promise.all([Editor.of(given?.task ?? task ?? known ?? FIRST), ask("/api/build/blocks")]);
   editor.library = library;

@@ -1,7 +1,15 @@
-// The form of a new design: task, workflow, model and budget. Keys come from the environment only.
+// The form of a new design: who designs, for which task, and what it will take. Keys come from the environment only.
 
-import { el } from "../../report/web/dom.js";
+import { el, formatNumber } from "../../report/web/dom.js";
 import { address, send } from "./api.js";
+
+const WAIT = 400; // milliseconds after the last change until the estimate is asked for
+// Programs that serve models on this computer, with the address that each uses by itself.
+const SERVERS = {
+  OpenAI: "https://api.openai.com/v1", "Ollama, on this computer": "http://127.0.0.1:11434/v1", "vLLM, on this computer": "http://127.0.0.1:8000/v1",
+  "llama.cpp, on this computer": "http://127.0.0.1:8080/v1", "LM Studio, on this computer": "http://127.0.0.1:1234/v1", "Another endpoint": "",
+};
+const BUILT_IN = "procedural";
 
 /** A labelled field; numbers may stay empty. */
 export function field(name, label, input) {
@@ -10,32 +18,53 @@ export function field(name, label, input) {
 }
 
 const number = (hint, least = 1) => el("input", { type: "number", min: least, step: 1, placeholder: hint });
+const option = (value, text, chosen) => el("option", { value, selected: chosen ? "" : null }, text);
 
 /** @param start what the server offers
  *  @param fixed fields that are given already, such as the machine to start from
- *  @param begun gets the run; by default its page opens */
-export function designForm(start, fixed = () => ({}), begun = (run) => { location.hash = address("run", { run }); }) {
+ *  @param begun gets the run; by default its page opens
+ *  @param before the fields of an earlier design, which fill the form */
+export function designForm(start, fixed = () => ({}), begun = (run) => { location.hash = address("run", { run }); }, before = {}) {
   const given = fixed();
-  const tasks = el("select", {}, ...start.tasks.map(({ name, title }) => el("option", { value: name, selected: name === "throwing" ? "" : null }, `${name} · ${title}`)));
-  const workflows = el("select", {}, ...start.workflows.map((name) => el("option", { value: name }, name)));
+  const tasks = el("select", {}, ...start.tasks.map(({ name, title }) => option(name, `${name} · ${title}`, name === "throwing")));
+  const workflows = el("select", {}, ...start.workflows.map((name) => option(name, name)));
   const told = el("p", { class: "problem", role: "alert" });
+  const needs = el("p", { class: "quiet wide", role: "status" });
   const button = el("button", { type: "submit", class: "play" }, given.machine ? "Refine this" : "Start");
-  const form = el("form", { class: "form", autocomplete: "off", submit: (event) => { event.preventDefault(); begin(); } },
+  const form = el("form", { class: "form", autocomplete: "off", submit: (event) => { event.preventDefault(); begin(); }, input: () => later() },
+    ...modelFields(start, before, () => ({ task: tasks.value, ...read(form), ...fixed() })),
     given.task ? "" : field("task", "Task", tasks),
-    field("workflow", "Workflow", workflows),
-    field("model", "Model", el("input", { placeholder: start.model, maxlength: 200 })),
-    field("base_url", "Base URL", el("input", { placeholder: "http://127.0.0.1:8000/v1", maxlength: 400 })),
-    field("seed", "Seed", number("0", 0)),
-    field("trajectories", "Trajectories", number("8")),
-    field("rounds", "Search rounds", number("5", 0)),
-    field("calls", "Max calls", number("no limit")),
-    field("tokens", "Max tokens", number("no limit")),
-    el("p", { class: "quiet wide" }, `${start.model === "procedural" ? "Without a model, procedural answers: rules and random choices, not a language model. " : ""}The key of an endpoint is read from ${start.key_variable}, where the studio was started.`),
-    el("p", { class: "wide" }, button), told);
+    el("details", { class: "wide" }, el("summary", {}, "Advanced"), el("div", { class: "form" },
+      field("workflow", "Workflow", workflows),
+      field("seed", "Seed", number("0", 0)),
+      field("trajectories", "Trajectories", number("8")),
+      field("rounds", "Search rounds", number("5", 0)),
+      field("calls", "Max calls", number("no limit")),
+      field("tokens", "Max tokens", number("no limit")))),
+    needs, el("p", { class: "wide" }, button), told);
+  for (const [name, value] of Object.entries(before)) if (form.elements[name]) form.elements[name].value = value;
+  form.querySelector("details").open = Object.keys(before).some((name) => !["task", "model", "base_url"].includes(name));
+  let timer = null;
+  const later = () => {
+    clearTimeout(timer);
+    timer = setTimeout(estimate, WAIT);
+  };
+
+  async function estimate() {
+    if (!form.isConnected || !form.checkValidity()) return;
+    try {
+      const { calls, simulations, seconds } = await send("/api/designs/estimate", { ...read(form), ...fixed() });
+      needs.textContent = `About ${formatNumber(calls)} calls of the model and up to ${formatNumber(simulations)} simulations (${spell(seconds)} on this computer).`;
+    } catch (error) {
+      needs.textContent = error.message;
+    }
+  }
+  form.addEventListener("focusin", later, { once: true });
 
   async function begin() {
     told.textContent = "";
     button.disabled = true;
+    button.textContent = "Starting …";
     try {
       const { run } = await send("/api/designs", { ...read(form), ...fixed() });
       begun(run);
@@ -43,9 +72,56 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
       told.textContent = error.message;
     } finally {
       button.disabled = false;
+      button.textContent = given.machine ? "Refine this" : "Start";
     }
   }
   return form;
+}
+
+/** Who designs: a preset, and for models of endpoints their name, address and a test. */
+function modelFields(start, before, asked) {
+  const own = start.model === BUILT_IN ? [] : [option(start.model, `${start.model} (chosen where the studio was started)`, true)];
+  const presets = el("select", { change: () => choose() }, ...own, option(BUILT_IN, "Built-in: rules and random choices, no language model", !own.length),
+    ...Object.keys(SERVERS).map((name) => option(name, name)));
+  const model = el("input", { placeholder: "name of the model", maxlength: 200 });
+  const url = el("input", { placeholder: "http://127.0.0.1:8000/v1", maxlength: 400 });
+  const said = el("p", { class: "quiet", role: "status" });
+  const test = el("button", { type: "button", click: () => connect() }, "Test connection");
+  const parts = [field("model", "Model", model), field("base_url", "Base URL", url),
+    el("div", { class: "connect wide" }, test, said, el("small", {}, `The key of an endpoint is read from ${start.key_variable}, where the studio was started.`))];
+  const choose = () => {
+    const served = presets.value in SERVERS;
+    parts.forEach((part) => (part.hidden = !served));
+    model.required = served;
+    model.value = served ? "" : presets.value === start.model ? "" : presets.value;
+    url.value = SERVERS[presets.value] ?? "";
+    said.textContent = "";
+  };
+  async function connect() {
+    test.disabled = true;
+    said.className = "quiet";
+    said.textContent = "Asking for one small machine …";
+    try {
+      const { problem, machine } = await send("/api/designs/connect", asked());
+      said.textContent = problem || `It answers. Its machine: ${machine}`;
+      said.classList.toggle("problem", Boolean(problem));
+    } catch (error) {
+      said.textContent = error.message;
+      said.className = "problem";
+    }
+    test.disabled = false;
+  }
+  if (before.base_url || (before.model && before.model !== BUILT_IN)) {
+    presets.value = Object.entries(SERVERS).find(([, at]) => at === before.base_url)?.[0] ?? "Another endpoint";
+  }
+  choose();
+  return [el("label", {}, el("span", {}, "Who designs"), presets), ...parts];
+}
+
+/** A time in words, to two figures. */
+export function spell(seconds) {
+  const [amount, unit] = seconds < 90 ? [seconds, "s"] : seconds < 5400 ? [seconds / 60, "min"] : [seconds / 3600, "h"];
+  return `about ${formatNumber(Number(amount.toPrecision(2)), 1)} ${unit}`;
 }
 
 /** The fields that are filled in. */

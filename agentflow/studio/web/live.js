@@ -1,8 +1,8 @@
 // The page of one run, in the report's view, while it grows.
 
-import { scoreChart } from "../../report/web/charts.js";
-import { el, formatNumber, section } from "../../report/web/dom.js";
+import { el, formatNumber } from "../../report/web/dom.js";
 import { RunView } from "../../report/web/run.js";
+import { problem } from "../../report/web/text.js";
 import { address, ask, follow, send } from "./api.js";
 
 const PAUSE = 1500; // least milliseconds between two readings of the record
@@ -14,76 +14,134 @@ export async function livePage({ run }) {
     films.get(machine).catch(() => films.delete(machine));
     return films.get(machine);
   };
+  let data;
+  try {
+    data = await ask("/api/run", { run });
+  } catch (error) {
+    return { elements: [await lost(run, error)] };
+  }
   const view = new RunView(film, ({ machine }) => (machine ? [
     el("a", { class: "button", href: address("build", { run, machine }) }, "Edit in Build"),
   ] : []));
-  const live = new Live(run);
+  const live = new Live(run, view);
   view.main.prepend(live.element);
-  view.update(await ask("/api/run", { run }));
-  view.top.after(live.chart);
+  view.update(data);
   let reading = null;
   const read = () => (reading ??= new Promise((done) => setTimeout(done, PAUSE)).then(async () => {
     reading = null;
     view.update(await ask("/api/run", { run }));
-  }).catch((error) => live.fail(error)));
+  }).catch((error) => live.fail(error.message)));
   let first = true;
-  const stop = follow({ run }, (news) => {
+  const stop = follow({ run }, async (news) => {
+    if (news.ended && news.state === "failed") { // nothing is left to show
+      view.main.replaceChildren(...(await lost(run, news)).children);
+      return;
+    }
     live.hear(news);
-    if (!first || news.state !== "done") read();
+    if (!news.ended || (!first && news.state === "done")) read();
     first = false;
   });
   return {
     elements: [el("aside", {}, view.player.element), view.main],
-    close: () => { stop(); view.player.close(); },
+    close: () => { stop(); live.close(); view.player.close(); },
   };
 }
 
-/** State, score over time, and the button that stops a design of this studio. */
+/** What is said of a run of which nothing is left, or that cannot be read. */
+async function lost(run, { message, problem: why }) {
+  const own = await design(run);
+  return el("main", { class: "alone" }, el("h1", {}, own?.problem ? "This design failed" : "This run cannot be shown"),
+    el("p", { class: "quiet" }, run), problem(own?.problem || why || message), el("p", { class: "actions" }, retry(own), el("a", { class: "button", href: "#runs" }, "All runs")));
+}
+
+const design = async (run) => (await ask("/api/designs")).find((item) => item.run === run);
+const retry = (own) => (own?.form ? el("a", { class: "button", href: address("runs", { again: own.run }) }, "Edit and retry") : "");
+
+/** How far a run is, and what can be done about it. */
 class Live {
-  constructor(run) {
+  constructor(run, view) {
     this.run = run;
-    this.points = [];
     this.state = el("span", { class: "state" });
-    this.best = el("b", {});
-    this.stop = el("button", { hidden: "", click: () => this.end() }, "Stop");
+    this.stage = el("span", {});
+    this.spent = el("span", { class: "quiet" });
+    this.clock = el("span", { class: "quiet", "aria-live": "off" });
+    this.meter = el("progress", { "aria-label": "Simulations of those planned", hidden: "" });
+    this.following = el("button", { "aria-pressed": "true", hidden: "", click: () => this.setFollowing(!view.following) }, "Follow best");
+    this.setFollowing = (on) => {
+      view.following = on;
+      this.following.setAttribute("aria-pressed", on);
+      if (on) view.update(view.data);
+    };
+    view.picking = () => this.setFollowing(false);
+    view.following = true;
+    this.stop = this.action("Stop", "stop", "Stopping …");
+    this.resume = this.action("Resume", "resume", "Resuming …");
+    this.again = el("span", {});
     this.told = el("p", { class: "problem", role: "alert" });
-    this.element = el("div", { class: "live" }, el("p", { role: "status" }, this.state, " ", this.best, " ", this.stop), this.told);
-    this.chart = el("div", {});
-    this.learn();
+    this.element = el("div", { class: "live" }, el("p", { role: "status" }, this.state, this.stage, this.spent),
+      this.clock, this.following, this.stop, this.resume, this.again, this.meter, this.told);
+    this.timer = setInterval(() => this.tick(), 1000);
   }
 
-  /** Ask whether this studio has started the run. */
-  async learn() {
-    const own = (await ask("/api/designs")).find(({ run }) => run === this.run);
-    this.stop.hidden = !own?.running;
-    if (own?.problem) this.told.textContent = own.problem;
+  /** A button that asks the server to do something with the run. */
+  action(text, what, doing) {
+    const button = el("button", { hidden: "", click: async () => {
+      button.disabled = true;
+      button.textContent = doing;
+      try {
+        await send(`/api/designs/${what}`, { run: this.run });
+        button.hidden = true;
+      } catch (error) {
+        this.fail(error.message);
+      }
+      button.disabled = false;
+      button.textContent = text;
+    } }, text);
+    return button;
   }
 
-  hear({ state, points, best, calls, problem }) {
-    if (problem) return this.fail(new Error(problem));
-    this.points.push(...points);
+  hear(news) {
+    const { state, problem: why } = news;
+    if (why && !state) return this.fail(why);
+    if (state !== this.was) this.change(state);
+    this.was = state;
     this.state.textContent = state;
     this.state.className = `state ${state}`;
-    this.best.textContent = best === null ? `${calls} calls, no score yet` : `best ${formatNumber(best)} after ${calls} calls`;
-    if (state !== "running") this.learn();
-    const finished = state === "done";
-    this.element.classList.toggle("over", finished);
-    if (this.points.length) this.chart.replaceChildren(section("Score over time", scoreChart("Best score so far, and every score", "seconds", this.points.map(({ at, score }) => [at, score]))));
+    this.fail(why ? (state === "failed" ? `Failed: ${why}` : why) : "");
+    if (news.calls === undefined) return null;
+    const { planned, calls, refused, simulations, stage } = news;
+    const of = (count, about, name) => `${formatNumber(count)}${state !== "done" && about > count ? ` of about ${formatNumber(about)}` : ""} ${name}`;
+    this.stage.textContent = stage && state !== "done" ? `stage ${stage.replaceAll("_", " ")}` : "";
+    this.spent.textContent = [of(calls, planned.calls, "calls"), refused ? `${formatNumber(refused)} rejected and asked again` : "", of(simulations, planned.simulations, "simulations")].filter(Boolean).join(" · ");
+    this.meter.hidden = state === "done" || !planned.simulations;
+    Object.assign(this.meter, { max: planned.simulations || 1, value: Math.min(simulations, planned.simulations || 1) });
+    this.heard = { at: performance.now(), seconds: news.seconds, running: state === "running" };
+    this.tick();
     return null;
   }
 
-  fail(error) {
-    this.told.textContent = error.message;
+  /** Offer what fits the state. */
+  async change(state) {
+    const own = await design(this.run).catch(() => null);
+    this.stop.hidden = !(state === "running" && own?.running);
+    this.resume.hidden = state !== "stopped" && state !== "failed";
+    this.following.hidden = state === "done" || state === "gone";
+    this.again.replaceChildren(state === "failed" ? retry(own) : "");
   }
 
-  async end() {
-    this.stop.disabled = true;
-    this.stop.textContent = "Stopping …";
-    try {
-      await send("/api/designs/stop", { run: this.run });
-      this.stop.hidden = true;
-    } catch (error) {
-      this.fail(error);
-    }
+  /** Show the time that the run has worked. */
+  tick() {
+    if (!this.heard) return;
+    const { at, seconds, running } = this.heard;
+    const whole = Math.round(seconds + (running ? (performance.now() - at) / 1000 : 0));
+    this.clock.textContent = `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")} min`;
+  }
+
+  fail(words) {
+    this.told.textContent = words;
+  }
+
+  close() {
+    clearInterval(this.timer);
   }
 }

@@ -25,7 +25,7 @@ async function open() {
   close = () => {};
   document.body.dataset.page = page;
   delete document.body.dataset.ready;
-  const bar = el("nav", { class: "bar", "aria-label": "Studio" }, el("b", {}, "agentflow studio"),
+  const bar = el("nav", { class: "pages", "aria-label": "Studio" }, el("b", {}, "agentflow", el("span", {}, " studio")),
     ...Object.entries(BAR).map(([key, text]) => el("a", { href: `#${key}`, "aria-current": key === (UNDER[page] ?? page) ? "page" : null }, text)));
   let made;
   try {

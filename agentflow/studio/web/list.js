@@ -1,0 +1,158 @@
+// The list of runs: one line each, filters that the address holds, and sweeps folded into one line.
+
+import { el, formatNumber, svg, verifiedText } from "../../report/web/dom.js";
+import { address } from "./api.js";
+
+const MOST = 200; // rows shown at first
+const [WIDTH, HEIGHT] = [110, 22]; // of a curve, CSS pixels
+const COLUMNS = [
+  ["", ""], ["Run", "run"], ["State", "state"], ["Best over time", ""], ["Score", "score"], ["Of record", "share"], ["Verified", "verified"],
+  ["Task", "task"], ["Workflow", "workflow"], ["Model", "model"], ["Calls", "calls"], ["Started", "begun"],
+];
+const NUMBERS = new Set(["score", "share", "verified", "calls", "begun"]);
+const FILTERS = ["task", "state", "sweep"];
+
+export class RunList {
+  /** @param fields filters and order as the address has them */
+  constructor({ words = "", sort = "begun", down = "yes", ...values }) {
+    this.rows = new Map();
+    this.lines = new Map(); // what is drawn of a row, and the row
+    this.key = sort;
+    this.down = down === "yes";
+    this.values = values; // chosen before the rows came that offer them
+    this.chosen = new Set();
+    this.unfolded = new Set();
+    this.most = MOST;
+    const changed = { input: () => this.changed() };
+    this.words = el("input", { type: "search", placeholder: "Filter by any word", "aria-label": "Filter", ...changed });
+    this.words.value = words;
+    this.pickers = Object.fromEntries(FILTERS.map((key) => [key, el("select", { "aria-label": key, ...changed })]));
+    this.count = el("span", { class: "quiet", role: "status" });
+    this.compare = el("button", { click: () => this.openPair() }, "Compare 2 runs");
+    this.heads = COLUMNS.map(([name, key]) => el("th", { scope: "col", class: NUMBERS.has(key) ? "number" : null }, key ? el("button", { class: "sort", click: () => this.sort(key) }, name) : name || el("span", { class: "unseen" }, "Picture")));
+    this.body = el("tbody", {});
+    this.more = el("button", { hidden: "", click: () => { this.most = Infinity; this.draw(); } }, "Show all");
+    this.elements = [
+      el("div", { class: "filters" }, this.words, ...Object.values(this.pickers), this.count, this.compare),
+      el("div", { class: "table", role: "region", tabindex: "0", "aria-label": "Runs" },
+        el("table", { class: "lines" }, el("thead", {}, el("tr", {}, el("th", { scope: "col" }, el("span", { class: "unseen" }, "Compare")), ...this.heads)), this.body)),
+      this.more,
+    ];
+  }
+
+  /** Take in news from a stream. */
+  hear({ rows, gone }) {
+    for (const row of rows ?? []) this.rows.set(row.run, row);
+    for (const name of gone ?? []) this.rows.delete(name);
+    for (const [key, picker] of Object.entries(this.pickers)) this.offer(key, picker);
+    this.draw();
+  }
+
+  offer(key, picker) {
+    const wanted = picker.options.length ? picker.value : this.values[key] ?? "";
+    const values = [...new Set([...this.rows.values()].map((row) => row[key]).filter(Boolean).concat(wanted || []))].sort();
+    picker.replaceChildren(el("option", { value: "" }, `any ${key}`), ...values.map((value) => el("option", { value }, value)));
+    picker.value = wanted;
+    picker.hidden = !values.length;
+  }
+
+  sort(key) {
+    this.down = key === this.key ? !this.down : NUMBERS.has(key);
+    this.key = key;
+    this.changed();
+  }
+
+  /** Keep filters and order in the address, so that they can be shared and outlive a reload. */
+  changed() {
+    const given = { words: this.words.value, sort: this.key === "begun" ? "" : this.key, down: this.down ? "" : "no", ...Object.fromEntries(FILTERS.map((key) => [key, this.pickers[key].value])) };
+    history.replaceState(null, "", address("runs", Object.fromEntries(Object.entries(given).filter(([, value]) => value))));
+    this.draw();
+  }
+
+  get found() {
+    const words = this.words.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const fits = (row) => Object.entries(this.pickers).every(([key, { value }]) => !value || row[key] === value)
+      && words.every((word) => [row.run, row.task, row.workflow, row.model, row.state].some((text) => String(text ?? "").toLowerCase().includes(word)));
+    const order = (a, b) => {
+      const [x, y] = [a[this.key] ?? null, b[this.key] ?? null];
+      if (x === null || y === null) return (x === null) - (y === null); // what is unknown stays last
+      return (this.down ? -1 : 1) * (typeof x === "number" ? x - y : String(x).localeCompare(String(y)));
+    };
+    return [...this.rows.values()].filter(fits).sort(order);
+  }
+
+  draw() {
+    const found = this.found;
+    const focused = document.activeElement;
+    const lines = this.folded(found).slice(0, this.most);
+    if (lines.length !== this.body.children.length || lines.some((line, index) => line !== this.body.children[index])) this.body.replaceChildren(...lines);
+    if (!lines.length) this.body.replaceChildren(el("tr", {}, el("td", { colspan: COLUMNS.length + 1, class: "quiet" }, "No run fits these filters.")));
+    if (focused?.isConnected && focused !== document.body) focused.focus(); // lines that move lose it
+    this.more.hidden = found.length <= this.most;
+    const all = this.rows.size === 1 ? "1 run" : `${this.rows.size} runs`;
+    const pair = [...this.chosen].map((name) => this.rows.get(name)).filter(Boolean);
+    const differ = pair.length === 2 && pair[0].task !== pair[1].task;
+    this.count.textContent = (found.length === this.rows.size ? all : `${found.length} of ${all}`) + (differ ? " · two runs of one task can be compared" : "");
+    this.compare.disabled = pair.length !== 2 || differ;
+    this.heads.forEach((head, index) => head.setAttribute("aria-sort", COLUMNS[index][1] !== this.key || !this.key ? "none" : this.down ? "descending" : "ascending"));
+  }
+
+  /** A line for each run; the runs of a sweep are behind one line unless it was unfolded or filters are set. */
+  folded(found) {
+    if (this.words.value || FILTERS.some((key) => this.pickers[key].value)) return found.map((row) => this.line(row));
+    const sweeps = Map.groupBy(found.filter(({ sweep }) => sweep), ({ sweep }) => sweep);
+    return found.flatMap((row) => {
+      if (!row.sweep) return [this.line(row)];
+      const runs = sweeps.get(row.sweep);
+      if (runs?.[0] !== row) return [];
+      return [this.sweepLine(row.sweep, runs), ...(this.unfolded.has(row.sweep) ? runs.map((item) => this.line(item)) : [])];
+    });
+  }
+
+  sweepLine(name, runs) {
+    const open = this.unfolded.has(name);
+    const fold = el("button", { class: "sort", "aria-expanded": open, click: () => { if (open) this.unfolded.delete(name); else this.unfolded.add(name); this.draw(); } }, `${open ? "▾" : "▸"} ${name}`);
+    const count = (state) => runs.filter((row) => row.state === state).length;
+    const states = ["done", "running", "stopped", "failed", "damaged"].filter(count).map((state) => `${count(state)} ${state}`).join(", ");
+    return el("tr", { class: "sweep", "data-sweep": name }, el("td", {}), el("td", {}), el("td", { class: "run" }, fold),
+      el("td", { colspan: COLUMNS.length - 2, class: "quiet" }, `sweep of ${runs.length === 1 ? "1 run" : `${runs.length} runs`}: ${states} · `, el("a", { href: address("sweep", { sweep: name }) }, "results")));
+  }
+
+  /** The line of a row, which is kept until the row changes: pictures stay, and so does the focus. */
+  line(row) {
+    const before = this.lines.get(row.run);
+    if (before?.row === row) return before.line;
+    const tick = before?.line.querySelector("input") ?? el("input", { type: "checkbox", "aria-label": `Compare ${row.run}`, change: () => { if (tick.checked) this.chosen.add(row.run); else this.chosen.delete(row.run); this.draw(); } });
+    const number = (value, name) => el("td", { class: `number ${name}` }, value);
+    const text = (value, name) => el("td", { class: name, title: value }, value || "–");
+    const picture = row.machine ? el("img", { src: `/api/picture?${new URLSearchParams({ run: row.run, machine: row.machine })}`, alt: "", loading: "lazy", width: 56, height: 42 }) : "";
+    const bare = row.problem && !row.curve.length;
+    const line = el("tr", { "data-run": row.run, class: row.state },
+      el("td", { class: "tick" }, tick), el("td", { class: "picture" }, picture),
+      el("td", { class: "run", title: row.run }, el("a", { href: address("run", { run: row.run }) }, row.run)),
+      el("td", { title: row.problem, class: "where", colspan: bare ? 2 : null }, el("span", { class: `state ${row.state}` }, row.state), row.problem ? el("small", { class: "why" }, row.problem) : ""),
+      bare ? null : el("td", { class: "over-time" }, curve(row)), number(formatNumber(row.score), "reached"),
+      number(row.share === null || row.share === undefined ? "–" : `${formatNumber(100 * row.share, 0)} %`, "share"), number(verifiedText(row.verified, row.fragile), "verified"),
+      text(row.task, "task"), text(row.workflow, "workflow"), text(row.model, "model"), number(formatNumber(row.calls), "calls"),
+      number(row.begun === null ? "–" : new Date(1000 * row.begun).toLocaleString("en-GB", { dateStyle: "short", timeStyle: "short" }), "begun"));
+    this.lines.set(row.run, { row, line });
+    return line;
+  }
+
+  openPair() {
+    const [a, b] = this.chosen;
+    location.hash = address("pair", { a, b });
+  }
+}
+
+/** The best score over time as a line of steps, to the end of the run. */
+function curve({ curve: points, seconds }) {
+  if (!points.length) return "";
+  const best = points.at(-1)[1];
+  const low = Math.min(0, points[0][1]);
+  const x = (time) => ((WIDTH - 3) * time) / (seconds || 1);
+  const y = (score) => HEIGHT - 2 - ((HEIGHT - 4) * (score - low)) / (best - low || 1);
+  const way = points.map(([time, score], index) => (index ? `H${x(time)}V${y(score)}` : `M${x(time)} ${y(score)}`)).join("");
+  return svg("svg", { class: "curve", width: WIDTH, height: HEIGHT, role: "img", "aria-label": `best score ${formatNumber(best)}` },
+    svg("path", { class: "line", d: `${way}H${WIDTH - 3}` }), svg("circle", { class: "tip", cx: WIDTH - 3, cy: y(best), r: 2.4 }));
+}

@@ -1,0 +1,65 @@
+"""The structure of every page at four widths: nothing overlaps, nothing is cut off."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from selenium import webdriver
+
+import agentflow
+from tests.report.browser import complaints, on_phone
+from tests.studio.pages import NASTY, open_page
+from tests.studio.serving import Served
+
+WIDTHS = ((1440, 900), (1024, 768), (820, 1180), (390, 844))
+PAGES = {
+    "runs": "runs",
+    "run": "run?run=throwing",
+    "pair": f"pair?a=throwing&b={NASTY}",
+    "sessions": "sessions",
+}
+SHARED = {"facts", "files", "pair", "player", "problem", "quiet", "said", "task"}
+"""Names of classes that both style sheets use on purpose."""
+FAULTS = """
+const faults = [], nav = document.querySelector("nav").getBoundingClientRect();
+const wide = document.documentElement.scrollWidth;
+if (wide > innerWidth) faults.push(`the page is ${wide} wide`);
+for (const { textContent, offsetHeight } of document.querySelectorAll("nav a"))
+  if (offsetHeight > nav.height) faults.push(`${textContent} is broken`);
+for (const item of document.querySelectorAll("main :is(button, a, input, select, summary)")) {
+  const { left, top, width, height } = item.getBoundingClientRect();
+  const [x, y] = [left + width / 2, top + height / 2];
+  if (!item.checkVisibility() || y > innerHeight || y < 0) continue;
+  if (item.closest(".table, .events")) continue; // they scroll
+  const over = document.elementFromPoint(x, y);
+  if (over && !item.contains(over) && !over.contains(item))
+    faults.push(`${item.outerHTML} is under ${over.outerHTML}`);
+}
+return faults;"""
+
+
+def classes(*path: str) -> set[str]:
+    text = Path(agentflow.__file__).parent.joinpath(*path).read_text(encoding="utf-8")
+    return set(re.findall(r"\.([a-z][\w-]*)", re.sub(r"\{[^{}]*\}", "", text)))
+
+
+def test_the_names_of_the_studio_are_its_own() -> None:
+    report, studio = classes("report", "web", "player.css"), classes("studio", "web", "studio.css")
+    assert report & studio == SHARED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES)
+def test_nothing_overlaps_or_is_cut_off(
+    browser: webdriver.Chrome, served: Served, page: str
+) -> None:
+    found: dict[Any, Any] = {}
+    for width, height in WIDTHS:
+        with on_phone(browser, width, height, dark=width == 820):
+            open_page(browser, served, PAGES[page])
+            found[width] = browser.execute_script(FAULTS)
+    assert found == {width: [] for width, _ in WIDTHS}
+    assert complaints(browser) == []
