@@ -19,6 +19,8 @@ from agentflow.metrics.intervals import Interval, bootstrap_mean
 
 NAME = "card.json"
 SCHEMA = 1
+DIGITS = 6
+"""Decimals of scores and shares in cards."""
 
 Outcome = Literal[
     "scored", "invalid", "diverged", "simulation_failed", "unverified", "stopped", "missing"
@@ -47,8 +49,8 @@ class Mean(_Part):
         """The mean of the shares that are known."""
         known = [share for share in shares if share is not None]
         found = bootstrap_mean(known)
-        ends = found and Interval(round(found.low, 6), round(found.high, 6))
-        return cls(mean=round(fmean(known), 6) if known else None, interval=ends)
+        ends = found and Interval(round(found.low, DIGITS), round(found.high, DIGITS))
+        return cls(mean=round(fmean(known), DIGITS) if known else None, interval=ends)
 
 
 class CountedMachine(_Part):
@@ -64,6 +66,8 @@ class CountedMachine(_Part):
     """Of a verified machine: whether it fails under some small change; None if nobody looked."""
     met: tuple[int, int] | None = None
     """Of a refined run's: how many requirements it meets, of how many; None without any."""
+    machine: str = ""
+    """The machine as JSON text; "" without one, and in cards of old versions."""
 
 
 class ItemResult(_Part):
@@ -132,6 +136,11 @@ class Scorecard(_Part, populate_by_name=True):
         """Number of items whose best machine is fragile; None if nobody looked."""
         known = [item.refined.fragile for item in self.items if item.refined.fragile is not None]
         return sum(known) if known else None
+
+    @property
+    def holds_machines(self) -> bool:
+        """Whether it can be checked: cards of old versions cannot."""
+        return any(one.machine for item in self.items for one in (*item.first, item.refined))
 
     @property
     def missing(self) -> tuple[str, ...]:

@@ -63,9 +63,9 @@ def _contents(card: Scorecard) -> tuple[list[str], list[str]]:
     return list(card.families), [item.item for item in card.items]
 
 
-def leaderboard(cards: Sequence[Scorecard]) -> tuple[Table, ...]:
-    """Three tables: all cards ranked, by family, and by item."""
-    return _ranking(cards), _by_family(cards), _by_item(cards)
+def leaderboard(cards: Sequence[Scorecard], checked: Sequence[str] = ()) -> tuple[Table, ...]:
+    """Three tables: all cards ranked, with what `check_cards` found; by family, and by item."""
+    return _ranking(cards, checked), _by_family(cards), _by_item(cards)
 
 
 def format_tables(tables: Sequence[Table], form: str) -> str:
@@ -73,7 +73,7 @@ def format_tables(tables: Sequence[Table], form: str) -> str:
     return ("" if form == "json" else "\n").join(FORMATS[form](table) for table in tables)
 
 
-def _ranking(cards: Sequence[Scorecard]) -> Table:
+def _ranking(cards: Sequence[Scorecard], checked: Sequence[str]) -> Table:
     columns = (
         Column("refined", "share", percent=True),
         Column("refined", INTERVAL, percent=True, digits=1),
@@ -105,7 +105,7 @@ def _ranking(cards: Sequence[Scorecard]) -> Table:
     others = other_recorders([engine])
     of_records = f"The records were simulated by {others}." if others else ""
     about = (ABOUT, *[OF_FRAGILE] * tell_fragile(cards))
-    notes = (*incomplete, *about, *filter(None, [of_records, missing_scipy()]))
+    notes = (*checked, *incomplete, *about, *filter(None, [of_records, missing_scipy()]))
     return Table(title, ("rank", "model"), columns, tuple(rows), notes=notes)
 
 

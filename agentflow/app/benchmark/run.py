@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -9,6 +10,7 @@ from pathlib import Path
 from shlex import quote
 
 from agentflow.app.benchmark.card import (
+    DIGITS,
     NAME,
     Cost,
     CountedMachine,
@@ -29,13 +31,12 @@ from agentflow.app.sweeps.views import total_usage
 from agentflow.config.run import build_config
 from agentflow.errors import EndpointError
 from agentflow.files.documents import digest_of
+from agentflow.machine import Machine
+from agentflow.metrics.machines import recorded_machine
 from agentflow.runs.events import EvaluationEvent, read_typed_events
 from agentflow.runs.locations import INITIAL
 from agentflow.runs.result import BUDGET
 from agentflow.version import __version__
-
-DIGITS = 6
-"""Decimals of scores and shares in cards."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +119,13 @@ def _replies(run: FinishedRun, item: Item) -> tuple[CountedMachine, ...]:
         return (_without_score("stopped", "the budget was used up"),)
     statuses = _statuses(run)
     return tuple(
-        _attempt(statuses.get(found.machine or "", "ok"), found.score, item.full)
-        if found.valid
+        _attempt(
+            recorded_machine(run.path, found.machine),
+            statuses.get(found.machine, "ok"),
+            found.score,
+            item.full,
+        )
+        if found.valid and found.machine
         else CountedMachine(outcome="invalid", score=0.0, share=0.0, reason=found.reason)
         for found in run.numbers.record.of_stage(INITIAL)
     )
@@ -138,12 +144,12 @@ def _best(run: FinishedRun, item: Item) -> CountedMachine:
         return _without_score("unverified", "a simulation of the verification failed")
     lowest = None if verified is None else verified.low
     score = lowest if item.lowest else result.verified_score
-    found = _attempt(status, score, item.full, result.fragile)
+    found = _attempt(machine, status, score, item.full, result.fragile)
     return found.model_copy(update={"met": result.met})
 
 
 def _attempt(
-    status: str, score: float | None, full: float, fragile: bool | None = None
+    machine: Machine, status: str, score: float | None, full: float, fragile: bool | None = None
 ) -> CountedMachine:
     if score is None:
         return _without_score("simulation_failed", f"the simulation ended with status {status}")
@@ -153,6 +159,7 @@ def _attempt(
         score=round(score, DIGITS),
         share=round(score / full, DIGITS),
         fragile=fragile,
+        machine=json.dumps(machine.to_json(), separators=(",", ":")),
     )
 
 

@@ -90,12 +90,43 @@ def leaderboard(
     cards: Annotated[list[Path], typer.Argument(help="Scorecards, or directories of benchmarks.")],
     form: options.FormatOrJson = "text",
     html: Annotated[Path | None, typer.Option(help="Also write an HTML page to this file.")] = None,
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check", help="Simulate all machines of the cards again; refuse cards that differ."
+        ),
+    ] = False,
+    source: Annotated[
+        Path, typer.Option("--benchmark", help="With --check: the benchmark file of the cards.")
+    ] = DEFAULT,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            max=1,
+            help="With --check: how far scores may differ, as a share.",
+        ),
+    ] = 0.0,
+    workers: options.Workers = 2,
 ) -> None:
-    """Compare scorecards: ranking, shares by family, shares by item."""
+    """Compare scorecards: ranking, shares by family, shares by item.
+
+    The seal of a card reveals accidents, not lies. With --check, every machine of the cards is
+    simulated again on the engine of its card, means and costs are counted again, and machines that
+    copy a record are named.
+    """
     from agentflow.app.benchmark.leaderboard import format_tables, read_cards
     from agentflow.app.benchmark.leaderboard import leaderboard as compare
 
-    tables = compare(read_cards(cards))
+    found = read_cards(cards)
+    told: tuple[str, ...] = ()
+    if check:
+        from agentflow.app.benchmark.check import check_cards
+        from agentflow.cli.display.text import show_count
+
+        say = show_count("machine")
+        told = check_cards(cards, source, tolerance=tolerance, workers=workers, say=say)
+    tables = compare(found, told)
     text = format_tables(tables, form)
     print_table(text, form)
     if html:

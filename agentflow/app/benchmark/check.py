@@ -1,0 +1,254 @@
+"""Simulates the machines of scorecards again, and looks for what differs and what is copied."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from agentflow.app.benchmark.card import (
+    DIGITS,
+    NAME,
+    CountedMachine,
+    FamilyShares,
+    Scorecard,
+    is_counted,
+    read_card,
+    summary,
+)
+from agentflow.app.benchmark.plan import (
+    FIRST,
+    ITEM,
+    PART,
+    REFINED,
+    Item,
+    conditions,
+    plan_benchmark,
+    read_items,
+)
+from agentflow.app.benchmark.run import make_card
+from agentflow.app.sweeps.tables import read_sweep_result
+from agentflow.config.run import DesignConfig
+from agentflow.diversity.topology import tree_edit_distance, tree_hash
+from agentflow.env.pool.base import Pool
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.tasks.records import read_records, record_machine
+from agentflow.env.verification import verify_async
+from agentflow.errors import RunError, UsageError
+from agentflow.extras import install, is_installed
+from agentflow.files.documents import first_difference
+from agentflow.machine import Machine, library, read_machine
+from agentflow.progress import Progress, counter
+
+NEAR = 2
+"""Most edits between the trees of a machine and of the one that it copies."""
+SMALL = 10
+"""Machines of fewer blocks are alike without being copied: only the same ones are named."""
+
+
+def check_cards(
+    paths: Sequence[Path], source: Path, *, tolerance: float, workers: int, say: Progress
+) -> tuple[str, ...]:
+    """Simulate all machines of cards again, on their engines.
+
+    Args:
+        paths: Cards, or directories of benchmarks, whose runs are then counted again.
+        source: The file of their benchmark.
+        tolerance: Greatest difference of scores, as a share: other platforms round otherwise.
+        workers: Number of processes.
+        say: Receives progress.
+
+    Returns:
+        Sentences: how many machines have the scores of their card, and which are near copies.
+
+    Raises:
+        RunError: A card states what is not so, or has no machine for a score.
+        UsageError: A card is of another benchmark, or of another version of it.
+        ConfigError: The engine of a card is not installed.
+    """
+
+    async def check_all() -> list[str]:
+        async with RolloutPool(workers) as pool:
+            found = [await _check(path, source, tolerance, pool, say) for path in paths]
+        return [sentence for sentences in found for sentence in sentences]
+
+    return tuple(asyncio.run(check_all()))
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """A machine that counts, and what it counts for."""
+
+    where: str
+    stated: CountedMachine
+    machine: Machine | None
+    part: str
+    item: Item
+    config: DesignConfig
+
+    async def again(self, pool: Pool, tolerance: float) -> str:
+        """What simulations find in place of what the card states; "" if that is the same."""
+        stated, full = self.stated, self.item.full
+        if stated.outcome not in ("scored", "diverged"):
+            none = 0.0 if stated.outcome == "invalid" else None
+            return "" if stated.score == stated.share == none else "states a score without one"
+        if self.machine is None:
+            return "has a score and no machine"
+        score, fragile = await self._simulate(pool)
+        if score is None or stated.score is None:
+            return f"states the score {stated.score}, but has {score}"
+        share = round(score / full, DIGITS)
+        room = tolerance * abs(score) + 10.0**-DIGITS
+        if abs(score - stated.score) > room or abs((stated.share or 0.0) - share) > room / full:
+            return (
+                f"states the score {stated.score:g} and the share {stated.share}, but has "
+                f"{score:g} and {share}"
+            )
+        return "" if tolerance or fragile == stated.fragile else "states another fragility"
+
+    async def _simulate(self, pool: Pool) -> tuple[float | None, bool | None]:
+        """The score that counts, and whether the machine is fragile."""
+        assert self.machine is not None
+        task = replace(self.item.task, engine=self.config.engine)
+        run = partial(pool.run, self.machine, task, seed=self.config.seed)
+        if self.part == FIRST:
+            return (await run()).score, None
+        found = await verify_async(self.machine, task, run)
+        score = found.low if self.item.lowest else found.score
+        return score, None if found.holding is None else found.holding.fragile
+
+
+async def _check(
+    path: Path, source: Path, tolerance: float, pool: Pool, say: Progress
+) -> list[str]:
+    """What is found about one card; see `check_cards`."""
+    card = read_card(path / NAME if path.is_dir() else path)
+    if not card.holds_machines:
+        return [f"{card.model}: not checkable: the card holds no machines; make it again."]
+    attempts = _attempts(card, path, source)
+    tick = counter(say, len(attempts))
+
+    async def again(attempt: _Attempt) -> str:
+        found = await attempt.again(pool, tolerance)
+        tick()
+        return found and f"{attempt.where} {found}"
+
+    wrong = [*filter(None, await asyncio.gather(*map(again, attempts)))]
+    if wrong := [*wrong, *_wrong_means(card), *_wrong_runs(card, path)]:
+        more = f", and so do {len(wrong) - 1} more" if wrong[1:] else ""
+        hint = "" if tolerance else "; a card of another platform is checked with --tolerance 0.05"
+        raise RunError(f"{path} states what is not so: {wrong[0]}{more}{hint}")
+    engine = card.conditions["engine"]
+    count = sum(attempt.machine is not None for attempt in attempts)
+    spent = "" if path.is_dir() else "; its costs are not checked, because its runs are not here"
+    return [
+        f"{card.model}: {count} machines have their scores on {engine}{spent}.",
+        *_copies(card, attempts),
+    ]
+
+
+def _attempts(card: Scorecard, path: Path, source: Path) -> list[_Attempt]:
+    """The attempts of a card, which must be those of the benchmark."""
+    options = {"engine": card.conditions["engine"].partition(" ")[0]}
+    plan = plan_benchmark(source, (), options, lite=card.conditions["lite"])
+    if other := first_difference(card.conditions, conditions(plan.sweep)):
+        raise UsageError(
+            f"{path} cannot be checked with {source}: its {other.key} is {other.before}, not "
+            f"{other.now}; use agentflow {card.agentflow}, and the benchmark that it was made with"
+        )
+    configs = {(run.labels[PART], run.labels[ITEM]): run.config for run in plan.runs}
+    items = read_items(plan.sweep)
+    planned = [(n, i.record.task, i.record.knobs, i.full) for n, i in items.items()]
+    if planned != [(i.item, i.task, i.knobs, i.full) for i in card.items]:
+        raise RunError(f"{path} states what is not so: its items are not those of {source}")
+    found = []
+    for item in card.items:
+        most = configs[FIRST, item.item].settings.trajectories
+        if len(item.first) != most and item.first_share is not None:
+            raise RunError(
+                f"{path} states what is not so: {item.item} has {len(item.first)} first replies in "
+                f"place of {most}"
+            )
+        parts = [*((FIRST, one) for one in item.first), (REFINED, item.refined)]
+        found += [
+            _Attempt(
+                f"{item.item}, {part}",
+                stated,
+                read_machine(stated.machine, tuple(library())).machine,
+                part,
+                items[item.item],
+                configs[part, item.item],
+            )
+            for part, stated in parts
+        ]
+    return found
+
+
+def _wrong_means(card: Scorecard) -> Iterator[str]:
+    """Which means are not those of the items."""
+
+    def means(shares: FamilyShares) -> object:
+        return shares.first.mean, shares.refined.mean
+
+    of = {name: [i for i in card.items if i.family == name] for name in card.families}
+    if means(card.total) != means(summary(card.items)) or card.complete != all(
+        map(is_counted, card.items)
+    ):
+        yield "its total is not that of its items"
+    for name, shares in card.families.items():
+        if means(shares) != means(summary(of[name])):
+            yield f"the mean of {name} is not that of its items"
+
+
+def _wrong_runs(card: Scorecard, path: Path) -> Iterator[str]:
+    """What the runs of a card say otherwise, if they are here."""
+    if not path.is_dir():
+        return
+    result = read_sweep_result(path)
+    now = make_card(result)
+    for run in result.finished:
+        spent, most = len(run.numbers.record.machines), run.planned.config.settings.max_simulations
+        if spent != run.result.rollouts or (most is not None and spent > most):
+            yield (
+                f"{run.planned.name} simulated {spent} machines, states {run.result.rollouts}, and "
+                f"has a budget of {most}"
+            )
+    for key in ("cost", "items"):
+        if getattr(card, key) != getattr(now, key):
+            yield f"its {key} are not those of its runs"
+
+
+def _copies(card: Scorecard, attempts: Sequence[_Attempt]) -> Iterator[str]:
+    """Which machines are records, or nearly."""
+    at_hand = {n: m for n in read_records() if (m := record_machine(n))}
+    if not (at_hand and is_installed("apted")):
+        need = install("diversity") if at_hand else "run this in a clone of the repository"
+        yield f"{card.model}: only copies of records are looked for, not near copies: {need}."
+        at_hand = {}
+    told = {
+        f"COPY? {card.model}: {attempt.where} is {edits or 'no'} edits from the record {record}."
+        for attempt in attempts
+        if attempt.machine and attempt.stated.share
+        for record, edits in _like(attempt.machine, at_hand)
+    }
+    yield from sorted(told)
+
+
+def _like(machine: Machine, records: Mapping[str, Machine]) -> Iterator[tuple[str, int]]:
+    """The records that a machine is near to, by tree: names and edits."""
+    types = Counter(step.type for step in machine)
+    for name, record in read_records().items():
+        other = records.get(name)
+        if len(machine) < SMALL:
+            if machine == other:
+                yield name, 0
+        elif record.tree == tree_hash(machine):
+            yield name, 0
+        elif other is not None and abs(len(other) - len(machine)) <= NEAR:
+            others = Counter(step.type for step in other)
+            if (types - others).total() <= NEAR:  # else the edits are more: trees take long
+                edits = round(tree_edit_distance(machine, other))
+                yield from [(name, edits)] * (edits <= NEAR)
