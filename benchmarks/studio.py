@@ -108,7 +108,7 @@ def print_speed(folder: Path, size: tuple[int, int]) -> None:
         driver.execute_script("document.querySelector('.more details').open = true")
         driver.find_element(By.CSS_SELECTOR, "input[type=file]").send_keys(str(file))
         wait(driver, f"document.querySelectorAll('[role=treeitem]').length === {len(machine)}")
-        driver.find_element(By.CSS_SELECTOR, ".palette .list > :nth-child(2)").click()
+        driver.find_element(By.CSS_SELECTOR, ".palette [role=option]").click()
         wait(driver, "document.querySelectorAll('#faces .list > div').length > 0")
         faces = len(driver.find_elements(By.CSS_SELECTOR, "#faces .list > div"))
         frames = driver.execute_async_script(TURN, SECONDS)
@@ -131,7 +131,7 @@ def photograph(shot: Shot) -> Image.Image:
             driver.execute_async_script(BEGIN)
         open_page(driver, served.base, shot.page)
         if shot.page.startswith("build"):
-            driver.find_element(By.CSS_SELECTOR, ".palette .list > :nth-child(2)").click()
+            driver.find_element(By.CSS_SELECTOR, ".palette [role=option]").click()
             wait(driver, "document.querySelectorAll('#faces .list > div').length > 0")
         else:
             driver.find_element(By.CSS_SELECTOR, ".design summary").click()

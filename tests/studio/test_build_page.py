@@ -17,7 +17,8 @@ from selenium.webdriver.support.ui import Select
 
 from agentflow.app.inspect.overview import run_list
 from agentflow.app.machines.files import read_one
-from tests.machine.builders import CAR
+from agentflow.app.tasks import task_info
+from tests.machine.builders import CAR, build
 from tests.report.browser import complaints
 from tests.studio.pages import (
     attach,
@@ -35,6 +36,7 @@ from tests.studio.pages import (
 from tests.studio.serving import Served
 
 pytestmark = pytest.mark.slow
+RECORD = task_info("movement", {}).record["score"]  # type: ignore[index]
 
 
 def test_a_car_is_built_by_keyboard_alone_tested_and_undone(
@@ -53,10 +55,14 @@ def test_a_car_is_built_by_keyboard_alone_tested_and_undone(
     said(browser, "Trial 1: score")
     score = float(find(browser, ".strip b").text)
     assert score >= 40
+    told = f"score {score:.2f} m, {round(100 * score / RECORD)} % of the record. Root: greatest"
+    assert told in find(browser, ".said").text
     until(browser, lambda: find(browser, ".player .title").text == f"Trial 1 · {score:.2f}")
     clock = find(browser, ".player output")
     until(browser, lambda: float(clock.text.removesuffix(" s")) > 0.3)
     assert view(browser) == "Film"
+    loads = browser.find_element(By.XPATH, "//button[text()='Loads']")
+    assert loads.get_attribute("aria-pressed") != "true"
     assert not any("Starting" in item.text for item in palette(browser))
     for left in range(6, 0, -1):
         keys(browser, Keys.CONTROL, "z", Keys.NULL)
@@ -136,13 +142,18 @@ def test_work_is_kept_in_the_browser_and_two_tabs_never_share_it(
     assert complaints(browser) == []
 
 
+def place_of(driver: webdriver.Chrome, block: int, face: int) -> list[float]:
+    """Where the mark of a face is, from the middle of the canvas, pixels."""
+    canvas = find(driver, ".stage canvas")
+    script = "return arguments[0].placeOf(arguments[1], arguments[2])"
+    return list(driver.execute_script(script, canvas, block, face))
+
+
 def click_face(driver: webdriver.Chrome, key: str, pointer: str) -> None:
     """Click or tap the mark of a face."""
     block, face = map(int, key.split("."))
     canvas = find(driver, ".stage canvas")
-    x, y = driver.execute_script(
-        "return arguments[0].placeOf(arguments[1], arguments[2])", canvas, block, face
-    )
+    x, y = place_of(driver, block, face)
     hand = ActionBuilder(driver, mouse=PointerInput(pointer, pointer))
     hand.pointer_action.move_to(canvas, round(x), round(y)).click()
     hand.perform()
@@ -249,6 +260,9 @@ def test_a_catapult_with_springs_and_a_brace_is_built_tested_and_undone(
             attach(browser, face)
         blocks(browser, count)
     assert find(browser, ".facts-panel .quiet").text == "None: ready to test."
+    [boulder] = (item for item in palette(browser) if "Boulder" in item.text)
+    assert boulder.text.endswith("1 of 1")
+    assert boulder.get_attribute("aria-disabled") == "true"
     keys(browser, "p")
     said(browser, "Trial 1: score")
     assert float(find(browser, ".strip b").text) > 5
@@ -307,9 +321,35 @@ def test_a_face_that_does_not_fit_says_why_before_the_click(
     keys(browser, "1.2")
     said(browser, "overlap by")
     assert "bad" in str(find(browser, ".said").get_attribute("class"))
+    until(browser, lambda: "overlap by" in find(browser, ".stage .tip").text)  # beside the face
     keys(browser, Keys.ENTER)
     said(browser, "overlap by")
     assert len(tree(browser)) == 3
+    keys(browser, "1.3")
+    until(browser, lambda: not find(browser, ".stage .tip").is_displayed())
+    before = place_of(browser, 1, 3)
+    find(browser, ".axis[title='Look from the front']").click()
+    until(browser, lambda: place_of(browser, 1, 3) != before)
+    browser.find_element(By.XPATH, "//button[text()='Undo view']").click()
+    until(browser, lambda: place_of(browser, 1, 3) == pytest.approx(before, abs=1))
+
+
+def test_a_problem_is_shown_and_fixed(
+    browser: webdriver.Chrome, served: Served, tmp_path: Path
+) -> None:
+    crowded = build((1, 0, 0), (2, 1, 1), (2, 1, 2))
+    (tmp_path / "crowded.json").write_text(crowded.to_text(), encoding="utf-8")
+    open_page(browser, served, "build?task=movement/3")
+    browser.execute_script("document.querySelector('.more details').open = true")
+    find(browser, "input[type=file]").send_keys(str(tmp_path / "crowded.json"))
+    until(browser, lambda: "overlap by" in find(browser, ".problems .bad").text)
+    show, fix = browser.find_elements(By.CSS_SELECTOR, ".problems .bad button")
+    show.click()
+    assert "3 Powered Wheel" in find(browser, "[role=treeitem][aria-selected]").text
+    fix.click()
+    said(browser, "Moved to a face where it fits: block 3")
+    assert find(browser, ".facts-panel .quiet").text == "None: ready to test."
+    assert complaints(browser) == []
 
 
 def test_a_model_refines_a_machine_and_its_answer_can_be_undone(

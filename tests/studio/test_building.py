@@ -12,7 +12,7 @@ from agentflow.machine import check, place
 from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.edits import changes
 from agentflow.machine.edits.changes import Mending
-from agentflow.studio.building.state import describe_state, spots_to_add
+from agentflow.studio.building.state import describe_block, describe_state, spots_to_add
 from tests.machine.builders import CAR, build
 from tests.machine.test_changes import BLOCK, BRIEF, SPRING, WHEEL, add, why_not
 
@@ -68,6 +68,23 @@ def test_no_face_fits_a_block_of_which_the_task_has_enough_but_one_too_many_can_
     three = build(*((BOULDER, 0, face) for face in range(3)))
     fewer, _ = Mending(three, brief).make(lambda draft: changes.remove(draft, 3))
     assert fewer.count(BOULDER) == 2
+
+
+def test_a_block_is_shown_where_it_does_not_fit_with_the_way_that_its_motor_turns() -> None:
+    machine = build((1, 0, 0), (WHEEL, 1, 1))
+    for face, axis in ((2, "x"), (0, "z")):
+        ghost = describe_block(machine, BRIEF, WHEEL, [(1, face)])
+        assert [row[0] for row in ghost["solids"]] == ["cylinder", "box"]
+        assert [abs(part) for part in ghost["turn"]["axis"]] == [axis == each for each in "xyz"]
+    assert describe_block(CAR, BRIEF, SPRING, [(0, 4), (1, 5)])["turn"] is None
+
+
+def test_a_block_is_fixed_by_a_move_to_a_face_where_nothing_overlaps() -> None:
+    crowded = build((1, 0, 0), (WHEEL, 1, 1), (WHEEL, 1, 2))
+    assert not check(crowded, BRIEF).machine_valid
+    fixed, chosen = Mending(crowded, BRIEF).fix(3)
+    assert check(fixed, BRIEF).machine_valid
+    assert fixed[chosen].type == WHEEL
 
 
 def test_the_state_tells_what_check_and_geometry_tell() -> None:

@@ -1,18 +1,21 @@
-"""Pictures of block types with numbered faces and axes."""
+"""Pictures of block types with numbered faces and axes, and what each does in a few words."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from agentflow.app.machines.files import block_json
 from agentflow.env.drawing.cameras import Camera, View, camera_at, fit, project
 from agentflow.env.drawing.raster import corners_of, draw
 from agentflow.env.drawing.solids import MachineSolids
-from agentflow.env.drawing.stills import INK, SMOOTH, caption
+from agentflow.env.drawing.stills import INK, SMOOTH, caption, picture_url
 from agentflow.env.rollout import Array
 from agentflow.env.scene import SceneObject
 from agentflow.errors import UsageError
@@ -20,6 +23,7 @@ from agentflow.files.atomic import write_output
 from agentflow.machine import ROOT, BlockType, Machine, Step, library, place
 from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.geometry.vectors import add
+from agentflow.prompts.render import block_functions, facts
 
 TILE = (320, 300)
 """Width and height of one view, in pixels."""
@@ -47,14 +51,9 @@ def draw_block(block: BlockType, file: Path) -> Path:
     """
     if file.suffix.lower() != ".png":
         raise UsageError(f"the picture must be a .png file, not {file.name!r}")
-    machine = _example(block)
-    solids, placed = MachineSolids(machine), place(machine).blocks[-1]
-    shown = [
-        replace(solid, position=add(solid.position, ALOFT))
-        for solid in solids.objects(solids.rest)
-        if solid.name == f"block {placed.id}"
-    ]
-    lift = np.subtract(solids.rest.centre[0], place(machine).blocks[0].center) + ALOFT
+    machine, shown = _shown(block)
+    placed, root = place(machine).blocks[-1], place(machine).blocks[0]
+    lift = np.subtract(MachineSolids(machine).rest.centre[0], root.center) + ALOFT
     picture = Image.new("RGB", (len(VIEWS) * TILE[0], TILE[1]), PAPER)
     for column, name in enumerate(VIEWS):
         picture.paste(_tile(placed, shown, lift, name), (column * TILE[0], 0))
@@ -65,6 +64,30 @@ def draw_block(block: BlockType, file: Path) -> Path:
     return file
 
 
+@lru_cache
+def block_card(kind: int) -> Mapping[str, Any]:
+    """A block for people who choose: `block_json`, what it does, the force (N) and moment (N m) at
+    which it breaks off its parent, and a picture as a data URL."""
+    strength = facts()["strength"]
+    return {
+        **block_json(library()[kind]),
+        "does": block_functions()[kind],
+        "strength": strength.get(kind, strength["usual"]),
+        "picture": _small_url(library()[kind]),
+    }
+
+
+def _small_url(block: BlockType, size: int = 56) -> str:
+    """A small square picture of a block on nothing, as a data URL."""
+    _, shown = _shown(block)
+    view = View(size=(SMOOTH * size, SMOOTH * size), fill=0.94)
+    points = np.concatenate([corners_of(solid) for solid in shown])
+    nothing = Image.new("RGBA", view.size, (*PAPER, 0))
+    return picture_url(
+        draw(camera_at(*fit(points, view, nearest=1.0), view), shown, nothing).reduce(SMOOTH)
+    )
+
+
 def draw_named(name: str, file: Path) -> Path:
     """Draw a block type given by id or name; see `draw_block`."""
     return draw_block(library().find(name), file)
@@ -73,6 +96,17 @@ def draw_named(name: str, file: Path) -> Path:
 def draw_all(folder: Path) -> list[Path]:
     """Draw every block of the library into a folder, named by type: 63.png."""
     return [draw_block(block, folder / f"{block.type}.png") for block in library().values()]
+
+
+def _shown(block: BlockType) -> tuple[Machine, list[SceneObject]]:
+    """The machine of `_example`, and the solids of its last block."""
+    machine = _example(block)
+    solids = MachineSolids(machine)
+    return machine, [
+        replace(solid, position=add(solid.position, ALOFT))
+        for solid in solids.objects(solids.rest)
+        if solid.name == f"block {len(machine) - 1}"
+    ]
 
 
 def _example(block: BlockType) -> Machine:

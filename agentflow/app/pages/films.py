@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from agentflow.app.machines.formats import FORMATS, Wishes
-from agentflow.env.drawing.film import tracked_block
+from agentflow.env.drawing.film import landing_of, tracked_block
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.mechanism import classify
 from agentflow.env.physics.model import Color
@@ -63,7 +63,7 @@ class Shapes:
 
     def number(self, solid: SceneObject) -> int:
         """The number of a solid given in its block's frame."""
-        return self._known.setdefault(tuple(_solid_row(solid)), len(self._known))
+        return self._known.setdefault(tuple(solid_row(solid)), len(self._known))
 
     def attach(self, content: bytes) -> tuple[int, int]:
         """Add a file; where it begins and ends among them."""
@@ -161,9 +161,10 @@ def _film_data(
     scene = rollout.scene if rollout is not None and rollout.scene is not None else Scene()
     moving = trace.objects if trace is not None else ()
     columns = {name: len(machine) + index for index, name in enumerate(moving)}
+    flag = None if rollout is None else landing_of(machine, rollout)
     return {
         "objects": [
-            [*_solid_row(_in_own_frame(item, columns)), columns.get(item.name)]
+            [*solid_row(_in_own_frame(item, columns)), columns.get(item.name)]
             for item in scene.objects
         ],
         "wind": _wind_text(scene),
@@ -173,6 +174,7 @@ def _film_data(
         "breaks": {item.block: item.time for item in reversed(rollout.broken)} if rollout else {},
         "events": _events(rollout, machine) if rollout is not None else [],
         "film": pack_motion(_motion(figures, trace, machine, every)),
+        "flag": flag and {"time": flag.time, "place": flag.place, "words": flag.words},
     }
 
 
@@ -249,7 +251,7 @@ def _motion(
     return FilmMotion(trace.times, position, rotation, trace.utilisation)
 
 
-def _solid_row(solid: SceneObject) -> Row:
+def solid_row(solid: SceneObject) -> Row:
     """Kind, size, position, rotation and colour of a solid."""
     size = (solid.size[0],) * 3 if solid.shape == "sphere" else solid.size
     numbers = (*size, *solid.position, *solid.rotation, *solid.color[:3])

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw
 
-from agentflow.env.drawing.cameras import SIDE, Camera, Size, View, camera_at, fit, project
+from agentflow.env.drawing.cameras import (
+    SIDE,
+    Camera,
+    Size,
+    View,
+    camera_at,
+    fit,
+    project,
+    to_vec3,
+)
 from agentflow.env.drawing.mp4 import save_mp4
 from agentflow.env.drawing.solids import MachineSolids, Pose
 from agentflow.env.drawing.stills import caption, render_image
@@ -17,7 +26,7 @@ from agentflow.env.rollout import Array, Rollout, Trace
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.tasks.base import Task
 from agentflow.machine.blocks.library import library
-from agentflow.machine.geometry.vectors import IDENTITY
+from agentflow.machine.geometry.vectors import IDENTITY, Vec3
 from agentflow.machine.tree import Machine
 
 GRID = 5.0
@@ -52,6 +61,32 @@ def save_film(
 def tracked_block(machine: Machine) -> int:
     """The block whose path is drawn: the boulder, or else the root."""
     return next((step.id for step in machine if library()[step.type].joint.kind == "loose"), 0)
+
+
+@dataclass(frozen=True)
+class Landing:
+    """Where a score was earned: the first landing, or the end of the greatest distance."""
+
+    time: float
+    """s."""
+    place: Vec3
+    """Of the tracked block, m."""
+    words: str
+    """The score with its unit."""
+
+
+def landing_of(machine: Machine, rollout: Rollout) -> Landing | None:
+    """The landing that a film marks; None where the score is no distance, or 0."""
+    trace, score = rollout.trace, rollout.score
+    if trace is None or not score:
+        return None
+    landed = [event.time for event in rollout.events if event.kind == "landing"]
+    if not landed and rollout.terms.get("distance") != score:
+        return None
+    time = landed[0] if landed else float(rollout.terms.get("time") or trace.times[-1])
+    index = int(np.abs(trace.times - time).argmin())
+    words = rollout.feedback.text.partition("\n")[0].removeprefix("Score: ")
+    return Landing(time, to_vec3(trace.centre[index, tracked_block(machine)]), words)
 
 
 def frame_interval(trace: Trace) -> float:

@@ -7,8 +7,10 @@ of what was removed.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
+from math import dist
 
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.commands import Side
@@ -17,7 +19,7 @@ from agentflow.machine.geometry.placement import flip, mirrored_face, place, pla
 from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.problems import Problem, RefusedEdit, block_label
 from agentflow.machine.tree import Machine, carried_by
-from agentflow.machine.validity import task_problems
+from agentflow.machine.validity import check, task_problems
 
 Change = Callable[[Draft], int]
 """Changes a draft; the block to go on with."""
@@ -149,6 +151,28 @@ class Mending:
                 refusals.append(refused)
         none = RefusedEdit("face_occupied", "its parent has no other free face to turn to")
         raise refusals[0] if refusals else none
+
+    def fix(self, block: int) -> tuple[Machine, int]:
+        """As `make`, for a move to the nearest face where the machine has fewer problems.
+
+        Raises:
+            Refused: There is none.
+        """
+        geometry, before = place(self.machine), len(check(self.machine, self.brief).problems)
+        carried = carried_by(self.machine, block)
+        ends = [
+            (dist(placed.faces[face].position, geometry[block].center), (placed.id, face))
+            for placed in geometry.blocks
+            if placed.id not in carried
+            for face in geometry.free_faces(placed.id)
+        ]
+        for _, end in sorted(ends):
+            with suppress(RefusedEdit):
+                moved = self.make(partial(move, block=block, to=end))
+                if len(check(moved[0], self.brief).problems) < before:
+                    return moved
+        label = block_label(block, self.machine[block].type)
+        raise RefusedEdit("not_fixed", f"{label} has no free face with fewer problems; remove it")
 
     def _other_faces(self, block: int) -> Iterator[End]:
         """The free faces of a block's parent, in order from its own."""

@@ -63,6 +63,16 @@ export class Eye {
     this.zoom = other.zoom;
   }
 
+  /** The view: direction, zoom, shift and whether it is wide; for `restore`. */
+  view() {
+    return { way: this.way.clone(), zoom: this.zoom, shift: this.shift.clone(), wide: this.wide };
+  }
+
+  restore(view) {
+    Object.assign(this, view);
+    this.at(this.time);
+  }
+
   /** Rotate (radians to the side and up) and zoom; for the keyboard. */
   turn(side, up, zoom = 1) {
     const place = new THREE.Spherical().setFromVector3(this.camera.position.clone().sub(this.controls.target));

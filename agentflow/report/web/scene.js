@@ -36,6 +36,7 @@ export class Picture {
     this.solids = new Solids(machine, shapes);
     this.traces = machine.traces.map(({ body }, index) => pathDots(film, body, index));
     this.labels = new DistanceLabels(film, machine.hero);
+    if (machine.flag) this.labels.flag(machine.flag);
     this.stage.add(...this.solids.meshes, ...this.traces, this.labels.group);
   }
 
@@ -46,6 +47,7 @@ export class Picture {
     this.solids.pose(film, time, color, this.camera.position, target);
     for (const trace of this.traces) trace.until(time);
     this.widen(this.camera.position.distanceTo(target));
+    this.time = time;
   }
 
   /** Keep the ground clear, and depths exact, around a target at a distance. */
@@ -60,7 +62,7 @@ export class Picture {
   draw() {
     this.camera.updateMatrixWorld();
     const { x, y } = this.renderer.getSize(new THREE.Vector2());
-    this.labels.arrange(this.camera, x, y);
+    this.labels.arrange(this.camera, x, y, this.time);
     this.renderer.render(this.scene, this.camera);
   }
 

@@ -109,6 +109,14 @@ function part([kind, sx, sy, sz, x, y, z, i, j, k, w, ...rest], block, body) {
   return { kind, local, block, body: body ?? null, wall, color: rest.slice(0, 3) };
 }
 
+/** One solid by itself, from its row; `grown` metres larger on each side. */
+export function solidMesh([kind, ...row], material, grown = 0) {
+  const mesh = new THREE.Mesh(GEOMETRIES[kind], material);
+  mesh.matrix.copy(part([kind, ...row.slice(0, 3).map((side) => side + 2 * grown), ...row.slice(3)], null, null).local);
+  mesh.matrixAutoUpdate = false;
+  return mesh;
+}
+
 /** One instanced mesh with shadow per kind of solid. */
 function makeGroups(parts, rods) {
   const counts = new Map();

@@ -10,22 +10,30 @@ from pydantic import Field
 from starlette.routing import BaseRoute
 
 from agentflow.app.design.plan import task_of_run
-from agentflow.app.machines.files import list_blocks, read_one
+from agentflow.app.machines.files import read_one
+from agentflow.app.pages.blocks import block_card
+from agentflow.app.pages.films import solid_row
 from agentflow.app.pages.runs import FINE, ReportedMachine
-from agentflow.app.tasks import find_task
+from agentflow.app.tasks import find_task, task_info
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import task_names
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.machine import Machine, check
+from agentflow.machine.blocks.library import STARTING_BLOCK
 from agentflow.machine.edits import changes
 from agentflow.machine.edits.changes import Change, Mending
 from agentflow.machine.edits.draft import End
 from agentflow.machine.formats.detect import read_for
 from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_document
-from agentflow.studio.answers import Arguments, Nothing, get, post
+from agentflow.studio.answers import Arguments, get, post
 from agentflow.studio.building.person_runs import PersonRuns
-from agentflow.studio.building.state import describe_state, find_spots, spots_to_add
+from agentflow.studio.building.state import (
+    describe_block,
+    describe_state,
+    find_spots,
+    spots_to_add,
+)
 from agentflow.studio.folder import LONGEST, RunFolder
 from agentflow.studio.simulations import Simulations
 from agentflow.study.session import Written
@@ -76,10 +84,16 @@ class Asked(MachineForTask):
     copy_of: int | None = None
 
 
+class AtFace(Asked):
+    """A block at a face where it may not fit."""
+
+    end: list[int] = Field(min_length=2, max_length=2)
+
+
 class Edited(MachineForTask):
     """A change."""
 
-    do: Literal["add", "remove", "move", "turn", "copy", "mirror"]
+    do: Literal["add", "remove", "move", "turn", "copy", "mirror", "fix"]
     block: int = Field(0, ge=0)
     type: int = 0
     ends: list[list[int]] = Field([], max_length=2)
@@ -125,11 +139,12 @@ class Building:
     def routes(self) -> list[BaseRoute]:
         """Where the page asks."""
         return [
-            get("/api/build/blocks", Nothing, self.blocks),
+            get("/api/build/blocks", OnTask, self.blocks),
             get("/api/build/new", OnTask, self.new),
             get("/api/build/from", Recorded, self.recorded),
             post("/api/build/state", MachineForTask, self.state),
             post("/api/build/spots", Asked, self.spots),
+            post("/api/build/ghost", AtFace, self.ghost),
             post("/api/build/edit", Edited, self.edit),
             post("/api/build/open", Opened, self.open),
             post("/api/build/test", Tested, self.test),
@@ -137,19 +152,27 @@ class Building:
             post("/api/build/finish", Finished, self.finish),
         ]
 
-    async def blocks(self, _given: Nothing) -> list[dict[str, Any]]:
-        """The block library."""
-        return list_blocks()
+    async def blocks(self, given: OnTask) -> list[dict[str, Any]]:
+        """The blocks that may be added at a task, with the number that it requires, if any."""
+        brief = given.level.brief
+        kinds = [kind for kind in brief.blocks if kind != STARTING_BLOCK]
+        cards = await asyncio.to_thread(lambda: [block_card(kind) for kind in kinds])
+        return [{**card, "required": brief.required.get(card["type"])} for card in cards]
 
     async def new(self, given: OnTask) -> dict[str, Any]:
         """What every machine of a task begins with, and the task in words."""
-        brief = given.level.brief
+        level, info = given.level, task_info(given.task, {})
+        brief, scene = level.brief, level.scene()
         return {
             **describe_state(brief.given, brief),
-            "allowed": list(brief.blocks),
-            "objective": brief.objective,
-            "score": list(brief.score),
-            "scene": [*brief.scene, *brief.schedule],
+            "title": info.title,
+            "objective": info.objective,
+            "score": list(info.score),
+            "scene": [*info.scene, *info.schedule],
+            "good": info.good,
+            "record": info.record,
+            "level": [solid_row(item) for item in scene.objects],
+            "start": {"height": scene.start.height, "rotation": scene.start.rotation},
         }
 
     async def recorded(self, given: Recorded) -> dict[str, Any]:
@@ -169,10 +192,20 @@ class Building:
         machine, rules = given.read()
         return await asyncio.to_thread(_find_spots, machine, rules, given)
 
+    async def ghost(self, given: AtFace) -> dict[str, Any]:
+        """A block where it would be at a face, whether it fits or not."""
+        machine, rules = given.read()
+        ends = [_end(machine, end) for end in (given.first, given.end) if end is not None]
+        held = given.move if given.move is not None else given.copy_of
+        kind = given.add if held is None else machine[_block(machine, held)].type
+        if kind is None:
+            raise UsageError("expected `add`, `move` or `copy_of`")
+        return await asyncio.to_thread(describe_block, machine, rules.brief, kind, ends)
+
     async def edit(self, given: Edited) -> dict[str, Any]:
         """The changed machine, or why it cannot be changed like this."""
         machine, rules = given.read()
-        changed, chosen = _changed(machine, rules, given)
+        changed, chosen = await asyncio.to_thread(_changed, machine, rules, given)
         return await asyncio.to_thread(describe_state, changed, rules.brief, chosen)
 
     async def open(self, given: Opened) -> dict[str, Any]:
@@ -220,8 +253,8 @@ def _find_spots(machine: Machine, rules: Mending, given: Asked) -> list[dict[str
 
 def _changed(machine: Machine, rules: Mending, given: Edited) -> tuple[Machine, int]:
     block, ends = _block(machine, given.block), [_end(machine, end) for end in given.ends]
-    if given.do == "turn":
-        return rules.turn(block)
+    if given.do in ("turn", "fix"):
+        return rules.turn(block) if given.do == "turn" else rules.fix(block)
     if not ends and given.do in ("add", "move", "copy"):
         raise UsageError(f"{given.do} needs a face: give `ends` as [[block, face]]")
     made: dict[str, Change] = {

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from agentflow.app.pages.films import Shapes, machine_data
+from agentflow.app.pages.films import Shapes, machine_data, solid_row
+from agentflow.env.constants import constants
+from agentflow.env.drawing.cameras import to_vec3
 from agentflow.env.drawing.solids import MachineSolids
+from agentflow.env.physics.assembly import assemble
 from agentflow.errors import UsageError
 from agentflow.machine import Brief, Machine, check, library, place
 from agentflow.machine.edits.changes import Change, Mending, add
-from agentflow.machine.edits.draft import End
+from agentflow.machine.edits.draft import Draft, End
 from agentflow.machine.geometry.balance import centre_of_mass, mass, stands, support_polygon
 from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.problems import RefusedEdit, type_problem
@@ -51,8 +55,39 @@ def describe_state(machine: Machine, brief: Brief, chosen: int = 0) -> dict[str,
         "centre": _moved(centre_of_mass(geometry), shift),
         "support": [[x + shift[0], z + shift[2]] for x, z in support_polygon(geometry)],
         "stands": stands(geometry),
+        "middle": _moved(geometry.middle, shift),
         "count": brief.count_blocks(len(machine)),
         "most": brief.limits.blocks,
+    }
+
+
+def describe_block(machine: Machine, brief: Brief, kind: int, ends: list[End]) -> dict[str, Any]:
+    """A further block as it would be between or on these faces: its solids, and where its motor
+    turns, as centre and axis (m), about which it turns clockwise as seen from the axis' tip."""
+    draft = Draft(machine, brief)
+    block = draft.attach(kind, ends).id
+    larger = Machine(tuple(draft.steps.values()))
+    figures, geometry = MachineSolids(larger), place(larger)
+    down = np.subtract(_lift_of(machine, place(machine)), _lift_of(larger, geometry))
+    drive = next(
+        (
+            joint
+            for joint in assemble(larger, geometry, constants()).joints
+            if joint.block == block and joint.drive.speed
+        ),
+        None,
+    )
+    return {
+        "solids": [
+            solid_row(replace(solid, position=to_vec3(np.add(solid.position, down))))
+            for solid in figures.objects(figures.rest)
+            if solid.name == f"block {block}"
+        ],
+        "turn": drive
+        and {
+            "at": _moved(figures.rest.centre[block], down),
+            "axis": [part * np.sign(drive.drive.speed) for part in drive.axis],
+        },
     }
 
 

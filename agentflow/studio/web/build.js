@@ -18,8 +18,8 @@ const FIRST = "movement"; // the task of those who name none
 export async function buildPage({ task, run, machine, example }) {
   const [session, start] = await Promise.all([ask("/api/session"), ask("/api/start")]);
   const given = session ?? (run ? await ask("/api/build/from", machine ? { run, machine } : { run }) : example ? EXAMPLE : null);
-  const known = lastTask(start.tasks.map(({ name }) => name));
-  const [editor, library] = await Promise.all([Editor.of(given?.task ?? task ?? known ?? FIRST), ask("/api/build/blocks")]);
+  const wanted = given?.task ?? task ?? lastTask(start.tasks.map(({ name }) => name)) ?? FIRST;
+  const [editor, library] = await Promise.all([Editor.of(wanted), ask("/api/build/blocks", { task: wanted })]);
   editor.library = library;
   if (given) editor.take(await send("/api/build/state", { task: editor.task, machine: given.machine }), "open");
   return new BuildPage(editor, start, session);
@@ -36,7 +36,7 @@ class BuildPage {
     this.keys = (event) => this.press(event);
     document.addEventListener("keydown", this.keys);
     this.stop = () => {};
-    this.elements = [el("main", { class: session?.paused ? "build paused" : "build" }, this.recorder?.element ?? "", this.top(start), this.earlier(session), this.palette.element, this.view,
+    this.elements = [el("main", { class: session?.paused ? "build paused" : "build" }, this.recorder?.element ?? "", this.top(start), this.taskCard(), this.earlier(session), this.palette.element, this.view,
       el("div", { class: "side" }, faceList(editor), blockTree(editor), facts(editor), this.more(start)), this.trials.element), this.recorder?.over];
     editor.on(["busy"], () => this.elements[0].setAttribute("aria-busy", editor.busy));
     editor.on(["state", "spots", "choice"], () => this.turnTo(false)); // whoever edits sees what
@@ -117,6 +117,16 @@ class BuildPage {
       el("div", { class: "tabs", role: "tablist", "aria-label": "View" }, ...this.tabs), el("button", { class: "play test", title: "Simulate it (P)", click: () => this.trials.test() }, "Test"), said);
   }
 
+  /** What the task asks for, how it is scored, and what is good. */
+  taskCard() {
+    const { start, task } = this.editor;
+    const details = taskDetails(start);
+    details.addEventListener("toggle", () => details.open && this.editor.record("ask"));
+    const { good, record } = start;
+    const best = record ? ` · record ${formatNumber(record.score)}${record.fragile ? " (fragile)" : ""}` : "";
+    return el("section", { class: "task-card", "aria-label": `Task ${task}` }, details, el("p", {}, `good from ${formatNumber(good)}${best}`));
+  }
+
   more(start) {
     const { editor } = this;
     const file = el("input", { type: "file", accept: ".json,.bsg", "aria-label": "Open a machine file", change: () => this.open(file.files[0]).then(() => (file.value = "")) });
@@ -124,12 +134,9 @@ class BuildPage {
     editor.on(["state"], () => save.replaceChildren("Save as ", ...downloads(editor.state.picture.files, () => editor.state.files)));
     const told = el("p", { role: "status" });
     const form = designForm(start, () => editor.given, (run) => { editor.record("refine"); this.refined(run, told); });
-    const task = taskDetails(editor.start);
-    task.addEventListener("toggle", () => task.open && editor.record("ask"));
     return el("div", { class: "more" },
       el("details", {}, el("summary", {}, "Open and save"), file, save, el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build.")),
       el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Let a model improve this machine, and use the result."), form, told),
-      task,
       el("details", {}, el("summary", {}, "Keys"), el("p", { class: "quiet" }, "B blocks · F faces · T tree · V view · arrows and digits move in lists · Enter chooses · Esc ends · P tests · E film or machine · ",
         Object.keys(this.actions).map((name) => name.split("|").reverse().join(" ").toLowerCase()).join(" · "))));
   }

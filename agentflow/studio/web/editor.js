@@ -3,7 +3,7 @@
 
 import { ask, send } from "./api.js";
 
-const DONE = { add: "Added", move: "Moved", turn: "Turned", copy: "Copied as", mirror: "Mirrored as" };
+const DONE = { add: "Added", move: "Moved", turn: "Turned", copy: "Copied as", mirror: "Mirrored as", fix: "Moved to a face where it fits:" };
 
 export class Editor extends EventTarget {
   /** Begin with the machine that a task gives. */
@@ -21,6 +21,7 @@ export class Editor extends EventTarget {
     this.chosen = 0;
     this.aim = null; // {add: type, first} or {move: block} or {copy_of: block}
     this.spots = [];
+    this.wrong = new Set(); // blocks that a problem is about, while it is shown
     this.working = Promise.resolve();
     this.left = 0;
   }
@@ -82,6 +83,8 @@ export class Editor extends EventTarget {
 
   put(state, chosen) {
     this.state = state;
+    this.wrong = new Set();
+    this.pointed = null;
     this.chosen = Math.min(chosen, state.blocks.length - 1);
     this.tell("state");
     const ended = this.aim && ("move" in this.aim || "copy_of" in this.aim || this.aim.first);
@@ -116,8 +119,9 @@ export class Editor extends EventTarget {
     });
   }
 
-  choose(id) {
+  choose(id, wrong = []) {
     this.chosen = id;
+    this.wrong = new Set(wrong);
     this.tell("choice");
     if (this.aim && !("add" in this.aim)) this.aimAt(null);
   }

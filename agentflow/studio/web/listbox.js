@@ -6,7 +6,7 @@ const PATIENCE = 900; // milliseconds between typed digits
 
 export class Listbox {
   /** @param label for those who do not see it
-   *  @param show makes {text, level, disabled, key} of an item
+   *  @param show makes {text, level, disabled, key, group} of an item; those of a group are together
    *  @param on {active, pick}: called with an item */
   constructor(label, show, { active = () => {}, pick = () => {} }, role = "listbox") {
     this.show = show;
@@ -24,13 +24,17 @@ export class Listbox {
     const before = key ?? this.items[this.at]?.key;
     const id = this.element.getAttribute("aria-label").toLowerCase().replace(/[^a-z]+/g, "-");
     this.items = items.map((item, index) => {
-      const { text, level = 1, disabled = false, key: own } = this.show(item);
+      const { text, level = 1, disabled = false, key: own, group } = this.show(item);
       const element = el("div", { role: this.role, id: `${id}-${index}`, "aria-level": this.role === "treeitem" ? level : null, "aria-disabled": disabled || null,
         click: () => { this.move(index); this.pick(item); }, pointerenter: () => this.role === "option" && this.active(item) }, text);
       element.style.paddingLeft = `${0.4 + 0.75 * (level - 1)}rem`;
-      return { item, element, key: own };
+      return { item, element, key: own, group };
     });
-    this.element.replaceChildren(...this.items.map(({ element }) => element));
+    const groups = [...new Set(this.items.map(({ group }) => group))];
+    this.element.replaceChildren(...groups.flatMap((name) => {
+      const held = this.items.filter(({ group }) => group === name).map(({ element }) => element);
+      return name ? [el("div", { role: "group", "aria-label": name }, el("div", { class: "group", "aria-hidden": "true" }, name), ...held)] : held;
+    }));
     this.mark(this.items.findIndex((entry) => entry.key === before));
   }
 

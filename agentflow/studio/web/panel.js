@@ -3,10 +3,17 @@
 import { el, formatNumber } from "../../report/web/dom.js";
 import { Listbox } from "./listbox.js";
 
+const GROUPS = ["Structure", "Wheel", "Powered joint", "Joint", "Payload", "Weight", "Elastic connector", "Support"]; // what comes first; others follow
+
 /** The blocks of the task, found by typing. */
 export function blockPalette(editor) {
-  const kinds = editor.library.filter(({ type }) => type && editor.start.allowed.includes(type)); // 0 is the Starting Block
-  const list = new Listbox("Blocks", ({ type, name, mass }) => ({ text: el("span", {}, el("span", { class: "kind-id" }, `${type} `), name, " ", el("small", {}, `${formatNumber(mass)} kg`)), key: type }), { pick: aim });
+  const rank = ({ category }) => (GROUPS.indexOf(category) + 1 || GROUPS.length + 1);
+  const kinds = [...editor.library].sort((a, b) => rank(a) - rank(b));
+  const list = new Listbox("Blocks", ({ type, name, picture, required, category }) => {
+    const there = editor.state.blocks.filter((block) => block.type === type).length;
+    return { text: el("span", { class: "block-kind" }, el("img", { src: picture, alt: "", width: 28, height: 28 }), el("span", {}, el("span", { class: "kind-id" }, `${type} `), name, required ? el("small", {}, ` ${there} of ${required}`) : null)), key: type, disabled: there === required, group: category };
+  }, { active: card, pick: aim });
+  const about = el("div", { class: "about-block", "aria-live": "polite" });
   const words = el("input", { type: "search", placeholder: "Block (B)", "aria-label": "Find a block", input: () => draw(), keydown: (event) => {
     if (event.key === "Enter" && list.items.length) aim((list.items[list.at] ?? list.items[0]).item);
     else if (event.key === "ArrowDown" || event.key === "ArrowUp") list.move(list.at + (event.key === "ArrowDown" ? 1 : -1));
@@ -15,6 +22,10 @@ export function blockPalette(editor) {
   } });
   const fits = ({ type, name, category }) => words.value.toLowerCase().split(/\s+/).every((word) => `${type} ${name} ${category}`.toLowerCase().includes(word));
 
+  function card({ name, does, mass, size, strength: [force, moment] }) {
+    about.replaceChildren(el("b", {}, name), el("p", {}, `${does[0].toUpperCase()}${does.slice(1)}.`),
+      el("p", { class: "quiet" }, `${formatNumber(mass)} kg${size ? ` · ${size.map((side) => formatNumber(side, 1)).join(" × ")} m` : ""} · breaks off at ${formatNumber(force)} N or ${formatNumber(moment)} N m`));
+  }
   function draw() {
     list.set(kinds.filter(fits));
     if (words.value && list.items.length) list.mark(0);
@@ -23,10 +34,11 @@ export function blockPalette(editor) {
     words.value = "";
     draw();
     list.mark(list.items.findIndex(({ key }) => key === kind.type));
+    card(kind);
     editor.aimAt({ add: kind.type }).then(() => document.querySelector("#faces .list")?.focus());
   }
-  draw();
-  return { element: el("section", { class: "palette", "aria-label": "Blocks" }, words, list.element), focus: () => { words.focus(); words.select(); } };
+  editor.on(["state"], draw);
+  return { element: el("section", { class: "palette", "aria-label": "Blocks" }, words, list.element, about), focus: () => { words.focus(); words.select(); } };
 }
 
 /** The faces of what was aimed at: those that fit first. */
@@ -67,6 +79,17 @@ function inOrder(blocks) {
   return walk(-1, 1);
 }
 
+/** What can be done about a problem: see its blocks, and move the last of them, or look for what is missing. */
+function remedies(editor, { code, blocks, message }, bad) {
+  const button = (text, title, click) => el("button", { title, click }, text);
+  const missing = code === "required_count" && editor.library.find(({ type, required }) => required > blocks.length && message.includes(`type ${type} (`));
+  return [
+    blocks.length ? button("Show", "Mark these blocks", () => editor.choose(blocks.at(-1), blocks)) : null,
+    bad && blocks.length > 1 ? button("Fix", `Move block ${blocks.at(-1)} to a free face`, () => editor.edit("fix", { block: blocks.at(-1) })) : null,
+    missing ? button("Fix", `Choose a face for a ${missing.name}`, () => editor.aimAt({ add: missing.type })) : null,
+  ].filter(Boolean).flatMap((each) => [" ", each]);
+}
+
 /** Problems, size, mass and balance. */
 export function facts(editor) {
   const element = el("section", { class: "facts-panel" });
@@ -80,7 +103,7 @@ export function facts(editor) {
     element.replaceChildren(
       el("h2", {}, "Problems"),
       problems.length + warnings.length ? el("ul", { class: "problems" }, ...[...problems, ...warnings].map((item) =>
-        el("li", {}, el("button", { class: problems.includes(item) ? "bad" : "warned", click: () => item.blocks.length && editor.choose(item.blocks.at(-1)) }, item.message))))
+        el("li", { class: problems.includes(item) ? "bad" : "warned" }, item.message, ...remedies(editor, item, problems.includes(item)))))
         : el("p", { class: "quiet" }, "None: ready to test."),
       el("h2", {}, "Balance"),
       el("dl", { class: "facts" }, ...rows.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])));

@@ -1,4 +1,5 @@
-// The 3D view where a machine is built: blocks and faces to click, centre of mass, support polygon.
+// The 3D view where a machine is built: blocks and faces to click, centre of mass, support polygon, and
+// the level around it.
 
 import * as THREE from "three";
 import { Eye } from "../../report/web/camera.js";
@@ -6,9 +7,14 @@ import { el } from "../../report/web/dom.js";
 import { Film } from "../../report/web/film.js";
 import { Picture } from "../../report/web/scene.js";
 import { Sharpness } from "../../report/web/sharpness.js";
+import { solidMesh } from "../../report/web/solids.js";
+import { send } from "./api.js";
+import { ghostOf } from "./ghost.js";
+import { Gizmo, forwardArrow, framed, levelGhosts } from "./gizmo.js";
 import { Marks } from "./marks.js";
 
-const CHOSEN = [0.1, 0.6, 0.95];
+const [CHOSEN, WRONG] = [[0.1, 0.6, 0.95], [0.9, 0.1, 0.1]];
+const RIM = 0.05; // width of the outline of the chosen block, metres
 const DRAG = 5; // pixels that a pointer moves before a click is a turn of the view
 const TURN = 0.12; // radians per press
 const REST = 300; // milliseconds without a frame after which nothing moves
@@ -17,15 +23,28 @@ export class Stage {
   constructor(editor) {
     this.editor = editor;
     this.canvas = el("canvas", { tabindex: "0", "aria-label": "Machine in 3D; arrow keys turn, plus and minus zoom, 0 resets", keydown: (event) => this.press(event),
-      pointerdown: (event) => (this.down = [event.clientX, event.clientY]), pointerup: (event) => this.click(event),
+      pointerdown: (event) => { this.down = [event.clientX, event.clientY]; this.remember(); }, pointerup: (event) => this.click(event),
       pointermove: (event) => this.hover(event), pointerleave: () => editor.point(null) });
     this.canvas.placeOf = (...end) => this.placeOf(...end); // for tests
-    this.element = el("div", { class: "view stage" }, this.canvas);
+    this.gizmo = new Gizmo((way) => this.look(() => { this.eye.following = true; this.eye.way = way.clone(); }));
+    this.tip = el("p", { class: "tip", hidden: "" });
+    const button = (text, title, act) => el("button", { type: "button", title, click: act }, text);
+    this.element = el("div", { class: "view stage" }, this.canvas, this.gizmo.element, this.tip, el("div", { class: "views" },
+      button("Fit", "The whole machine (0)", () => this.look(() => this.fit())), button("Course", "The level and the way ahead", () => this.look(() => this.eye.setWide(true))),
+      button("Undo view", "The view before", () => this.views.length && this.restore())));
+    this.views = []; // to go back to
+    this.ghosts = new Map(); // of blocks at faces, by what was asked for
     this.picture = new Picture(this.canvas);
-    this.picture.paint = ({ block, color }) => (block !== null && block === editor.chosen ? color.map((part, i) => 0.45 * part + 0.55 * CHOSEN[i]) : null);
+    this.picture.paint = ({ block, color }) => {
+      const paint = editor.wrong.has(block) ? WRONG : block !== null && block === editor.chosen && !editor.state.picture.solids[block].length ? CHOSEN : null;
+      return paint && color.map((part, i) => 0.35 * part + 0.65 * paint[i]);
+    };
     this.eye = new Eye(this.picture, this.canvas, () => this.ask());
     this.extra = new THREE.Group();
-    this.picture.scene.add(this.extra);
+    this.outline = new THREE.Group();
+    this.ghost = new THREE.Group();
+    this.level = levelGhosts(editor.start);
+    this.picture.scene.add(this.extra, this.outline, this.ghost, this.level);
     this.ray = new THREE.Raycaster();
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     this.dress = () => { this.picture.dress(getComputedStyle(document.documentElement)); this.ask(); };
@@ -35,8 +54,8 @@ export class Stage {
     editor.on(["state"], () => this.show());
     this.marks = new Marks(this.picture.scene);
     editor.on(["spots"], () => { this.marks.show(editor.spots); this.ask(); });
-    editor.on(["point"], () => { this.marks.shade(editor.pointed); this.ask(); });
-    editor.on(["choice"], () => this.ask());
+    editor.on(["point", "spots"], () => { this.marks.shade(editor.pointed); this.preview(); this.ask(); });
+    editor.on(["choice"], () => { this.rim(); this.ask(); });
   }
 
   async show() {
@@ -47,8 +66,73 @@ export class Stage {
     this.picture.show(state.picture, state.shapes, film);
     this.picture.traces.forEach((trace) => (trace.visible = false));
     this.eye.begin(film, state.picture, state.shapes);
+    this.level.position.set(-state.middle[0], 0, state.middle[2]).add(this.level.down);
+    this.eye.framing.whole = framed(this.level, state);
     this.eye.at(0);
     this.balance(state);
+    this.rim();
+    this.ask();
+  }
+
+  /** Outline the chosen block. */
+  rim() {
+    this.outline.clear();
+    const { state, chosen } = this.editor;
+    if (!this.film || this.picture.machine !== state.picture) return;
+    const color = new THREE.Color().setRGB(...CHOSEN, THREE.LinearSRGBColorSpace);
+    const place = this.picture.solids.place(this.film, chosen).clone();
+    for (const index of state.picture.solids[chosen]) {
+      const mesh = solidMesh(state.shapes[index], new THREE.MeshBasicMaterial({ color, side: THREE.BackSide }), RIM);
+      mesh.matrix.premultiply(place);
+      this.outline.add(mesh);
+    }
+  }
+
+  /** Show the block that is aimed with at the face that is pointed at, and why it does not fit. */
+  async preview() {
+    const { editor } = this;
+    const { pointed: spot, aim } = editor;
+    const two = aim && editor.twoEnded(aim.add) && !aim.first;
+    this.tip.hidden = !spot?.why_not;
+    this.ghost.clear();
+    if (!spot || !aim || two) return;
+    if (spot.why_not) this.sayAt(spot);
+    const asked = JSON.stringify([editor.state.digest, aim, spot.block, spot.face]);
+    if (!this.ghosts.has(asked)) this.ghosts.set(asked, send("/api/build/ghost", { ...editor.given, ...aim, end: [spot.block, spot.face] }).catch(() => null));
+    const found = await this.ghosts.get(asked);
+    if (!found || editor.pointed !== spot) return;
+    this.ghost.clear();
+    this.ghost.add(ghostOf(found, !spot.why_not));
+    this.ask();
+  }
+
+  /** Write why a block does not fit beside the face. */
+  sayAt({ block, face, why_not: whyNot }) {
+    const [x, y] = this.placeOf(block, face);
+    this.tip.textContent = whyNot;
+    this.tip.style.left = `${Math.min(Math.max(x + this.canvas.clientWidth / 2 + 14, 8), this.canvas.clientWidth - 250)}px`;
+    this.tip.style.top = `${Math.min(Math.max(y + this.canvas.clientHeight / 2 + 14, 8), this.canvas.clientHeight - 70)}px`;
+  }
+
+  /** Change the view in one step that can be undone. */
+  look(change) {
+    this.remember();
+    change();
+    this.eye.at(0);
+    this.ask();
+  }
+
+  fit() {
+    this.eye.setWide(false);
+    this.eye.reset();
+  }
+
+  remember() {
+    if (this.eye.way) this.views.push(this.eye.view());
+  }
+
+  restore() {
+    this.eye.restore(this.views.pop());
     this.ask();
   }
 
@@ -63,6 +147,10 @@ export class Stage {
     const corners = [...support, support[0]].map(([u, w]) => [-u, 0.02, w]);
     this.extra.add(ball, line([[-x, y, z], [-x, 0, z]]), line(corners));
     this.extra.children.forEach((item) => (item.renderOrder = 3));
+    const accent = new THREE.Color().setStyle(getComputedStyle(document.documentElement).getPropertyValue("--accent").trim());
+    const [arrow, words] = forwardArrow(this.editor.state, accent);
+    this.extra.add(arrow);
+    this.picture.labels.add("forward, z+", words, -1.6);
   }
 
   ask() {
@@ -81,6 +169,7 @@ export class Stage {
     this.marks.setBehind(!(this.sharpness.share < 1)); // the first to go where frames are slow
     this.picture.pose(this.film, 0, false, this.eye.controls.target);
     this.picture.draw();
+    this.gizmo.turn(this.picture.camera);
     this.canvas.dispatchEvent(new Event("frame"));
   }
 
@@ -116,10 +205,11 @@ export class Stage {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const act = {
       ArrowUp: () => this.eye.turn(0, TURN), ArrowDown: () => this.eye.turn(0, -TURN), ArrowLeft: () => this.eye.turn(-TURN, 0), ArrowRight: () => this.eye.turn(TURN, 0),
-      "+": () => this.eye.turn(0, 0, 0.9), "-": () => this.eye.turn(0, 0, 1.1), 0: () => { this.eye.reset(); this.ask(); },
+      "+": () => this.eye.turn(0, 0, 0.9), "-": () => this.eye.turn(0, 0, 1.1), 0: () => this.look(() => this.fit()),
     }[event.key];
     if (!act) return;
     event.preventDefault();
+    this.remember();
     act();
   }
 

@@ -4,6 +4,10 @@ import { el, formatNumber } from "../../report/web/dom.js";
 import { Player } from "../../report/web/player.js";
 import { address, send } from "./api.js";
 
+const signed = (change) => `${change < 0 ? "−" : "+"}${formatNumber(Math.abs(change))}`;
+/** The unit of a score in a simulation's first line: " m" of "Score: 45.95 m". */
+const unit = (feedback = "") => feedback.match(/^Score: \S+( m| kg| s)\b/)?.[1] ?? "";
+
 export class Trials {
   constructor(editor, showFilm) {
     this.editor = editor;
@@ -36,7 +40,7 @@ export class Trials {
       const ended = this.name && this.name !== found.run ? " The earlier run has ended, so this test began another one." : "";
       this.name = found.run;
       editor.tellTrial({ machine: given.machine, seconds: (performance.now() - begun) / 1000, score: found.score, status: found.status, run: found.run });
-      editor.say(`Trial ${trial.number}: ${found.score === null ? found.status : `score ${formatNumber(found.score)}`}.${ended}`);
+      editor.say(`Trial ${trial.number}: ${this.told(trial)}${ended}`);
     } catch (error) {
       trial.status = "failed";
       editor.say(error.message, true);
@@ -64,6 +68,16 @@ export class Trials {
     this.draw();
   }
 
+  /** Score with unit, change, share of the record, and what the simulation tells first about its cause. */
+  told({ number, score, status, feedback }) {
+    if (score === null) return `${status}. ${feedback.split("\n")[0]}`;
+    const [first, cause = ""] = feedback.split("\n");
+    const before = this.list.findLast((other) => other.number < number && other.score !== null);
+    const { record, good } = this.editor.start;
+    const [share, of] = record?.score > 0 ? [score / record.score, "the record"] : [score / good, "a good score"];
+    return [`score ${formatNumber(score)}${unit(first)}`, ...(before ? [`${signed(score - before.score)} on trial ${before.number}`] : []), `${formatNumber(Math.round(100 * share))} % of ${of}`].join(", ") + `. ${cause}`;
+  }
+
   film(state, given) {
     if (!this.films.has(state.digest)) {
       const coming = send("/api/build/film", given);
@@ -86,7 +100,6 @@ export class Trials {
       editor.record("watch");
       this.player.use(shapes, files);
       await this.player.show(machine, `Trial ${trial.number} · ${trial.score === null ? trial.status : formatNumber(trial.score)}`, machine.remark);
-      this.player.setLoads(true);
       this.player.play();
     } catch (error) {
       editor.say(error.message, true);
@@ -97,7 +110,7 @@ export class Trials {
     const { best } = this;
     this.strip.replaceChildren(...this.list.map((trial) => el("li", {}, el("button", {
       "aria-current": trial === this.shown ? "true" : null, class: trial.score === best && this.list.length > 1 ? "best" : null, title: trial.feedback, click: () => this.open(trial),
-    }, el("small", {}, `#${trial.number} · ${trial.state.count} blocks`), el("b", {}, trial.score === null ? trial.status : formatNumber(trial.score))))));
+    }, el("small", {}, `#${trial.number} · ${trial.state.count} blocks`), el("span", {}, el("b", {}, trial.score === null ? trial.status : formatNumber(trial.score)), trial.score === null ? "" : unit(trial.feedback))))));
     this.run.replaceChildren(...(this.name ? ["Recorded in ", el("a", { href: address("run", { run: this.name }) }, this.name), " ", el("button", { click: () => this.finish() }, "Finish this run")]
       : ["Test the machine (P): its trials stay here, and in a run that the command line reads."]));
   }
