@@ -77,7 +77,7 @@ class Energy:
 
     @property
     def lost(self) -> float:
-        """What friction, dampers, impacts and breakages took."""
+        """What friction, dampers, impacts and breakages took, less what the engine's steps add."""
         given = self.springs + self.motors + self.gravity + self.air
         return given - self.thrown - self.machine
 

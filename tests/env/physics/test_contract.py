@@ -10,7 +10,7 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.engine import Engine, EngineSpec, TooLargeError, World
 from agentflow.env.physics.laws.flight import Thruster
-from agentflow.env.physics.laws.tension import Winch
+from agentflow.env.physics.laws.tension import Spring, Winch
 from agentflow.env.physics.model import (
     Assembly,
     Devices,
@@ -430,6 +430,20 @@ def test_the_work_of_a_motor_is_its_torque_times_its_speed(engine: Engine) -> No
     works = world.works()
     assert works.shape == (32, 3)
     assert works[-1, 1] - works[-2, 1] == pytest.approx(50.0 * mean / RATE, rel=0.02)
+
+
+def test_the_work_of_a_spring_is_what_it_swings(engine: Engine) -> None:
+    """Also after it has swung fast to and fro: no error adds up."""
+    swung = arm()
+    spring = Spring(3, 2, natural=1.0, ramp=1.0, force=1000.0, damping=0.0)
+    parts = [*swung.parts, cube(3, (3.0, 3.0, 4.0))]
+    joints = [*swung.joints, rigid(0, 3, (2.0, 0.5, 2.0))]
+    world = engine.build(machine(parts, joints, devices=Devices(springs=(spring,))), Scene(), RATE)
+    world.switch("springs", 1.0)
+    for _ in range(8):
+        run(world, 6)
+        kinetic = world.energies(world.snapshot())[:, 0].sum()
+        assert world.works()[-1, 0] == pytest.approx(kinetic, rel=0.01, abs=5.0)
 
 
 def test_the_work_of_a_winch_moves_what_it_pulls(engine: Engine) -> None:

@@ -70,6 +70,10 @@ class Winch:
 class PullForce(ABC):
     """Pulls along lines between parts, and the work that they do.
 
+    Engines change velocities, then move by the new ones. So in a step, a pull works over what its
+    line gets shorter, less half a step of the change of its rate; the mean of the rates before and
+    after would leave out that lines turn.
+
     It outlives splits of the machine: set up once per world, then call `locate_parts`.
     """
 
@@ -83,8 +87,10 @@ class PullForce(ABC):
         """Time between calls, s."""
         self._ends: list[tuple[RowPoint, RowPoint]] = []
         self._pulled = [(0.0, 0.0)] * len(ends)
-        """Of each line in the last step: pull times half the length of the step, N s, and the rate
-        at which it grew as the step began, m/s."""
+        """Of each line in the last step: its pull, N, and its length as the step began less `_half`
+        times the rate at which it grew then, m."""
+        self._half = 0.0
+        """Half the length of the last step, s."""
         self._works: list[list[float]] = []
         """Work of each line in each step but the last, after a step without any, J."""
         self._pulls: list[list[float]] = []
@@ -100,9 +106,10 @@ class PullForce(ABC):
     def works(self, rows: Sequence[Row]) -> Array:
         """(S + 1, P) work of each line until the end of each step, J; `rows` are those after the
         last step."""
+        lines = [_line(rows, *ends) for ends in self._ends]
         last = [
-            -impulse * (before + _line(rows, *ends)[4]) if impulse else 0.0
-            for (impulse, before), ends in zip(self._pulled, self._ends, strict=True)
+            pull * (before - distance + self._half * rate) if pull else 0.0
+            for (pull, before), (*_, distance, rate) in zip(self._pulled, lines, strict=True)
         ]
         works: Array = np.array([*self._works, last] if self._works else [last]).cumsum(axis=0)
         return works
@@ -133,21 +140,21 @@ class SpringForce(PullForce):
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Forces in this step."""
-        pulls, half = [], self.step / 2
+        pulls, half, self._half = [], self._half, self.step / 2
         works, forces = ([0.0] * len(self._springs) for _ in range(2))
         for i, spring in enumerate(self._springs):
             level = max(self._levels.get(spring.starts, 0.0), 0.0)  # springs cannot push
-            impulse, before = self._pulled[i]
-            if not (level or impulse):
+            pull, before = self._pulled[i]
+            if not (level or pull):
                 continue
             at_a, at_b, along, distance, rate = _line(rows, *self._ends[i])
-            works[i] = -impulse * (before + rate)
+            works[i] = pull * (before - distance + half * rate)
             pull = 0.0
             stretch = min((distance - spring.natural) / spring.ramp, 1.0)
             if level and stretch > 0.0:
                 pull = level * max(spring.force * stretch + spring.damping * rate, 0.0)
                 pulls += opposite_forces(spring.a, at_a, spring.b, at_b, scale(along, pull))
-            self._pulled[i], forces[i] = (pull * half, rate), pull
+            self._pulled[i], forces[i] = (pull, distance - self._half * rate), pull
         self._note(works, forces)
         return pulls
 
@@ -166,15 +173,15 @@ class WinchForce(PullForce):
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Reel in or out, then the forces in this step."""
-        pulls, half = [], self.step / 2
+        pulls, half, self._half = [], self._half, self.step / 2
         works, forces = ([0.0] * len(self._winches) for _ in range(2))
         for i, (winch, ends) in enumerate(zip(self._winches, self._ends, strict=True)):
             level, left = self._levels.get(winch.starts, 0.0), self._left[i]
             if left is None and not level:
                 continue
             at_a, at_b, along, distance, rate = _line(rows, *ends)
-            impulse, before = self._pulled[i]
-            works[i] = -impulse * (before + rate)
+            pull, before = self._pulled[i]
+            works[i] = pull * (before - distance + half * rate)
             left = distance if left is None else left
             left = max(left - level * winch.speed * self.step, min(left, winch.shortest))
             left = self._left[i] = max(left, distance - winch.force / winch.stiffness)
@@ -183,7 +190,7 @@ class WinchForce(PullForce):
                 pull = winch.stiffness * (distance - left) + winch.damping * rate
                 pull = min(max(pull, 0.0), winch.force)
                 pulls += opposite_forces(winch.a, at_a, winch.b, at_b, scale(along, pull))
-            self._pulled[i], forces[i] = (pull * half, rate), pull
+            self._pulled[i], forces[i] = (pull, distance - self._half * rate), pull
         self._note(works, forces)
         return pulls
 
