@@ -71,7 +71,10 @@ QUANTITIES: Mapping[str, Quantity] = {
     "buildable": Quantity(
         "", "whether its blocks can be put on in some order (1 or 0)", lambda of: float(not of.jam)
     ),
-    "safety": Quantity("", "safety factor (1 / greatest load over strength of any connection)"),
+    "safety": Quantity(
+        "",
+        "safety factor (1 / greatest load over strength of any connection, from t = 0 to the end)",
+    ),
     "power": Quantity("W", "greatest power that springs, motors and thrusters give"),
     "energy": Quantity("J", "energy that springs, motors and thrusters give"),
     "tilt": Quantity("degrees", "greatest angle of block 0's Up from the vertical"),

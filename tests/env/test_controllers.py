@@ -24,6 +24,7 @@ from agentflow.env.simulation.variations import (
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.controllers.model import QUANTITIES, Controllers
 from agentflow.machine.geometry.vectors import about_axis
+from benchmarks.shelf import load
 from tests.machine.builders import CAR
 from tests.machine.controllers import sensing_car
 
@@ -38,6 +39,7 @@ ALL: dict[str, Any] = {
     "goal": {"kind": "target", "axis": "z"},
     "wheel": {"kind": "angle", "block": 3},
     "turning": {"kind": "turning", "block": 3},
+    "opposite": {"kind": "turning", "block": 4},
     "touch": {"kind": "contact", "block": 3},
     "load": {"kind": "load", "block": 3},
     "below": {"kind": "distance", "axis": "y-"},
@@ -73,7 +75,8 @@ def test_sensors_read_what_the_trace_records(engine: str) -> None:
     assert abs(read["lean"]).max() < 5
     assert abs(read["heading"]).max() < 5
     spin = np.degrees(even.angular_velocity[:20, 3] - even.angular_velocity[:20, CAR[3].parent])
-    assert abs(read["turning"]) == pytest.approx(np.linalg.norm(spin, axis=1), rel=0.05, abs=5)
+    assert read["turning"] == pytest.approx(np.linalg.norm(spin, axis=1), rel=0.05, abs=5)
+    assert read["opposite"].min() > -5, "wheels on either side turn as level 1 turns them"
     assert read["wheel"][0] == pytest.approx(0, abs=1)
     assert read["touch"].max() < 0.3
     assert 0 < read["load"].max() < 1
@@ -230,3 +233,36 @@ def test_queries_show_readings_and_outputs() -> None:
     assert "no answer: " in refused[3]
     plain = simulate(CAR, get_task("movement", {"window": 1}, "pybullet"))
     assert "nothing was sensed" in answer_queries(CAR, plain, asked[:1]).text
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("right", [8, -8])
+def test_a_car_steers_to_the_target_that_it_senses(engine: str, right: float) -> None:
+    car = load("transport/steered_car.json")
+    hinge = next(step.id for step in car if step.type == 28)
+    wide = {"limits": [-6, 6]}
+    data = {
+        "sensors": {
+            "aside": {"kind": "target", "axis": "x"},
+            "course": {"kind": "heading"},
+            "swing": {"kind": "angle", "block": hinge},
+        },
+        "laws": {
+            "aim": {"kind": "pd", "sensor": "aside", "p": 0.6, **wide},
+            "straighten": {"kind": "pd", "sensor": "course", "p": -0.03, **wide},
+            "bend": {"kind": "sum", "terms": [{"law": "aim"}, {"law": "straighten"}]},
+            "centre": {"kind": "pd", "sensor": "swing", "p": 0.03, **wide},
+            "steer": {"kind": "sum", "terms": [{"law": "bend"}, {"law": "centre"}]},
+            "drive": {"kind": "pd", "sensor": "aside", "p": -1.6 / right, "limits": [0, 0.4]},
+        },
+        "outputs": [
+            {"group": "steering_hinges", "law": "steer"},
+            {"group": "motors", "law": "drive"},
+        ],
+    }
+    machine = replace(car, controls=(), controllers=Controllers.model_validate(data))
+    knobs = {"controls": "sensed", "target.right": right}
+    found = simulate(machine, get_task("transport", knobs, engine))
+    assert found.trace is not None
+    ended = found.trace.centre[-1, 0, 0]
+    assert ended == pytest.approx(right, abs=1), "it stops beside the target, on either side"

@@ -83,7 +83,7 @@ class Senses:
 
     def _angle(self, sensor: Sensor) -> Read:
         world, joint = self._world, self._joint(sensor.block, turns=True)
-        axis, (a, b) = joint.axis, (joint.a, joint.b)
+        axis, (a, b) = _sense(joint), (joint.a, joint.b)
 
         def read(_: float) -> float:
             one, other = (swap_quaternion(world.part(each)[ROTATION]) for each in (a, b))
@@ -94,7 +94,7 @@ class Senses:
 
     def _turning(self, sensor: Sensor) -> Read:
         world, joint = self._world, self._joint(sensor.block, turns=True)
-        axis, (a, b) = joint.axis, (joint.a, joint.b)
+        axis, (a, b) = _sense(joint), (joint.a, joint.b)
 
         def read(_: float) -> float:
             one, other = world.part(a), world.part(b)
@@ -141,3 +141,9 @@ class Senses:
             for joint in self._assembly.joints
             if joint.block == block and (joint.kind == "revolute" or not turns)
         )
+
+
+def _sense(joint: Joint) -> Vec3:
+    """The axis about which level 1 turns its block; its own axis if nothing drives it."""
+    x, y, z = joint.axis
+    return (-x, -y, -z) if joint.drive.speed < 0 else (x, y, z)

@@ -6,7 +6,7 @@ import json
 import random
 import re
 
-from agentflow.llm.procedural.controlling import add_program
+from agentflow.llm.procedural.controlling import add_controllers, add_program
 from agentflow.llm.procedural.mechanisms import (
     Builder,
     build_part,
@@ -84,7 +84,10 @@ def build_machine(prompt: PromptContent, rng: random.Random) -> tuple[Machine, l
         if _is_complete(builder, [parts[name]["slots"][0] for name in names], prompt):
             break
     ranges = [entry for name in names for entry in parts[name].get("controls", ())]
-    return add_program(builder.machine, prompt.brief.limits.controls, rng, ranges), notes
+    laws = [parts[name]["controllers"] for name in names if "controllers" in parts[name]]
+    machine, limits = builder.machine, prompt.brief.limits
+    machine = add_controllers(machine, laws, rng) if limits.senses else machine
+    return add_program(machine, limits.controls, rng, ranges), notes
 
 
 def _is_complete(builder: Builder, slots: list[list[int]], prompt: PromptContent) -> bool:

@@ -26,7 +26,7 @@ _LISTED = re.compile(
     r"from (\d{1,3})\.(\d{1,3}(?:/\d{1,3})*) to (\d{1,3})\.(\d{1,3}(?:/\d{1,3})*))",
     re.MULTILINE,
 )
-_CONTROL = re.compile(r"^\d{1,2}\. (Control .+)$", re.MULTILINE)
+_CONTROL = re.compile(r"^(?:\d{1,2}\. (?=Control )|(?=Controllers: ))(.+)$", re.MULTILINE)
 _WINDOW = re.compile(r"must end by t = (\d{1,3}(?:\.\d{1,3})?) s")
 _ROW = re.compile(r"^\| *([0-9]{1,6}) *\|", re.MULTILINE)
 _REQUIRED = re.compile(r"exactly (\w{1,9}) [^()\n]*\(type (\d{1,6})\)")
@@ -108,6 +108,7 @@ def _read_brief(task: str, types: frozenset[int], controls: str) -> Brief:
         size,
         blocks=int(most[1]) if most else None,
         controls=float(window[1]) if window else None,
+        senses="have controllers" in controls,
     )
     found = [(int(kind), count) for count, kind in _REQUIRED.findall(task) if count in _COUNTS]
     required = {kind: _COUNTS.index(count) for kind, count in found if kind in types}

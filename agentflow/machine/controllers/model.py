@@ -43,8 +43,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     "velocity": Quantity("m/s", _WORLD, "of the block's centre"),
     "spin": Quantity("degrees/s", _WORLD, "of the block"),
     "target": Quantity("m", _WORLD, "from the block's centre to the target"),
-    "angle": Quantity("degrees", (), "of the block's joint, 0 as built"),
-    "turning": Quantity("degrees/s", (), "speed of the block's joint"),
+    "angle": Quantity("degrees", (), "of the block's joint, 0 as built, + where level 1 turns it"),
+    "turning": Quantity("degrees/s", (), "speed of the block's joint, + where level 1 turns it"),
     "contact": Quantity("s", (), "since the block last touched anything but the machine"),
     "load": Quantity("", (), "load over strength of the block's connection"),
     "distance": Quantity(

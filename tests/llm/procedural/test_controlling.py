@@ -91,3 +91,25 @@ async def test_refinements_change_programs_too() -> None:
 def test_programs_in_prompts_are_read() -> None:
     assert read_listing(describe_text(DRIVEN, BRIEF)) == DRIVEN
     assert read_listing(list_text(DRIVEN)) == DRIVEN
+
+
+@pytest.mark.parametrize("task", ["rocket/6", "movement/6", "transport"])
+async def test_machines_that_may_sense_bring_controllers_and_their_numbers_are_changed(
+    task: str,
+) -> None:
+    brief = get_task(task, {"controls": "sensed"}).brief
+    found = [await whole_design(brief, seed) for seed in range(3)]
+    machines = [design.machine for design in found if design is not None]
+    assert len({str(machine.controllers) for machine in machines}) == 3, "with other numbers"
+    for machine in machines:
+        assert check(machine, brief).task_valid
+        assert machine.controllers is not None
+        assert read_listing(describe_text(machine, brief)) == machine
+        sensed = {output.group for output in machine.controllers.outputs}
+        assert not sensed & {control.target for control in machine.controls}
+    given = RefinerInput(brief, machines[0], feedback="Score: 1.00 m", score=1.0)
+    replies = [(await refinement(given, 1, f"refiner/{number}")) for number in range(8)]
+    edited = [reply.parsed.output.machine for reply in replies if reply.parsed.output]  # type: ignore[attr-defined]
+    assert len(edited) == 8
+    assert any(each.controllers != machines[0].controllers for each in edited)
+    assert all(check(each, brief).task_valid for each in edited)

@@ -23,7 +23,7 @@ from agentflow.env.tasks.features.journey import (
     target_mark,
     target_sentence,
 )
-from agentflow.env.tasks.features.resting import highest_point_under
+from agentflow.env.tasks.features.resting import highest_point_under, start_of_root
 from agentflow.env.tasks.features.terrain import Roughness
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
@@ -131,7 +131,9 @@ class Transport(Family):
             *knobs.ground.objects(WIDE, 0),
             target_mark(knobs.target),
         )
-        return Scene(objects, knobs.wind.velocity)
+        x, z = (0.0, 0.0) if knobs.cargo.mass or machine is None else start_of_root(machine)
+        target = (x + knobs.target.right, 0.0, z + knobs.target.ahead)
+        return Scene(objects, knobs.wind.velocity, target=target)
 
     def referee(self, machine: Machine) -> TransportReferee:  # noqa: ARG002 - blocks are traced
         return TransportReferee(self.parameters)

@@ -1,4 +1,4 @@
-"""Where objects are set down on a machine."""
+"""Where a machine starts, and where objects are set down on it."""
 
 from __future__ import annotations
 
@@ -28,3 +28,10 @@ def highest_point_under(machine: Machine, x: float, z: float, reach: float) -> f
         and block.box_max[2] > middle_z - reach
     ]
     return max(tops, default=0.0)
+
+
+def start_of_root(machine: Machine) -> tuple[float, float]:
+    """x and z of the Starting Block's centre before t = 0, m."""
+    geometry = place(machine)
+    low, high, (x, _, z) = geometry.box_min, geometry.box_max, geometry[0].center
+    return x - (low[0] + high[0]) / 2, z - (low[2] + high[2]) / 2
