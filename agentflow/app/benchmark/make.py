@@ -1,0 +1,223 @@
+"""New benchmarks: items drawn from a seed, each with what it takes to score nothing and all of it.
+
+An item's share begins at its *floor*, what random machines and edits reach, and is 1 at its *par*,
+what the built-in designer and its search reach with many simulations. An item is drawn again while
+the designer's first machines come near its par, or its par is not above its floor.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import count, cycle, islice
+from pathlib import Path
+from random import Random
+from typing import Any
+from uuid import UUID
+
+import yaml
+
+from agentflow.app.design.results import best_machine
+from agentflow.app.design.run import RunOptions, design, resume
+from agentflow.config.run import PROCEDURAL, build_config, load_document, set_key
+from agentflow.config.shipped import find_config
+from agentflow.config.sweep import Par
+from agentflow.errors import UsageError
+from agentflow.files.atomic import os_errors, write_output
+from agentflow.runs import Notify, RunResult
+from agentflow.workflows.registry import WORKFLOWS
+
+ITEMS = Path(__file__).with_name("items.yaml")
+SET, MAKING, MACHINES = "set.yaml", "making", "machines"
+FLOOR, REACHED = 100, 20
+"""Simulations of random machines and edits, and first machines of the designer."""
+TRIVIAL = 0.8
+"""Greatest share of the par that first machines may reach."""
+DRAWS = 8
+"""Most draws of an item; if none fits, the one whose first machines reach least counts."""
+_RANGE = re.compile(r"(-?[0-9]+(?:\.[0-9]+)?)\.\.(-?[0-9]+(?:\.[0-9]+)?)")
+_SOLVERS: Mapping[str, Mapping[str, Any]] = {
+    "floor": {"workflow": "random-dsl", "settings.max_simulations": FLOOR},
+    "first": {
+        "workflow": "single",
+        "settings.max_simulations": REACHED,
+        "settings.trajectories": REACHED,
+        "settings.search.rounds": 0,
+    },
+    "par": {"workflow": "iterative"},
+}
+
+
+@dataclass(frozen=True)
+class NewSet:
+    """A new benchmark."""
+
+    file: Path
+    """What to run: `agentflow benchmark FILE`."""
+    machines: Path
+    """Folder of the machines that reach the pars: solutions, to be kept apart."""
+    pars: Mapping[str, Par]
+    near: tuple[str, ...]
+    """Items whose par the designer's first machines come near, whatever was drawn."""
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON data."""
+        pars = {name: par.model_dump() for name, par in self.pars.items()}
+        places = {"file": str(self.file), "machines": str(self.machines)}
+        return {**places, "pars": pars, "near": list(self.near)}
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    changes: Mapping[str, Any]
+    par: Par
+    reached: float
+    """Share of the par that first machines reach."""
+    machine: str
+
+
+def make_benchmark(
+    folder: Path,
+    *,
+    seed: int = 0,
+    items: int = 33,
+    simulations: int = 2000,
+    workers: int = 2,
+    say: Notify,
+) -> NewSet:
+    """Draw the items of a new benchmark and measure their floors and pars.
+
+    The folder keeps the runs; the same call continues what was stopped.
+
+    Args:
+        folder: Where to write.
+        seed: Everything is drawn from it.
+        items: How many; they go round the families.
+        simulations: Of the search that sets a par.
+        workers: Worker processes.
+        say: Receives a line for each item.
+
+    Raises:
+        UsageError: The folder holds another benchmark, or cannot be written.
+        InterruptedRunError: Ctrl-C.
+    """
+    with os_errors(f"cannot write {folder}"):
+        (folder / MAKING).mkdir(parents=True, exist_ok=True)
+        (folder / MACHINES).mkdir(exist_ok=True)
+    _require_same(folder, {"seed": seed, "items": items, "simulations": simulations})
+    drawn: dict[str, _Drawn] = {}
+    for name, template in islice(_templates(), items):
+        drawn[name] = _draw(folder, name, template, seed, simulations, workers)
+        par = drawn[name].par
+        say(f"{name}: floor {par.floor:g}, par {par.par:g}; {len(drawn)} of {items} items")
+        (folder / MACHINES / f"{name}.json").write_text(drawn[name].machine, encoding="utf-8")
+    pars = {name: item.par for name, item in drawn.items()}
+    document = load_document(find_config(Path("benchmark")))
+    document["title"] = f"Benchmark of seed {seed}"
+    document["base"] = set_key(document.get("base", {}), "engine", "mujoco")
+    document["axes"]["task"] = {name: dict(item.changes) for name, item in drawn.items()}
+    document["benchmark"] = {
+        **document["benchmark"],
+        "lowest": [],
+        "canary": f"agentflow-benchmark {UUID(int=Random(f'{seed}/canary').getrandbits(128))}",
+        "pars": {name: par.model_dump() for name, par in pars.items()},
+    }
+    with write_output(folder / SET) as part:
+        part.write_text(yaml.safe_dump(document, sort_keys=False, width=100), encoding="utf-8")
+    near = tuple(name for name, item in drawn.items() if item.reached > TRIVIAL)
+    return NewSet(folder / SET, folder / MACHINES, pars, near)
+
+
+def _require_same(folder: Path, plan: Mapping[str, int]) -> None:
+    """Note what the folder is for, or raise UsageError if it is for something else."""
+    file = folder / MAKING / "plan.yaml"
+    if not file.exists():
+        file.write_text(yaml.safe_dump(dict(plan)), encoding="utf-8")
+    for name, value in load_document(file).items():
+        if plan.get(name) != value:
+            raise UsageError(
+                f"{folder} is being made with {name} {value}: continue it with --{name} {value}, "
+                "or choose another folder"
+            )
+
+
+@cache
+def _content() -> Mapping[str, list[dict[str, Any]]]:
+    content: Mapping[str, list[dict[str, Any]]] = yaml.safe_load(ITEMS.read_text("utf-8"))
+    return content
+
+
+def _templates() -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Names and templates of ever more items: the first of each family, then the second ones."""
+    rounds = {family: cycle(templates) for family, templates in _content().items()}
+    for number in count(1):
+        for family, templates in rounds.items():
+            yield f"{family}-{number}", next(templates)
+
+
+def _draw(
+    folder: Path, name: str, template: Mapping[str, Any], seed: int, simulations: int, workers: int
+) -> _Drawn:
+    """An item that is neither trivial nor impossible, or the best of the draws."""
+    found: list[_Drawn] = []
+    for number in range(DRAWS):
+        changes = _numbers(template, Random(f"{seed}/{name}/{number}"))
+        runs = {
+            solver: _solve(folder / MAKING, f"{name}.{number}.{solver}", document, workers)
+            for solver, document in _documents(changes, seed, simulations)
+        }
+        scores = {solver: _score(run) for solver, run in runs.items()}
+        floor, par = scores["floor"], max(scores.values())
+        if par > floor:
+            reached = (scores["first"] - floor) / (par - floor)
+            best = best_machine(max(runs.values(), key=_score))
+            assert best is not None  # it has a score
+            found.append(_Drawn(changes, Par(floor=floor, par=par), reached, best.to_text()))
+            if reached <= TRIVIAL:
+                return found[-1]
+    if not found:
+        raise UsageError(f"{name}: nothing in {DRAWS} draws scored more than random machines")
+    return min(found, key=lambda item: item.reached)
+
+
+def _numbers(template: Mapping[str, Any], rng: Random) -> dict[str, Any]:
+    """The changes of an item, with a number from each range."""
+    changes = dict(template)
+    for key, value in template.items():
+        if isinstance(value, str) and (ends := _RANGE.fullmatch(value)):
+            low, high = ends.groups()
+            whole = "." not in low + high
+            exact = rng.uniform(float(low), float(high))
+            changes[key] = rng.randint(int(low), int(high)) if whole else round(exact, 1)
+    return changes
+
+
+def _documents(
+    changes: Mapping[str, Any], seed: int, simulations: int
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The configuration of each solver."""
+    own = changes.get("workflow")
+    for solver, settings in _SOLVERS.items():
+        document: dict[str, Any] = {"engine": "mujoco", "seed": seed, "model": {"name": PROCEDURAL}}
+        most = {"settings.max_simulations": simulations, **settings}["settings.max_simulations"]
+        given = {**settings, "settings.max_simulations": most}
+        if own:  # machines of another kind, which their own workflow makes
+            first = WORKFLOWS[own].baseline if solver == "floor" else own
+            given = {"workflow": first, "settings.placements": most}
+        for key, value in {**changes, **given}.items():
+            document = set_key(document, key, value)
+        yield solver, document
+
+
+def _solve(folder: Path, name: str, document: Mapping[str, Any], workers: int) -> RunResult:
+    """The result of a run, which is continued where it exists."""
+    quiet = RunOptions()
+    if (folder / name).exists():
+        return resume(folder / name, quiet)
+    return design(build_config({**document, "workers": workers}), folder, quiet, name)
+
+
+def _score(run: RunResult) -> float:
+    return run.verified_score or 0.0
