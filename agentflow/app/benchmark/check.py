@@ -91,7 +91,7 @@ class _Attempt:
 
     async def again(self, pool: Pool, tolerance: float) -> str:
         """What simulations find in place of what the card states; "" if that is the same."""
-        stated, full = self.stated, self.item.full
+        stated, item = self.stated, self.item
         if stated.outcome not in ("scored", "diverged"):
             none = 0.0 if stated.outcome == "invalid" else None
             return "" if stated.score == stated.share == none else "states a score without one"
@@ -100,9 +100,9 @@ class _Attempt:
         score, fragile = await self._simulate(pool)
         if score is None or stated.score is None:
             return f"states the score {stated.score}, but has {score}"
-        share = round(score / full, DIGITS)
+        share, whole = item.share(score), item.full - item.floor
         room = tolerance * abs(score) + 10.0**-DIGITS
-        if abs(score - stated.score) > room or abs((stated.share or 0.0) - share) > room / full:
+        if abs(score - stated.score) > room or abs((stated.share or 0.0) - share) > room / whole:
             return (
                 f"states the score {stated.score:g} and the share {stated.share}, but has "
                 f"{score:g} and {share}"
@@ -161,7 +161,7 @@ def _attempts(card: Scorecard, path: Path, source: Path) -> list[_Attempt]:
         )
     configs = {(run.labels[PART], run.labels[ITEM]): run.config for run in plan.runs}
     items = read_items(plan.sweep)
-    planned = [(n, i.record.task, i.record.knobs, i.full) for n, i in items.items()]
+    planned = [(n, i.task.name, i.knobs, i.full) for n, i in items.items()]
     if planned != [(i.item, i.task, i.knobs, i.full) for i in card.items]:
         raise RunError(f"{path} states what is not so: its items are not those of {source}")
     found = []

@@ -24,7 +24,8 @@ from agentflow.app.design.run import RunOptions, design, resume
 from agentflow.config.run import PROCEDURAL, build_config, load_document, set_key
 from agentflow.config.shipped import find_config
 from agentflow.config.sweep import Par
-from agentflow.errors import UsageError
+from agentflow.env.tasks.registry import get_task
+from agentflow.errors import ConfigError, UsageError
 from agentflow.files.atomic import os_errors, write_output
 from agentflow.runs import Notify, RunResult
 from agentflow.workflows.registry import WORKFLOWS
@@ -162,8 +163,7 @@ def _draw(
 ) -> _Drawn:
     """An item that is neither trivial nor impossible, or the best of the draws."""
     found: list[_Drawn] = []
-    for number in range(DRAWS):
-        changes = _numbers(template, Random(f"{seed}/{name}/{number}"))
+    for number, changes in _draws(template, f"{seed}/{name}"):
         runs = {
             solver: _solve(folder / MAKING, f"{name}.{number}.{solver}", document, workers)
             for solver, document in _documents(changes, seed, simulations)
@@ -180,6 +180,22 @@ def _draw(
     if not found:
         raise UsageError(f"{name}: nothing in {DRAWS} draws scored more than random machines")
     return min(found, key=lambda item: item.reached)
+
+
+def _draws(template: Mapping[str, Any], seed: str) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Numbered changes of an item, without those that make no task: a target over a hole, say."""
+    fitting = 0
+    for number in range(10 * DRAWS):
+        changes = _numbers(template, Random(f"{seed}/{number}"))
+        knobs = {key: value for key, value in changes.items() if key not in ("task", "workflow")}
+        try:
+            get_task(changes["task"], knobs, "mujoco")
+        except ConfigError:
+            continue
+        fitting += 1
+        yield number, changes
+        if fitting == DRAWS:
+            return
 
 
 def _numbers(template: Mapping[str, Any], rng: Random) -> dict[str, Any]:

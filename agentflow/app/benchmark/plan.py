@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.benchmark.card import DIGITS
 from agentflow.app.design.trust import Approve, refuse
 from agentflow.app.sweeps.folder import is_sweep
 from agentflow.app.sweeps.plan import SweepPlan, plan_sweep
@@ -20,7 +22,7 @@ from agentflow.config.run import DesignConfig, build_config
 from agentflow.config.sweep import BenchmarkSettings, SweepConfig, list_runs
 from agentflow.env.physics.engines import physics_conditions
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.records import TaskRecord, full_score, record_of
+from agentflow.env.tasks.records import full_score, record_of
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import ConfigError, UsageError
 from agentflow.files.documents import digest_of
@@ -29,6 +31,8 @@ from agentflow.workflows.registry import WORKFLOWS
 
 PART, ITEM = "part", "task"
 FIRST, REFINED = "first", "refined"
+MOST = 1.5
+"""Greatest share of an item with a par."""
 
 
 def plan_benchmark(
@@ -89,40 +93,58 @@ class Item:
     """One item of a benchmark."""
 
     task: Task
-    record: TaskRecord
+    knobs: Mapping[str, Any]
     lowest: bool
     """Whether the lowest score of the verification counts, not the median."""
     full: float
     """Score that a share of 1 stands for."""
+    floor: float
+    """Score that a share of 0 stands for."""
+    most: float
+    """Greatest share, so that no item outweighs the others."""
+    basis: tuple[float, ...]
+    """What its shares rest on: all that two cards must agree on."""
+
+    def share(self, score: float) -> float:
+        """What a score counts for."""
+        share = (score - self.floor) / (self.full - self.floor)
+        return round(min(max(share, 0.0), self.most), DIGITS)
 
 
 def read_items(sweep: SweepConfig) -> dict[str, Item]:
-    """The items by name; raises ConfigError if one has no record to compare with."""
-    found = {}
+    """The items by name; raises ConfigError if one has nothing to compare with."""
+    found, settings = {}, benchmark_of(sweep)
     for name, config in item_configs(sweep).items():
-        lowest = sweep.benchmark is not None and name in sweep.benchmark.lowest
-        task = get_task(config.task, config.knobs)
-        record, full = record_of(task), full_score(task, lowest)
-        if record is None or full is None:
-            raise ConfigError(
-                f"the item {name} has no record above 0 to compare with; find one with: "
-                f"python benchmarks/records.py find {name}"
-            )
-        found[name] = Item(task, record, lowest, full)
+        lowest, task = name in settings.lowest, get_task(config.task, config.knobs)
+        if settings.pars:
+            par = settings.pars.get(name)
+            if par is None or par.par <= par.floor:
+                raise ConfigError(f"benchmark.pars: {name} needs a par above its floor")
+            basis, most = (par.floor, par.par), MOST
+            floor, full = basis
+        else:
+            record, above = record_of(task), full_score(task, lowest)
+            if record is None or above is None:
+                raise ConfigError(
+                    f"the item {name} has no record above 0 to compare with; find one with: "
+                    f"python benchmarks/records.py find {name}"
+                )
+            floor, full, most, basis = 0.0, above, inf, (record.verified, record.low)
+        found[name] = Item(task, dict(config.knobs), lowest, full, floor, most, basis)
     return found
 
 
 def conditions(sweep: SweepConfig) -> dict[str, Any]:
     """Everything that two scorecards must share to be comparable."""
     settings = benchmark_of(sweep)
-    records = {name: item.record for name, item in read_items(sweep).items()}
+    items = read_items(sweep).items()
     return {
         "version": settings.version,
         "lite": settings.lite,
         "plan": settings.plan,
         **physics_conditions(build_config(sweep.base).engine),
         "prompts": PromptSet().digest,
-        "records": digest_of({name: [r.verified, r.low] for name, r in records.items()}),
+        "records": digest_of({name: [*item.basis] for name, item in items}),
     }
 
 

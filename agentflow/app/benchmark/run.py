@@ -105,8 +105,8 @@ def _result(
     return ItemResult(
         item=name,
         family=item.task.family,
-        task=item.record.task,
-        knobs=item.record.knobs,
+        task=item.task.name,
+        knobs=dict(item.knobs),
         full=item.full,
         first=_replies(first, item) if first else (_missing(result, FIRST, name),),
         refined=_best(refined, item) if refined else _missing(result, REFINED, name),
@@ -123,7 +123,7 @@ def _replies(run: FinishedRun, item: Item) -> tuple[CountedMachine, ...]:
             recorded_machine(run.path, found.machine),
             statuses.get(found.machine, "ok"),
             found.score,
-            item.full,
+            item,
         )
         if found.valid and found.machine
         else CountedMachine(outcome="invalid", score=0.0, share=0.0, reason=found.reason)
@@ -144,12 +144,12 @@ def _best(run: FinishedRun, item: Item) -> CountedMachine:
         return _without_score("unverified", "a simulation of the verification failed")
     lowest = None if verified is None else verified.low
     score = lowest if item.lowest else result.verified_score
-    found = _attempt(machine, status, score, item.full, result.fragile)
+    found = _attempt(machine, status, score, item, result.fragile)
     return found.model_copy(update={"met": result.met})
 
 
 def _attempt(
-    machine: Machine, status: str, score: float | None, full: float, fragile: bool | None = None
+    machine: Machine, status: str, score: float | None, item: Item, fragile: bool | None = None
 ) -> CountedMachine:
     if score is None:
         return _without_score("simulation_failed", f"the simulation ended with status {status}")
@@ -157,7 +157,7 @@ def _attempt(
     return CountedMachine(
         outcome=outcome,
         score=round(score, DIGITS),
-        share=round(score / full, DIGITS),
+        share=item.share(score),
         fragile=fragile,
         machine=json.dumps(machine.to_json(), separators=(",", ":")),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from shlex import quote
 from typing import Annotated
@@ -83,6 +84,45 @@ def benchmark(
             again = f"agentflow benchmark {quote(str(folder))} --resume{trust_option(plan.configs)}"
             print(f"do the missing runs with: {again}")
         raise typer.Exit(PARTLY)
+
+
+@commands.command(epilog="Example: agentflow new-benchmark --seed 7 --items 33 --out fresh")
+def new_benchmark(
+    out: Annotated[Path, typer.Option(help="Directory of the benchmark; it can be continued.")],
+    seed: options.Seed = 0,
+    items: Annotated[
+        int, typer.Option(min=1, max=1100, help="Number of items; they go round the families.")
+    ] = 33,
+    simulations: Annotated[
+        int, typer.Option(min=1, help="Simulations of the search that sets an item's par.")
+    ] = 2000,
+    workers: options.Workers = 2,
+    as_json: options.Json = False,
+) -> None:
+    """Draw a benchmark that nobody has seen: set.yaml, for agentflow benchmark.
+
+    An item's share is 0 at its floor, the score of random machines, and 1 at its par, the score of
+    the built-in designer and its search. Machines that reach the pars are kept apart: do not
+    publish them. The same command continues what was stopped.
+    """
+    from agentflow.app.benchmark.make import make_benchmark
+
+    made = make_benchmark(
+        out,
+        seed=seed,
+        items=items,
+        simulations=simulations,
+        workers=workers,
+        say=lambda line: print(f"agentflow: {escape_controls(line)}", file=sys.stderr),
+    )
+    if as_json:
+        print_json(made.to_json())
+        return
+    print(f"benchmark: {escape_controls(str(made.file))}")
+    print(f"solutions, to be kept apart: {escape_controls(str(made.machines))}")
+    if made.near:
+        print(f"first machines come near the par of: {', '.join(made.near)}")
+    print(f"use it: agentflow benchmark {quote(str(made.file))}")
 
 
 @commands.command(epilog="Example: agentflow leaderboard a/card.json b/card.json --html board.html")

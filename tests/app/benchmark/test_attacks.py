@@ -103,7 +103,7 @@ def answered(source: Path, machine: Machine) -> Scorecard:
 
     def counted(score: float | None, fragile: bool | None) -> CountedMachine:
         assert score is not None
-        score, share = round(score, 6), round(score / item.full, 6)
+        score, share = round(score, 6), item.share(score)
         return CountedMachine(
             outcome="scored", score=score, share=share, fragile=fragile, machine=text
         )
@@ -114,8 +114,8 @@ def answered(source: Path, machine: Machine) -> Scorecard:
         ItemResult(
             item=name,
             family=item.task.family,
-            task=item.record.task,
-            knobs=item.record.knobs,
+            task=item.task.name,
+            knobs=item.knobs,
             full=item.full,
             first=(first, first),
             refined=counted(found.score, found.holding.fragile),

@@ -1,0 +1,96 @@
+"""New benchmarks: drawn from a seed, continued, and run; shares between floor and par."""
+
+from __future__ import annotations
+
+from math import inf
+from pathlib import Path
+
+import pytest
+import yaml
+
+from agentflow.app.benchmark import make
+from agentflow.app.benchmark.card import read_card
+from agentflow.app.benchmark.plan import Item
+from agentflow.cli import main
+from agentflow.config.run import load_document
+from agentflow.config.sweep import read_sweep
+from agentflow.env.tasks.registry import FAMILIES, get_task
+from agentflow.errors import UsageError
+from tests.loops import for_each
+
+
+def test_shares_begin_at_the_floor_and_end_at_one_and_a_half() -> None:
+    item = Item(get_task("throwing"), {}, False, 30.0, 10.0, 1.5, (10.0, 30.0))
+    assert [item.share(score) for score in (0.0, 10.0, 20.0, 30.0, 99.0)] == [0, 0, 0.5, 1, 1.5]
+    record = Item(get_task("throwing"), {}, False, 30.0, 0.0, inf, (30.0, 29.0))
+    assert record.share(60.0) == 2.0
+
+
+@for_each(sorted(make._content()))
+def test_draws_differ_and_are_in_their_ranges(family: str) -> None:
+    for template in make._content()[family]:
+        drawn = dict(make._draws(template, "0/x"))
+        assert len(drawn) == make.DRAWS
+        assert drawn == dict(make._draws(template, "0/x")), "from the seed alone"
+        for key, value in template.items():
+            ends = isinstance(value, str) and make._RANGE.fullmatch(value)
+            numbers = [changes[key] for changes in drawn.values()]
+            if ends:
+                assert len({*numbers}) > 1, key
+                assert float(ends[1]) <= min(numbers) <= max(numbers) <= float(ends[2])
+            else:
+                assert numbers == [value] * make.DRAWS
+
+
+def test_every_family_has_three_items() -> None:
+    content = make._content()
+    assert set(content) == set(FAMILIES)
+    assert {len(templates) for templates in content.values()} == {3}
+    for templates in content.values():
+        assert sum("requirements.wanted" in template for template in templates) == 1
+
+
+@pytest.mark.slow
+def test_a_new_benchmark_is_continued_and_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    solvers = {name: {**settings} for name, settings in make._SOLVERS.items()}
+    solvers["floor"]["settings.max_simulations"] = 3
+    solvers["first"] |= {"settings.max_simulations": 2, "settings.trajectories": 2}
+    monkeypatch.setattr(make, "_SOLVERS", solvers)
+    monkeypatch.setattr(make, "DRAWS", 1)
+    out = tmp_path / "set"
+    words = ["new-benchmark", "--out", str(out), "--items", "2", "--simulations", "8"]
+    assert main(words) == 0
+    content = (out / "set.yaml").read_bytes()
+    sweep = read_sweep(load_document(out / "set.yaml"), "set.yaml")
+    assert list(sweep.axes["task"]) == ["throwing-1", "movement-1"]
+    assert sweep.benchmark is not None
+    assert sweep.benchmark.canary.startswith("agentflow-benchmark ")
+    assert all(par.par > par.floor for par in sweep.benchmark.pars.values())
+    results = {path: path.stat().st_mtime_ns for path in out.glob("making/*/result.json")}
+    assert len(results) == 6
+    assert main(words) == 0, "nothing is simulated again"
+    assert {path: path.stat().st_mtime_ns for path in results} == results
+    assert (out / "set.yaml").read_bytes() == content
+    with pytest.raises(UsageError, match="is being made with seed 0: continue it with --seed 0"):
+        make.make_benchmark(out, seed=1, items=2, simulations=8, say=print)
+
+    assert main(["benchmark", str(out / "set.yaml"), "--out", str(tmp_path), "--quiet"]) == 0
+    card = read_card(next(tmp_path.glob("set*/card.json")))
+    assert card.conditions["engine"].startswith("mujoco")
+    assert [item.item for item in card.items] == ["throwing-1", "movement-1"]
+    pars = sweep.benchmark.pars
+    for item in card.items:
+        par = pars[item.item]
+        assert item.full == par.par
+        for one in (*item.first, item.refined):
+            if one.score is not None:
+                share = (one.score - par.floor) / (par.par - par.floor)
+                assert one.share == pytest.approx(min(1.5, max(0.0, share)), abs=1e-5)
+    capsys.readouterr()
+    broken = {**load_document(out / "set.yaml")}
+    broken["benchmark"]["pars"].pop("movement-1")
+    (tmp_path / "broken.yaml").write_text(yaml.safe_dump(broken))
+    assert main(["benchmark", str(tmp_path / "broken.yaml"), "--dry-run"]) == 2
+    assert "movement-1 needs a par above its floor" in capsys.readouterr().err
