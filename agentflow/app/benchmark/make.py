@@ -32,23 +32,11 @@ from agentflow.workflows.registry import WORKFLOWS
 
 ITEMS = Path(__file__).with_name("items.yaml")
 SET, MAKING, MACHINES = "set.yaml", "making", "machines"
-FLOOR, REACHED = 100, 20
-"""Simulations of random machines and edits, and first machines of the designer."""
 TRIVIAL = 0.8
 """Greatest share of the par that first machines may reach."""
 DRAWS = 8
 """Most draws of an item; if none fits, the one whose first machines reach least counts."""
 _RANGE = re.compile(r"(-?[0-9]+(?:\.[0-9]+)?)\.\.(-?[0-9]+(?:\.[0-9]+)?)")
-_SOLVERS: Mapping[str, Mapping[str, Any]] = {
-    "floor": {"workflow": "random-dsl", "settings.max_simulations": FLOOR},
-    "first": {
-        "workflow": "single",
-        "settings.max_simulations": REACHED,
-        "settings.trajectories": REACHED,
-        "settings.search.rounds": 0,
-    },
-    "par": {"workflow": "iterative"},
-}
 
 
 @dataclass(frozen=True)
@@ -117,7 +105,7 @@ def make_benchmark(
     pars = {name: item.par for name, item in drawn.items()}
     document = load_document(find_config(Path("benchmark")))
     document["title"] = f"Benchmark of seed {seed}"
-    document["base"] = set_key(document.get("base", {}), "engine", "mujoco")
+    document["base"] = set_key(document.get("base", {}), "engine", content()["engine"])
     document["axes"]["task"] = {name: dict(item.changes) for name, item in drawn.items()}
     document["benchmark"] = {
         **document["benchmark"],
@@ -145,14 +133,14 @@ def _require_same(folder: Path, plan: Mapping[str, int]) -> None:
 
 
 @cache
-def _content() -> Mapping[str, list[dict[str, Any]]]:
-    content: Mapping[str, list[dict[str, Any]]] = yaml.safe_load(ITEMS.read_text("utf-8"))
-    return content
+def content() -> Any:
+    """The engine, the solvers and the items by family."""
+    return yaml.safe_load(ITEMS.read_text("utf-8"))
 
 
 def _templates() -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Names and templates of ever more items: the first of each family, then the second ones."""
-    rounds = {family: cycle(templates) for family, templates in _content().items()}
+    rounds = {family: cycle(templates) for family, templates in content()["items"].items()}
     for number in count(1):
         for family, templates in rounds.items():
             yield f"{family}-{number}", next(templates)
@@ -189,7 +177,7 @@ def _draws(template: Mapping[str, Any], seed: str) -> Iterator[tuple[int, dict[s
         changes = _numbers(template, Random(f"{seed}/{number}"))
         knobs = {key: value for key, value in changes.items() if key not in ("task", "workflow")}
         try:
-            get_task(changes["task"], knobs, "mujoco")
+            get_task(changes["task"], knobs, content()["engine"])
         except ConfigError:
             continue
         fitting += 1
@@ -215,13 +203,12 @@ def _documents(
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """The configuration of each solver."""
     own = changes.get("workflow")
-    for solver, settings in _SOLVERS.items():
-        document: dict[str, Any] = {"engine": "mujoco", "seed": seed, "model": {"name": PROCEDURAL}}
-        most = {"settings.max_simulations": simulations, **settings}["settings.max_simulations"]
-        given = {**settings, "settings.max_simulations": most}
+    for solver, settings in content()["solvers"].items():
+        document = {"engine": content()["engine"], "seed": seed, "model": {"name": PROCEDURAL}}
+        given = {"settings.max_simulations": simulations, **settings}
         if own:  # machines of another kind, which their own workflow makes
             first = WORKFLOWS[own].baseline if solver == "floor" else own
-            given = {"workflow": first, "settings.placements": most}
+            given = {"workflow": first, "settings.placements": given["settings.max_simulations"]}
         for key, value in {**changes, **given}.items():
             document = set_key(document, key, value)
         yield solver, document

@@ -26,9 +26,9 @@ def test_shares_begin_at_the_floor_and_end_at_one_and_a_half() -> None:
     assert record.share(60.0) == 2.0
 
 
-@for_each(sorted(make._content()))
+@for_each(sorted(make.content()["items"]))
 def test_draws_differ_and_are_in_their_ranges(family: str) -> None:
-    for template in make._content()[family]:
+    for template in make.content()["items"][family]:
         drawn = dict(make._draws(template, "0/x"))
         assert len(drawn) == make.DRAWS
         assert drawn == dict(make._draws(template, "0/x")), "from the seed alone"
@@ -43,7 +43,7 @@ def test_draws_differ_and_are_in_their_ranges(family: str) -> None:
 
 
 def test_every_family_has_three_items() -> None:
-    content = make._content()
+    content = make.content()["items"]
     assert set(content) == set(FAMILIES)
     assert {len(templates) for templates in content.values()} == {3}
     for templates in content.values():
@@ -54,10 +54,10 @@ def test_every_family_has_three_items() -> None:
 def test_a_new_benchmark_is_continued_and_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    solvers = {name: {**settings} for name, settings in make._SOLVERS.items()}
-    solvers["floor"]["settings.max_simulations"] = 3
-    solvers["first"] |= {"settings.max_simulations": 2, "settings.trajectories": 2}
-    monkeypatch.setattr(make, "_SOLVERS", solvers)
+    solvers = make.content()["solvers"]
+    few = {"settings.max_simulations": 2, "settings.trajectories": 2}
+    monkeypatch.setitem(solvers, "floor", {**solvers["floor"], "settings.max_simulations": 3})
+    monkeypatch.setitem(solvers, "first", {**solvers["first"], **few})
     monkeypatch.setattr(make, "DRAWS", 1)
     out = tmp_path / "set"
     words = ["new-benchmark", "--out", str(out), "--items", "2", "--simulations", "8"]
