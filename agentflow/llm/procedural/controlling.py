@@ -42,10 +42,9 @@ def add_program(
     """
     if window is None:
         return machine
-    driven = {*driven_blocks(machine).values()}
     named = {control.target for control in machine.controls}
-    if machine.controllers:
-        named.update(str(output.group) for output in machine.controllers.outputs)
+    sensed = machine.controllers.outputs if machine.controllers else ()
+    driven = {*driven_blocks(machine).values()}.difference(output.group for output in sensed)
     drawn = [_draw_control(item, window, rng) for item in ranges if item["group"] in driven - named]
     groups = sorted(driven.difference(named, BY_THEMSELVES, (each.target for each in drawn)))
     on = (Control(group, 0.0, window, 1.0) for group in groups)
