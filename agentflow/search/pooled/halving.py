@@ -72,7 +72,7 @@ class Halving(PooledStrategy):
         drawn: list[tuple[float, float, str | None]] = []
         if not pool.is_full:
             firsts = [worth(_root(line)) for line in lines]
-            behind = _reward(lines[0]) - max(firsts)
+            behind = max(0.0, _reward(lines[0]) - max(firsts))  # a failed simulation counts as 0
             size = record * math.exp(-behind / record) if record else 0.0
             drawn.append((rng.betavariate(1, len(pool.branches)) * size, rng.random(), None))
         every = [gain for made in gains.values() for gain in made if gain > 0]
@@ -106,7 +106,8 @@ def tail(pool: Pool[Any]) -> float:
     roots = (_root(line) for line in pool.branches if line.tree)
     firsts = sorted({root.candidate: worth(root) for root in roots}.values(), reverse=True)
     many = math.isqrt(len(firsts))
-    return sum(firsts[:many]) / many - firsts[min(many, len(firsts) - 1)]
+    # Rounding can put the mean of equal ones below them.
+    return max(0.0, sum(firsts[:many]) / many - firsts[min(many, len(firsts) - 1)])
 
 
 def _root(branch: Branch[Any]) -> Node[Any]:

@@ -126,16 +126,27 @@ async def test_a_full_pool_only_climbs() -> None:
     assert [maker for maker, _ in numbers.tried] == ["new"] + ["edit"] * 84
 
 
-def test_the_tail_is_what_the_best_exceed_the_others_by() -> None:
+def pool_of(rewards: dict[float, float] | Sequence[float]) -> Pool[float]:
+    """First candidates, each with its reward, or which are their own rewards."""
     pool = Pool[float](["new"], ["edit"])
-    for number, first in enumerate((1.0, 9.0, 2.0, 7.0, 7.0, 3.0), start=1):
+    pairs = rewards.items() if isinstance(rewards, dict) else zip(rewards, rewards, strict=True)
+    for number, (first, reward) in enumerate(pairs, start=1):
         tree: SearchTree[float] = SearchTree(
             first,
-            Evaluation(True, first),
+            Evaluation(True, reward),
             None,  # type: ignore[arg-type]
             None,  # type: ignore[arg-type]
             1,
             ignore,
         )
         pool.branches.append(Branch(number, "new", tree))
-    assert tail(pool) == (9 + 7) / 2 - 3
+    return pool
+
+
+def test_the_tail_is_what_the_best_exceed_the_others_by() -> None:
+    assert tail(pool_of((1.0, 9.0, 2.0, 7.0, 7.0, 3.0))) == (9 + 7) / 2 - 3
+
+
+def test_equal_rewards_have_no_tail_whatever_rounding_does() -> None:
+    assert sum([0.1] * 6) / 6 < 0.1
+    assert tail(pool_of({float(number): 0.1 for number in range(40)})) == 0
