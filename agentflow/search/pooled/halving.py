@@ -29,6 +29,9 @@ FAILURES = 3
 """Children that did not improve anything, as the prior of who makes them assumes; one did."""
 GAIN = 0.2
 """Gain of that one, in gains of a first candidate that is the best of all."""
+SHARPNESS = 4
+"""How many times each child and each branch counts in what is drawn from. Draws are then nearer to
+the mean, and less of the budget goes to what has gained less."""
 
 
 class Halving(PooledStrategy):
@@ -74,13 +77,13 @@ class Halving(PooledStrategy):
             firsts = [worth(_root(line)) for line in lines]
             behind = max(0.0, _reward(lines[0]) - max(firsts))  # a failed simulation counts as 0
             size = record * math.exp(-behind / record) if record else 0.0
-            drawn.append((rng.betavariate(1, len(pool.branches)) * size, rng.random(), None))
+            drawn.append((_draw(rng, 1, len(pool.branches)) * size, rng.random(), None))
         every = [gain for made in gains.values() for gain in made if gain > 0]
         usual = (sum(every) + GAIN * record) / (len(every) + 1)
         for arm in pool.arms:
             made = gains.get(arm, [])
             better = [gain for gain in made if gain > 0]
-            chance = rng.betavariate(1 + len(better), FAILURES + len(made) - len(better))
+            chance = _draw(rng, 1 + len(better), FAILURES + len(made) - len(better))
             size = (sum(better) + usual) / (len(better) + 1)
             drawn.append((chance * size, rng.random(), arm))
         return max(drawn, key=lambda item: item[:2])[2]
@@ -108,6 +111,11 @@ def tail(pool: Pool[Any]) -> float:
     many = math.isqrt(len(firsts))
     # Rounding can put the mean of equal ones below them.
     return max(0.0, sum(firsts[:many]) / many - firsts[min(many, len(firsts) - 1)])
+
+
+def _draw(rng: Random, successes: int, failures: int) -> float:
+    """A chance of success."""
+    return rng.betavariate(SHARPNESS * successes, SHARPNESS * failures)
 
 
 def _root(branch: Branch[Any]) -> Node[Any]:

@@ -150,3 +150,17 @@ def test_the_tail_is_what_the_best_exceed_the_others_by() -> None:
 def test_equal_rewards_have_no_tail_whatever_rounding_does() -> None:
     assert sum([0.1] * 6) / 6 < 0.1
     assert tail(pool_of({float(number): 0.1 for number in range(40)})) == 0
+
+
+def test_draws_lie_near_the_mean() -> None:
+    """After 20 edits in vain, hardly one child in ten is made by an edit."""
+    pool = pool_of(range(1, 41))
+    grown = pool.branches[-1]
+    assert grown.tree is not None
+    for id_ in range(1, 21):
+        grown.tree.nodes.append(Node(id_, 39.0, 0, Evaluation(True, 39.0)))
+        grown.arms[id_] = "edit"
+    pool.used, rng = 0.7, Random(0)
+    strategy = Halving()
+    choices = [strategy.choose(pool, rng) for _ in range(200)]
+    assert 0 < sum(choice is not None and choice.arm == "edit" for choice in choices) < 20
