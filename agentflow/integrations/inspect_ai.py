@@ -34,13 +34,13 @@ from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.config.run import DesignConfig
 from agentflow.env.archive import rollout_json
 from agentflow.env.tasks.registry import FAMILIES, get_level, task_names
+from agentflow.integrations.session import bench_config
 from agentflow.rewards import Reward
 from agentflow.rewards.scoring import Sample, shared_scorer
 from agentflow.runs.locations import FEEDBACK, StageName
 from agentflow.tools import Bench, ToolSpec
 from agentflow.version import __version__
-from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.workflow import MOST_CALLS, TOOLS, workflow_of
+from agentflow.workflows.tools.workflow import MOST_CALLS, workflow_of
 
 
 @solver
@@ -107,16 +107,9 @@ def _register_task(family: str) -> None:
             prompts=prompts,
             role=(Agent if tools else Designer).name,
         )
-        settings = WorkflowSettings(candidates_per_stage=1, max_simulations=rollouts, vision=vision)
-        config = DesignConfig(
-            workflow=TOOLS.name,
-            settings=settings,
-            seed=seed,
-            engine=engine,
-            prompts=prompts,
-            verify=False,
-            workers=1,
-        )
+        config = bench_config(
+            levels[0], seed=seed, engine=engine, rollouts=rollouts, vision=vision
+        ).model_copy(update={"prompts": prompts, "workers": 1})
         return Task(
             dataset=MemoryDataset([_sample(name, ask(name)) for name in levels], family),
             solver=work_at_bench(config, Path(out).absolute()) if tools else generate(),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from inspect import Parameter, Signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -11,7 +12,6 @@ from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.app.sessions.clients import RunSession
 from agentflow.config.run import DesignConfig
 from agentflow.env.tasks.registry import get_task
-from agentflow.errors import AgentflowError
 from agentflow.rewards.scoring import Sample, Scorer
 from agentflow.runs.locations import FEEDBACK
 from agentflow.tools import Bench, ToolResult, ToolSpec
@@ -123,13 +123,13 @@ class BenchSession:
         Raises:
             AgentflowError: The run cannot go on.
         """
-        answer = self._bench.review if self._bench.ended else self._bench.call
-        try:
-            result = self._scorer.wait_for(answer(tool, arguments))
-        except AgentflowError:
-            self._faulty = True
-            raise
-        self._faulty |= result.data.get("status") in FAULTS
+        ended, faulty = self._bench.ended, self._faulty
+        answer = self._bench.review if ended else self._bench.call
+        self._faulty = True  # unless there is an answer
+        result = self._scorer.wait_for(answer(tool, arguments))
+        if self._bench.ended and not ended:
+            self._scorer.wait_for(self._session.finish())
+        self._faulty = faulty or result.data.get("status") in FAULTS
         return result
 
     def score(self) -> float | None:
@@ -148,3 +148,26 @@ class BenchSession:
         self._scorer.wait_for(self._session.finish())
         if self._temporary is not None:
             self._temporary.cleanup()
+
+
+def signature_of(
+    spec: ToolSpec, annotate: Callable[[Mapping[str, Any]], Any], *first: Parameter
+) -> Signature:
+    """The signature of a function that calls a tool, from which libraries make a schema again.
+
+    Args:
+        spec: The tool.
+        annotate: The annotation of a parameter, from its schema.
+        first: Parameters before those of the tool.
+    """
+    required = spec.parameters.get("required", ())
+    parameters = (
+        Parameter(
+            name,
+            Parameter.KEYWORD_ONLY,
+            default=Parameter.empty if name in required else schema.get("default"),
+            annotation=annotate(schema),
+        )
+        for name, schema in spec.parameters["properties"].items()
+    )
+    return Signature([*first, *parameters])

@@ -1,12 +1,26 @@
-"""A reward function for TRL's `GRPOTrainer`; needs nothing but agentflow itself."""
+"""For TRL's `GRPOTrainer`: a reward function, and environments in which models call tools.
+
+It needs nothing but agentflow itself.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
+from functools import partial, reduce
+from inspect import Parameter
+from io import BytesIO
+from operator import or_
+from pathlib import Path
+from typing import Any, Literal
+
+from PIL import Image
 
 from agentflow.env.physics.engine import AUTO
-from agentflow.rewards.scoring import Sample, read_knobs, shared_scorer
+from agentflow.integrations.session import BenchSession, bench_config, signature_of
+from agentflow.rewards.scoring import Sample, Scorer, read_knobs, shared_scorer
+from agentflow.tools import ToolSpec
+from agentflow.tools.bench import TOOLS
 
 Completion = str | Sequence[Mapping[str, Any]]
 """Text, or the messages of a conversation."""
@@ -70,3 +84,122 @@ def reply_text(completion: Completion) -> str:
 def _column(value: Any, count: int) -> Sequence[Any]:
     """One value per row."""
     return value if isinstance(value, list | tuple) else [value] * count
+
+
+class BenchTools:
+    """An environment of TRL: one design at a bench after each `reset`. `tool_class` adds the tools,
+    because TRL takes every other public method for one."""
+
+    def __init__(
+        self,
+        rollouts: int = 24,
+        vision: bool = False,
+        engine: str = AUTO,
+        out: Path | None = None,
+        scorer: Callable[[], Scorer] = shared_scorer,
+    ) -> None:
+        self._config = partial(bench_config, engine=engine, rollouts=rollouts, vision=vision)
+        self._out, self._scorer = out, scorer
+        self._open = ExitStack()
+
+    def reset(self, task: str, seed: int | None = None, knobs: object = None, **_: object) -> str:
+        """Begin a design, with columns of the data set; the budget, which ends the prompt.
+
+        Raises:
+            UsageError: The task or a knob does not exist.
+        """
+        self._open.close()
+        config = self._config(task, seed=seed or 0, knobs=read_knobs(knobs))
+        session = BenchSession(self._scorer(), config, "TRL", self._out)
+        self.session = self._open.enter_context(closing(session))
+        return f"\n{self.session.budget}"
+
+    def _call(self, tool: str, arguments: Mapping[str, Any]) -> str | list[dict[str, Any]]:
+        result = self.session.call(tool, arguments)
+        if result.image is None:
+            return result.text
+        picture = Image.open(BytesIO(result.image))
+        return [{"type": "image", "image": picture}, {"type": "text", "text": result.text}]
+
+
+def tool_class(vision: bool = False, scored: bool = True) -> type[BenchTools]:
+    """The class of environments with tools as methods, as TRL finds them.
+
+    Args:
+        vision: Whether the tools include pictures.
+        scored: Whether environments have a reward of their own.
+    """
+    offered = (tool.spec for tool in TOOLS if vision or tool.needs != "pictures")
+    methods = {spec.name: _method(spec) for spec in offered}
+    own = {"get_reward": _reward} if scored else {}
+    return type("Bench", (BenchTools,), {**methods, **own})
+
+
+def bench_environment(
+    rollouts: int = 24,
+    *,
+    vision: bool = False,
+    engine: str = AUTO,
+    workers: int | None = None,
+    out: Path | None = None,
+) -> Callable[[], BenchTools]:
+    """What `GRPOTrainer` takes as `environment_factory`: a design per rollout, by calls of tools.
+
+    Rows of the data set name the level as `task`, and may have `seed` and `knobs`. The reward is
+    the score of the submitted machine, and 0 without one. It is None, which TRL leaves out, if a
+    simulation timed out or crashed.
+
+    Args:
+        rollouts: Simulations of a design.
+        vision: Whether the tools include pictures, for models that see.
+        engine: Physics engine.
+        workers: Worker processes; by default one per processor.
+        out: Parent folder of the runs; by default they are not kept.
+    """
+    scorer = partial(shared_scorer, workers)
+    return partial(tool_class(vision), rollouts, vision, engine, out, scorer)
+
+
+def _reward(self: BenchTools) -> float | None:
+    """The reward of the rollout, which ends with it; None after a time-out or crash."""
+    with closing(self.session) as session:
+        return session.score()
+
+
+_TYPES: Mapping[str, Any] = {
+    "string": str,
+    "integer": int,
+    "number": float,
+    "boolean": bool,
+    "array": list[Any],
+    "object": dict[str, Any],
+    "null": None,
+}
+
+
+def _method(spec: ToolSpec) -> Callable[..., Any]:
+    """A method from whose signature and docstring transformers makes the schema of a tool again."""
+
+    def call(self: BenchTools, **arguments: Any) -> str | list[dict[str, Any]]:
+        return self._call(spec.name, arguments)
+
+    signature = signature_of(spec, _annotation, Parameter("self", Parameter.POSITIONAL_ONLY))
+    about = "".join(
+        f"\n    {name}: {schema['description']}"
+        for name, schema in spec.parameters["properties"].items()
+    )
+    call.__name__ = spec.name
+    call.__doc__ = f"{spec.description}\n\nArgs:{about}\n" if about else spec.description
+    own = signature.parameters.values()
+    call.__annotations__ = {item.name: item.annotation for item in own if item.name != "self"}
+    call.__signature__ = signature  # type: ignore[attr-defined]
+    return call
+
+
+def _annotation(schema: Mapping[str, Any]) -> Any:
+    """The Python type of a JSON schema, as far as tools use these."""
+    kinds = schema.get("anyOf", [schema])
+    types = (
+        Literal[tuple(kind["enum"])] if "enum" in kind else _TYPES[kind["type"]] for kind in kinds
+    )
+    return reduce(or_, types)

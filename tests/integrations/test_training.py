@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import agentflow
 from tests.integrations.foreign import CAR, PLUGINS, documented_code, run_foreign
 from tests.llm.foreign import ROOT
 
@@ -35,16 +36,22 @@ def documented_overrides() -> list[str]:
     return overrides.split()
 
 
+@pytest.mark.mujoco
 def test_trl_learns_from_scores_and_not_from_crashes(tmp_path: Path) -> None:
     variables = {**OFFLINE, "TRL_EXPERIMENTAL_SILENCE": "1"}
     script = Path(__file__).with_name("trl_training.py")
-    code = documented_code("TRL")
-    printed = run_foreign(ENVIRONMENT, tmp_path, script, code, CAR, variables=variables)
+    codes = documented_code("TRL"), CAR, documented_code("TRL with tools")
+    # -P: beside the script is a package `mcp`
+    printed = run_foreign(ENVIRONMENT, tmp_path, "-P", script, *codes, variables=variables)
     found = json.loads(printed.splitlines()[-1])
 
     steps = [row for row in found["trained"] if "reward" in row]
     assert [row["step"] for row in steps] == [1, 2]
     assert [row["rewards/simulation_reward/mean"] for row in steps] == [0.0, 0.0]
+
+    steps = [row for row in found["with_tools"] if "reward" in row]
+    assert [row["rewards/Bench/mean"] for row in steps] == [0.0]  # of the last of two, by default
+    assert found["designed"] == [agentflow.reward("movement", CAR, engine="mujoco").value, None]
 
     score = found["score"]
     assert score > 1

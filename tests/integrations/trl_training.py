@@ -1,8 +1,9 @@
 """Trains a tiny model of random weights with TRL; runs in `.venv-training`, downloads nothing.
 
-Usage: python trl_training.py CODE CAR, where CODE trains the model in the folder `tiny`. It is run
-on the CPU with short completions. Then the model learns from four given replies to a task whose
-simulation crashes for one of them, CAR.
+Usage: python trl_training.py CODE CAR TOOLS, where CODE trains the model in the folder `tiny`. It
+is run on the CPU with short completions. Then the model learns from four given replies to a task
+whose simulation crashes for one of them, CAR. TOOLS trains it with tools, which it does not call;
+then they are called as TRL does.
 """
 
 from __future__ import annotations
@@ -16,12 +17,15 @@ import trl
 from datasets import Dataset
 from tokenizers import Tokenizer, decoders, models, pre_tokenizers, trainers
 from transformers import LlamaConfig, LlamaForCausalLM, PreTrainedTokenizerFast
+from trl.chat_template_utils import qwen3_chat_template
 
 import agentflow
-from agentflow.integrations.trl import simulation_reward
+from agentflow.integrations.trl import bench_environment, simulation_reward
 
 END = "<end>"
 TEMPLATE = "{% for message in messages %}{{ message.content }}\n{% endfor %}"
+NAME = "6c45a9a7"
+"""What the tools call the car."""
 SHORT = 16
 """Tokens of a reply."""
 
@@ -89,7 +93,17 @@ def learn(tokenizer: PreTrainedTokenizerFast, task: str, replies: list[str]) -> 
     return trainer
 
 
-def main(code: str, car: str) -> None:
+def design(task: str, car: str) -> float | None:
+    """The reward of a design with tools."""
+    environment: Any = bench_environment(rollouts=3, workers=1)()
+    environment.reset(prompt=[], task=task)
+    checked = environment.check(machine=car)
+    assert NAME in checked
+    environment.submit(machine=NAME)
+    return environment.get_reward()
+
+
+def main(code: str, car: str, tools: str) -> None:
     prompts = [message["content"] for message in agentflow.design_prompt("movement")]
     tokenizer = write_model("tiny", [*prompts, car])
     trl.GRPOConfig, documented = TinyConfig, {}
@@ -98,7 +112,12 @@ def main(code: str, car: str) -> None:
     three_wheels = json.dumps(json.loads(car)[:-1])
     taught = learn(tokenizer, "faulty/2", [three_wheels, car, "no machine", three_wheels])
     score = agentflow.reward("faulty/2", three_wheels).value
+    tokenizer.chat_template = qwen3_chat_template
+    tokenizer.save_pretrained("tiny")
+    exec(tools, documented)
     found = {
+        "with_tools": documented["trainer"].state.log_history,
+        "designed": [design("movement", car), design("faulty/2", car)],
         "trained": trained.state.log_history,
         "taught": taught.state.log_history,
         "rewards": list(taught._logs["rewards"]["simulation_reward"]),

@@ -7,23 +7,18 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
-from inspect import Parameter, Signature
+from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import verifiers.v1 as vf
 from mcp.types import CallToolResult
 from pydantic import WithJsonSchema
 
-from agentflow.app.design.run import DesignRun, RunOptions
-from agentflow.config.run import DesignConfig
-from agentflow.env.pool.pool import RolloutPool
 from agentflow.integrations.mcp.content import tool_result
-from agentflow.runs.locations import FEEDBACK, StageName
-from agentflow.tools import Bench, ToolSpec
-from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.workflow import TOOLS, workflow_of
+from agentflow.integrations.session import BenchSession, bench_config, signature_of
+from agentflow.rewards.scoring import shared_scorer
+from agentflow.tools import ToolSpec
 
 
 class DesignData(vf.TaskData):
@@ -60,65 +55,30 @@ class BenchTools(vf.Toolset[BenchConfig, DesignState]):
     async def setup_task(self, task: DesignData) -> None:
         """Begin the run."""
         given = self.config
-        out = given.out or Path(self._exit_stack.enter_context(TemporaryDirectory()))
-        pool = await self._exit_stack.enter_async_context(RolloutPool(1))
-        settings = WorkflowSettings(
-            candidates_per_stage=1, max_simulations=given.rollouts, vision=given.vision
-        )
-        config = DesignConfig(
-            task=task.level,
-            workflow=TOOLS.name,
-            settings=settings,
+        config = bench_config(
+            task.level,
             seed=task.seed,
             engine=task.engine,
-            verify=False,
+            rollouts=given.rollouts,
+            vision=given.vision,
         )
-        opened: asyncio.Future[Bench] = asyncio.get_running_loop().create_future()
-
-        async def work(bench: Bench, _stage: StageName) -> None:
-            opened.set_result(bench)
-            await bench.wait_ended()
-
-        options = RunOptions(pool=pool, workflow=workflow_of(work, "verifiers", (FEEDBACK,)))
-        run = DesignRun.create(config, out, options, "")
-        self._working = asyncio.create_task(run.carry_out())
-        either: set[asyncio.Future[Any]] = {self._working, opened}
-        await asyncio.wait(either, return_when="FIRST_COMPLETED")
-        if not opened.done():
-            self._working.result()
-        self._bench = opened.result()
+        begin = partial(BenchSession, shared_scorer(1), config, "verifiers", given.out)
+        self._session = await asyncio.to_thread(begin)
+        self._exit_stack.callback(self._session.close)
 
     def register(self, mcp: Any) -> None:
         """Offer the tools of the bench, with their own schemas."""
-        for spec in self._bench.tools:
+        for spec in self._session.tools:
             mcp.add_tool(self._with_state(self._function(spec)), spec.name, None, spec.description)
 
     def _function(self, spec: ToolSpec) -> Callable[..., Awaitable[CallToolResult]]:
         async def call(**arguments: Any) -> CallToolResult:
-            result = await self._bench.call(spec.name, arguments)
-            if self._bench.ended:
-                await self._working
-                self.state.machine = self._bench.submitted[-1].to_text()
+            result = await asyncio.to_thread(self._session.call, spec.name, arguments)
+            self.state.machine = self._session.submitted
             return tool_result(result)
 
-        call.__signature__ = _signature(spec)  # type: ignore[attr-defined]
+        call.__signature__ = signature_of(spec, _annotation)  # type: ignore[attr-defined]
         return call
-
-
-def _signature(spec: ToolSpec) -> Signature:
-    """Parameters from which the protocol's library makes the schema of a tool again."""
-    required = spec.parameters.get("required", ())
-    return Signature(
-        [
-            Parameter(
-                name,
-                Parameter.KEYWORD_ONLY,
-                default=Parameter.empty if name in required else schema.get("default"),
-                annotation=_annotation(schema),
-            )
-            for name, schema in spec.parameters["properties"].items()
-        ]
-    )
 
 
 def _annotation(schema: Mapping[str, Any]) -> Any:

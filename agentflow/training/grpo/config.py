@@ -90,7 +90,13 @@ class GrpoConfig(TrainingConfig):
     device_batch: int | None = Field(
         None, ge=1, description="maximum replies per device at a time in updates; None is all"
     )
-    max_tokens: int = Field(260, ge=1, description="longer replies are cut off")
+    tools: bool = Field(
+        False, description="whether models call tools over several turns and submit a machine"
+    )
+    rollouts: int = Field(8, ge=1, description="with tools: simulations of a design")
+    max_tokens: int = Field(
+        260, ge=1, description="longer replies are cut off; with tools, their answers count"
+    )
     temperature: float = Field(1.0, gt=0, description="sampling temperature of the replies")
     top_p: float = Field(
         1.0, gt=0, le=1, description="sample from the likeliest tokens with this total probability"
@@ -110,7 +116,8 @@ class GrpoConfig(TrainingConfig):
     @property
     def libraries(self) -> tuple[str, ...]:
         """What must be installed: scipy, apted and gensim measure diversity."""
-        return (*super().libraries, "scipy", "apted", "gensim", *["vllm"] * self.vllm)
+        own = (*["vllm"] * self.vllm, *["jmespath"] * self.tools)
+        return (*super().libraries, "scipy", "apted", "gensim", *own)
 
     @property
     def batch(self) -> int:

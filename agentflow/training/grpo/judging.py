@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from math import log1p
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from agentflow.env.tasks.registry import FAMILIES, get_level
 from agentflow.machine import Machine
@@ -67,6 +67,25 @@ class Judged(NamedTuple):
     spatial: bool
     valid: bool
     machine: Machine | None
+
+
+LOST = Judged(None, None, False, False, False, None)
+"""A design whose simulations failed before it was submitted."""
+
+
+class ToolSession(Protocol):
+    """A design with tools."""
+
+    @property
+    def submitted(self) -> str:
+        """The submitted machine as text; "" for none."""
+
+    @property
+    def lost(self) -> bool:
+        """Whether simulations failed and nothing is submitted."""
+
+    def close(self) -> None:
+        """End it."""
 
 
 class Judging:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Mapping
 from contextlib import closing
+from functools import partial
 from itertools import cycle, islice
 from pathlib import Path
 from types import MappingProxyType
@@ -15,9 +17,11 @@ from trl import GRPOConfig as LibraryConfig
 
 from agentflow.agents.base import chat_prompt
 from agentflow.agents.designer import Designer
+from agentflow.agents.tool_agent import Agent
 from agentflow.env.pool.base import OpenPool
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
+from agentflow.errors import ConfigError
 from agentflow.models.local.folder import ModelFolder
 from agentflow.rewards.scoring import Scorer
 from agentflow.runs import Notify
@@ -60,6 +64,7 @@ def train_grpo(
     resume: bool,
     notify: Notify,
     open_pool: OpenPool = RolloutPool,
+    environment: Callable[..., Any] | None = None,
 ) -> Mapping[str, Any]:
     """Train a model by the rewards of its replies.
 
@@ -69,18 +74,23 @@ def train_grpo(
         resume: Continue the run in `out`, if there is one.
         notify: Receives remarks for the user.
         open_pool: Opens a pool of simulating processes.
+        environment: For `config.tools`: a class of TRL's environments, each with the latest
+            `ToolSession` as `session`; takes the number of simulations, `engine` and `scorer`.
 
     Returns:
         The content of result.json.
 
     Raises:
-        UsageError: A task or engine does not exist, there is no such model, the directory cannot
-            be used, or there are several GPUs or processes.
+        UsageError: A task or engine does not exist, there is no such model, or it cannot call the
+            tools, the directory cannot be used, or there are several GPUs or processes.
     """
     require_one_device(config)
     folder = _trained_folder(config)
+    if config.tools and folder.whole_machines_only:
+        raise ConfigError(f"tools need a chat model, and {config.model.name} writes only machines")
+    role = Agent if config.tools else Designer
     rows = [
-        {"prompt": folder.prompt(chat_prompt(Designer, level.brief)), "task": task}
+        {"prompt": folder.prompt(chat_prompt(role, level.brief)), "task": task}
         for task in config.tasks
         if (level := get_task(task, engine=config.engine))
     ]
@@ -91,7 +101,18 @@ def train_grpo(
         if run.checkpoint is not None:
             notify(f"continuing after {run.checkpoint.name}")
         with closing(Scorer(config.workers, open_pool)) as scorer:
-            trainer = _make_trainer(config, rows, run, scorer, notify)
+            factory = None
+            if config.tools:
+                assert environment is not None
+                os.environ.setdefault("TRL_EXPERIMENTAL_SILENCE", "1")
+                given = {"engine": config.engine, "scorer": lambda: scorer}
+                factory = partial(environment, config.rollouts, **given)
+            try:
+                trainer = _make_trainer(config, rows, run, scorer, notify, factory)
+            except ValueError as error:
+                if not config.tools:
+                    raise
+                raise ConfigError(f"the model cannot be trained with tools: {error}") from None
             trainer.add_callback(Evaluations(config, folder, run, scorer))
             trained = train(trainer, folder, run)
         return run.finish(
@@ -111,11 +132,17 @@ def _trained_folder(config: GrpoConfig) -> ModelFolder:
 
 
 def _make_trainer(
-    config: GrpoConfig, rows: list[dict[str, Any]], run: TrainingRun, scorer: Scorer, notify: Notify
+    config: GrpoConfig,
+    rows: list[dict[str, Any]],
+    run: TrainingRun,
+    scorer: Scorer,
+    notify: Notify,
+    environment: Callable[[], Any] | None,
 ) -> SimulationTrainer:
     model, tokenizer = _first_model(config)
     prompts = list(islice(cycle(rows), config.steps * config.prompts))  # more would be more steps
     trainer = SimulationTrainer(
+        environment_factory=environment,
         judging=Judging(scorer, REWARDS[config.reward], config.engine),
         advantage=config.advantage,
         model=model,

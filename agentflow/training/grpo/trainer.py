@@ -16,7 +16,7 @@ from trl import GRPOTrainer
 from agentflow.diversity.topology import tree_edit_distance
 from agentflow.training.advantages import Floats, novelty
 from agentflow.training.grpo.config import AdvantageConfig
-from agentflow.training.grpo.judging import Judged, Judging
+from agentflow.training.grpo.judging import LOST, Judged, Judging, ToolSession
 
 TOGETHER = 16
 """Replies written at a time on processors. A token for each of 16 takes 5.6 ms with the tiny
@@ -51,12 +51,21 @@ class SimulationTrainer(GRPOTrainer):
         completions: Sequence[Any],
         task: Sequence[str],
         log_metric: Callable[[str, float], None],
+        environments: Sequence[Any] = (),
         **_: Any,
     ) -> list[float | None]:
-        """The rewards of replies; None after a time-out or crash. Called by TRL."""
+        """The rewards of replies, or of what was submitted with tools; None after a time-out or
+        crash. Called by TRL."""
         began = time.perf_counter()
         texts = [_text_of(completion) for completion in completions]
+        sessions: list[ToolSession] = [environment.session for environment in environments]
+        if sessions:
+            texts = [session.submitted for session in sessions]
         judged = self._judging.collect(task, texts)
+        for index, session in enumerate(sessions):
+            if session.lost:
+                judged[index] = LOST
+            session.close()
         numbers = _describe(judged) | {
             "seconds_generation": self._writing,
             "seconds_simulation": time.perf_counter() - began,
@@ -90,7 +99,7 @@ class SimulationTrainer(GRPOTrainer):
         return output
 
     def _generate_single_turn(
-        self, prompt_ids: list[list[int]], *given: Any
+        self, prompt_ids: list[list[int]], *given: Any, **named: Any
     ) -> tuple[list[list[int]], Any]:
         began, threads = time.perf_counter(), torch.get_num_threads()
         size = len(prompt_ids)
@@ -101,9 +110,10 @@ class SimulationTrainer(GRPOTrainer):
         logprobs = None
         for start in range(0, len(prompt_ids), size):
             part = slice(start, start + size)
-            found, logprobs = super()._generate_single_turn(prompt_ids[part], *given)
-            texts = self.processing_class.batch_decode(found, skip_special_tokens=True)
-            self._judging.hand_over(self._tasks[part], texts)
+            found, logprobs = super()._generate_single_turn(prompt_ids[part], *given, **named)
+            if self.environment_factories is None:
+                texts = self.processing_class.batch_decode(found, skip_special_tokens=True)
+                self._judging.hand_over(self._tasks[part], texts)
             written += found
         torch.set_num_threads(threads)
         self._writing += time.perf_counter() - began

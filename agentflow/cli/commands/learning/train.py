@@ -83,6 +83,14 @@ def grpo(
             "a hub (key model.name)."
         ),
     ] = None,
+    tools: Annotated[
+        bool,
+        typer.Option(
+            "--tools",
+            help="Let the model call the tools of a bench over several turns, and reward what it "
+            "submits (key tools).",
+        ),
+    ] = False,
     settings: TrainingSettings = None,
     resume: Resume = False,
     backend: options.Backend = "local",
@@ -102,9 +110,12 @@ def grpo(
     from agentflow.training.config import read_config
     from agentflow.training.grpo.config import GrpoConfig
 
-    built = read_config(GrpoConfig, config, settings or (), {"model.name": model})
+    keys = {"model.name": model, "tools": tools or None}
+    built = read_config(GrpoConfig, config, settings or (), keys)
     require_libraries(*built.libraries)
+    from agentflow.integrations.trl import tool_class
     from agentflow.training.grpo.train import train_grpo
 
-    notify = partial(print_remark, quiet=quiet)
-    print_result(train_grpo(built, out, resume, notify, pools_on(backend)), as_json, show_training)
+    notify, pools = partial(print_remark, quiet=quiet), pools_on(backend)
+    trained = train_grpo(built, out, resume, notify, pools, tool_class(scored=False))
+    print_result(trained, as_json, show_training)
