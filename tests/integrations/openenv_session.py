@@ -73,11 +73,10 @@ async def meet(url: str, car: str) -> dict[str, Any]:
     """Many sessions at a time, of which each has its own machines and seed; then none."""
     clients = [BenchClient(base_url=url) for _ in range(SESSIONS)]
     await asyncio.gather(*(client.connect() for client in clients))
-    one_more = BenchClient(base_url=url)
-    try:
-        await one_more.reset(task="movement")
-    except Exception as error:  # noqa: BLE001 - shown
-        full = str(error)
+    await asyncio.gather(*(client.state() for client in clients))  # so that all have begun
+    one_more = await BenchClient(base_url=url).connect()
+    full = (await one_more._receive())["data"]["message"]
+    await one_more.close()
     await asyncio.gather(
         *(client.reset(task="movement", seed=seed) for seed, client in enumerate(clients))
     )
@@ -122,7 +121,8 @@ def main(car: str, folder: str, code: str) -> None:
         found.bind(("127.0.0.1", 0))
         port = found.getsockname()[1]
     server = uvicorn.Server(uvicorn.Config(app, port=port, log_level="error"))
-    Thread(target=server.run, daemon=True).start()
+    serving = Thread(target=server.run, daemon=True)
+    serving.start()
     while not server.started:
         time.sleep(0.01)
     url = f"http://127.0.0.1:{port}"
@@ -134,6 +134,7 @@ def main(car: str, folder: str, code: str) -> None:
         "issues": validate_multi_mode_deployment(Path(folder))[1],
     }
     server.should_exit = True
+    serving.join()
     print(json.dumps(found))
 
 
