@@ -149,13 +149,15 @@ class RunStory:
 
 
 def score_curve(events: Iterable[RunEvent | Event]) -> list[dict[str, Any]]:
-    """Score of each evaluation that has one, and the cost of the run up to then."""
+    """Score and machine of each evaluation that has one, and the cost of the run up to then."""
     run, points = RunRecord(), []
     for event in events:
         run.add(event)
         if isinstance(event, EvaluationEvent) and event.score is not None:
             spent = {"expansions": run.steps, "calls": run.calls, "tokens": run.tokens}
-            points.append({**spent, "score": event.score})
+            points.append(
+                {**spent, "seconds": event.at, "score": event.score, "machine": event.machine}
+            )
     return points
 
 

@@ -22,8 +22,13 @@ def sweep_data(
     spreads: Mapping[tuple[str, str], Scores],
     tables: Sequence[Table],
     runs: Sequence[Mapping[str, Any]] = (),
+    *,
+    zeros: bool = False,
 ) -> dict[str, Any]:
-    """Everything that the page shows; `spreads` are scores by task and variant."""
+    """Everything that the page shows; `spreads` are scores by task and variant.
+
+    Columns of tables without any value but 0 are left out unless `zeros` keeps them.
+    """
     shared = [note for note in tables[0].notes if all(note in t.notes for t in tables)]
     return {
         "kind": "sweep",
@@ -31,7 +36,7 @@ def sweep_data(
         "about": about,
         "notes": shared,
         "spreads": [_spread(task, name, scores) for (task, name), scores in spreads.items()],
-        "tables": [_table(table, title, shared) for table in tables if table.columns],
+        "tables": [_table(table, title, shared, zeros) for table in tables if table.columns],
         "runs": [dict(run) for run in runs],
     }
 
@@ -52,8 +57,8 @@ def _spread(task: str, name: str, scores: Scores) -> dict[str, Any]:
     }
 
 
-def _table(table: Table, title: str, shared: Sequence[str]) -> dict[str, Any]:
-    kept = [place for place in range(len(table.columns)) if _has_values(table, place)]
+def _table(table: Table, title: str, shared: Sequence[str], zeros: bool) -> dict[str, Any]:
+    kept = [place for place in range(len(table.columns)) if zeros or _has_values(table, place)]
     columns = [table.columns[place] for place in kept]
     return {
         "title": table.title.removeprefix(f"{title}: "),

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path, PurePosixPath
 
+from agentflow.app.benchmark.card import NAME as CARD
+from agentflow.app.benchmark.card import Scorecard, read_card
+from agentflow.app.benchmark.leaderboard import read_cards
+from agentflow.app.sweeps.folder import is_sweep
 from agentflow.errors import RunError, UsageError
 from agentflow.files.folders import require_plain_files
 from agentflow.runs.reading import FILE_NAME
@@ -35,6 +39,28 @@ class RunFolder:
             raise RunError(f"{self.root} does not hold a run named {name[:80]!r}")
         require_plain_files(path)
         return path
+
+    def sweep(self, name: str) -> Path:
+        """The directory of a sweep; `name` may be that of this folder itself.
+
+        Raises:
+            UsageError: The name leads out of the folder, or through a link.
+            RunError: It is no sweep, or it holds links.
+        """
+        path = self.root if name == self.root.name and is_sweep(self.root) else self._path(name)
+        if not is_sweep(path):
+            raise RunError(f"{self.root} does not hold a sweep named {name[:80]!r}")
+        require_plain_files(path)
+        return path
+
+    def cards(self) -> list[list[Scorecard]]:
+        """The scorecards below the folder, best first, those that can be compared together."""
+        found: dict[tuple[str, str], list[Path]] = {}
+        for path in sorted(self.root.rglob(CARD)):
+            if not path.is_symlink():
+                card = read_card(path)
+                found.setdefault((card.digest, str(card.conditions)), []).append(path)
+        return [read_cards(paths) for paths in found.values()]
 
     def _path(self, name: str) -> Path:
         parts = PurePosixPath(name).parts

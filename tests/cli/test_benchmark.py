@@ -117,6 +117,8 @@ def test_a_leaderboard_opens_in_a_browser(
         driver.get(board.as_uri())
         assert driver.title == "Leaderboard · agentflow"
         headings = [item.text for item in driver.find_elements(By.CSS_SELECTOR, "h2")]
-        assert headings[1:] == ["Shares by family", "Shares by item"]
+        assert headings[:4] == ["Ranking", "Families", "How it ended", "All numbers"]
+        assert driver.find_element(By.CSS_SELECTOR, ".shares").text.split()[0] == "gearing"
+        driver.find_element(By.CSS_SELECTOR, "svg .ratio")
         assert "procedural (no language model)" in driver.page_source
         assert complaints(driver) == []

@@ -189,6 +189,18 @@ def test_arrow_keys_walk_the_tree(opened: webdriver.Chrome) -> None:
     assert focused.get_attribute("aria-level") == "2"
 
 
+def test_points_of_a_chart_say_what_they_are_and_pick_their_machine(
+    opened: webdriver.Chrome,
+) -> None:
+    chart = find(opened, "svg[aria-label^='Score over']")
+    until(opened, lambda: chart.find_elements(By.CSS_SELECTOR, ".dot"))
+    chart.send_keys(Keys.ARROW_RIGHT, Keys.END)
+    answer = find(opened, ".answer").text
+    assert answer.startswith("score 0 at ")
+    chart.send_keys(Keys.ENTER)
+    until(opened, lambda: title(opened).endswith(" · 0"))
+
+
 def test_a_refused_edit_says_why_and_has_no_film(opened: webdriver.Chrome) -> None:
     node(opened, "env_feedback/traj-1/round-1/node-0/try-2").click()
     until(opened, lambda: "refused because of <script>" in find(opened, ".chosen .problem").text)

@@ -143,8 +143,14 @@ def test_one_point_per_scored_evaluation() -> None:
         edit(1, 2),
         evaluation("initial/traj-5", 1.0, at=5.0),
     ]
-    points = [tuple(point.values()) for point in score_curve(events)]
-    assert points == [(0, 1, 10, 3.0), (1, 2, 15, 2.0), (1, 2, 15, 9.0), (2, 2, 15, 1.0)]
+    points = [tuple(point.values())[:-1] for point in score_curve(events)]
+    assert points == [
+        (0, 1, 10, 2.0, 3.0),
+        (1, 2, 15, 3.0, 2.0),
+        (1, 2, 15, 4.0, 9.0),
+        (2, 2, 15, 5.0, 1.0),
+    ]
+    assert all(point["machine"] for point in score_curve(events))
 
 
 def test_reasons_are_counted_with_an_example() -> None:

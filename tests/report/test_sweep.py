@@ -39,6 +39,13 @@ def test_tables_are_texts_and_spreads_have_intervals() -> None:
     assert 0.0 <= spread["low"] < 1.5 < spread["high"] <= 3.0
 
 
+def test_a_leaderboard_keeps_columns_of_zeros() -> None:
+    table = Table("", ("model",), (Column("lifting", "first"),), (Row(("m",), (0.0,)),))
+    assert sweep_data("", "", {}, [table])["tables"][0]["columns"] == []
+    (kept,) = sweep_data("", "", {}, [table], zeros=True)["tables"]
+    assert (kept["columns"], kept["rows"]) == ([["lifting", "first"]], [["m", "0.00"]])
+
+
 def test_tables_without_columns_are_left_out_and_nothing_has_no_interval() -> None:
     empty = Table("Empty", ("task",), (), (Row(("throwing",), ()),))
     data = sweep_data("Title", "", {("throwing", "none"): Scores((), 0)}, [empty])

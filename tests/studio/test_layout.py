@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,17 @@ from tests.report.browser import complaints, on_phone
 from tests.studio.pages import NASTY, open_page
 from tests.studio.serving import Served
 
+CARD = Path(__file__).parents[2] / "docs" / "cards" / "procedural.json"
 WIDTHS = ((1440, 900), (1024, 768), (820, 1180), (390, 844))
 PAGES = {
     "runs": "runs",
     "run": "run?run=throwing",
     "pair": f"pair?a=throwing&b={NASTY}",
     "sessions": "sessions",
+    "gallery": "gallery",
+    "leaderboard": "leaderboard",
 }
-SHARED = {"facts", "files", "pair", "player", "problem", "quiet", "said", "task"}
+SHARED = {"card", "cards", "facts", "files", "pair", "player", "problem", "quiet", "said", "task"}
 """Names of classes that both style sheets use on purpose."""
 FAULTS = """
 const faults = [], nav = document.querySelector("nav").getBoundingClientRect();
@@ -51,7 +55,14 @@ def test_the_names_of_the_studio_are_its_own() -> None:
     assert report & studio == SHARED
 
 
+@pytest.fixture(scope="module")
+def _scorecard(runs: Path) -> None:
+    (runs / "bench").mkdir()
+    shutil.copy(CARD, runs / "bench" / "card.json")
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("_scorecard")
 @pytest.mark.parametrize("page", PAGES)
 def test_nothing_overlaps_or_is_cut_off(
     browser: webdriver.Chrome, served: Served, page: str

@@ -29,7 +29,7 @@ from tests.studio.pages import (
     tree,
     until,
 )
-from tests.studio.serving import Served
+from tests.studio.serving import Served, studio
 
 pytestmark = pytest.mark.slow
 
@@ -182,3 +182,21 @@ def test_two_runs_are_shown_side_by_side_in_step(
     assert differ.get_attribute("aria-pressed") == "true"
     assert browser.execute_script("return window.owned ?? null") is None
     assert complaints(browser) == []
+
+
+def test_an_empty_list_says_where_to_begin(browser: webdriver.Chrome, tmp_path: Path) -> None:
+    with studio(tmp_path / "none") as empty:
+        browser.get(empty.address)
+        until(browser, lambda: find(browser, ".first").is_displayed())
+        offers = [
+            item.text for item in browser.find_elements(By.CSS_SELECTOR, ".first :is(a, button)")
+        ]
+        assert offers == ["Run the demo", "Build a car", "Open the example"]
+        browser.find_elements(By.CSS_SELECTOR, ".first a")[0].click()
+        until(browser, lambda: "Step 1 of 5" in find(browser, ".guide").text)
+        take_block(browser, "wooden block")
+        attach(browser, "0.0")
+        until(browser, lambda: "Step 2 of 5" in find(browser, ".guide").text)
+        open_page(browser, empty, "build?example=catapult")
+        assert len(tree(browser)) == 21
+        assert complaints(browser) == []

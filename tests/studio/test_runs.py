@@ -113,6 +113,16 @@ def test_runs_of_different_tasks_are_not_compared(browser: Browser, runs: Path) 
     assert "--" not in answer.text
 
 
+def test_scorecards_and_sweeps_have_their_pages(browser: Browser, runs: Path) -> None:
+    assert browser.get("/api/leaderboards") == []
+    (runs / "bench").mkdir()
+    shutil.copy(RECORDED.parents[1] / "docs/cards/procedural.json", runs / "bench/card.json")
+    [board] = browser.get("/api/leaderboards")
+    assert (board["kind"], len(board["cards"])) == ("leaderboard", 1)
+    for name in ("throwing", "..", "bench"):
+        assert browser.client.get(f"/api/sweep?sweep={name}").status_code == 400
+
+
 def test_an_empty_folder_has_no_runs(tmp_path: Path) -> None:
     with studio(tmp_path / "none") as served:
         assert served.enter().get("/api/runs") == []

@@ -1,8 +1,7 @@
-"""Reports of sweeps and leaderboards."""
+"""Reports of sweeps."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ from agentflow.app.sweeps.registry import HUMAN, LAYOUT, MECHANISMS, VERIFIED, V
 from agentflow.app.sweeps.tables import SweepResult, layout_table, read_sweep_result
 from agentflow.app.sweeps.views import last_cell, variants
 from agentflow.metrics.scores import Scores
-from agentflow.metrics.tables import Table
 from agentflow.report.page import require_writable, write_page
 from agentflow.report.sweep import sweep_data
 
@@ -18,25 +16,22 @@ from agentflow.report.sweep import sweep_data
 def sweep_report(path: Path, out: Path, **_: Any) -> Path:
     """Write the page of a sweep, finished or not, to a file."""
     require_writable(out)
+    data = sweep_page_data(path)
+    write_page(out, f"{data['title']} · agentflow", data)
+    return out
+
+
+def sweep_page_data(path: Path) -> dict[str, Any]:
+    """The data of the page of a sweep, finished or not."""
     result = read_sweep_result(path)
     views = {name: make(result) for name, make in VIEWS.items() if name != LAYOUT}
     for name in (HUMAN, VERIFIED, MECHANISMS):
         if not any(row.values[-1] is not None for row in views[name].rows):
             del views[name]
     tables = [layout_table(result, published=bool(result.sweep.table.published)), *views.values()]
-    data = sweep_data(
+    return sweep_data(
         result.sweep.title, result.sweep.about, _spreads(result), tables, _runs(result)
     )
-    write_page(out, f"{result.sweep.title} · agentflow", data)
-    return out
-
-
-def leaderboard_page(tables: Sequence[Table], out: Path) -> Path:
-    """Write the tables of a leaderboard to an HTML file."""
-    require_writable(out)
-    title = "Leaderboard"
-    write_page(out, f"{title} · agentflow", sweep_data(title, "", {}, tables))
-    return out
 
 
 def _spreads(result: SweepResult) -> dict[tuple[str, str], Scores]:

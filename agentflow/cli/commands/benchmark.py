@@ -170,6 +170,6 @@ def leaderboard(
     text = format_tables(tables, form)
     print_table(text, form)
     if html:
-        from agentflow.app.pages.sweeps import leaderboard_page
+        from agentflow.app.benchmark.page import leaderboard_page
 
-        print(leaderboard_page(tables, html))
+        print(leaderboard_page(found, html, told))

@@ -1,6 +1,8 @@
 // Small SVG charts: score curves, lines, bars of counts, means with intervals.
 
 import { el, formatNumber, svg } from "./dom.js";
+import { save } from "./downloads.js";
+import { answering } from "./pointing.js";
 
 const LEFT = 44;
 const RIGHT = 12;
@@ -8,10 +10,12 @@ const HEIGHT = 190;
 const BOTTOM = 34;
 const UPPER = 24;
 
-/** Scores as dots and the best so far as a line; points are [x, score]. */
-export function scoreChart(title, across, points) {
-  return figure(title, (width) => {
-    const xs = scale([0, Math.max(...points.map(([x]) => x), 1)], [LEFT, width - RIGHT]);
+/** Scores as dots and the best so far as a line; points are [x, score, item]. A point answers to the
+ *  pointer and to arrow keys; a click or Enter gives its item to `pick`. */
+export function scoreChart(title, across, points, pick = null) {
+  let drawn = [];
+  const chart = figure(title, (width) => {
+    const xs = scale([0, Math.max(...points.map(([x]) => x)) || 1], [LEFT, width - RIGHT]);
     const ys = scale([Math.min(0, ...points.map(([, y]) => y)), Math.max(...points.map(([, y]) => y), 0)], [HEIGHT - BOTTOM, UPPER]);
     let best = -Infinity;
     let way = "";
@@ -20,12 +24,18 @@ export function scoreChart(title, across, points) {
       way += way ? `H${xs(x)}V${ys(y)}` : `M${xs(x)} ${ys(y)}`;
       best = y;
     }
+    drawn = points.map(([x, y, item]) => ({ x: xs(x), y: ys(y), item, text: `score ${formatNumber(y)} at ${formatNumber(x, 1)} ${across}` }));
     return [
       ...axes(xs, ys, across, "score"),
-      ...points.map(([x, y]) => svg("circle", { class: "dot", cx: xs(x), cy: ys(y), r: 2.6 })),
+      ...drawn.map(({ x, y }) => svg("circle", { class: "dot", cx: x, cy: y, r: 2.6 })),
       svg("path", { class: "line", d: `${way}H${width - RIGHT}` }),
     ];
   });
+  const picture = chart.querySelector("svg");
+  chart.querySelector("figcaption").append(answering(picture, () => drawn, pick),
+    el("button", { class: "csv", title: "Save these points", click: () => save("scores.csv", [`${across},score`, ...points.map(([x, y]) => `${x},${y}`)].join("\n")) }, ".csv"));
+  picture.classList.toggle("clickable", Boolean(pick));
+  return chart;
 }
 
 const COLOURS = 6; // lines with a colour of their own; further ones begin again
@@ -94,6 +104,34 @@ export function intervalChart(title, unit, rows, mark) {
     const line = rows.map((_, index) => `M${xs(mark?.value)} ${34 + BAND * index - 10}v30`).join(""); // not over the names
     if (Number.isFinite(mark?.value)) lines.push(svg("path", { class: "mark", d: line }, svg("title", {}, mark.name)));
     return [...lines, ...ticksBelow(xs, height - BOTTOM + 8, unit), ...marks];
+  }, height);
+}
+
+/** Shares from 0 to 1 as bars with intervals: {name, bars: [{name, value, low, high}]}. */
+export function shareChart(title, rows) {
+  const [bar, head] = [15, 20];
+  const tall = head + Math.max(...rows.map(({ bars }) => bars.length)) * bar + 14;
+  const height = rows.length * tall + BOTTOM;
+  return figure(title, (width) => {
+    const most = Math.max(...rows.flatMap(({ bars }) => bars.flatMap(({ value, high }) => [value ?? 0, high ?? 0])), 0.01);
+    const xs = scale([0, Math.min(1, Math.ceil(10 * most) / 10)], [4, width - 130]);
+    const percent = (value) => (Number.isFinite(value) ? `${formatNumber(100 * value, 1)} %` : "no share");
+    return [
+      ...ticks(xs.low, xs.high, 5).flatMap((value) => [svg("path", { class: "grid", d: `M${xs(value)} 4V${height - BOTTOM + 4}` }),
+        svg("text", { class: "tick middle", x: xs(value), y: height - BOTTOM + 18 }, `${Math.round(100 * value)} %`)]),
+      ...rows.flatMap(({ name, bars }, row) => [
+        svg("text", { class: "name", x: xs.from, y: row * tall + 14 }, svg("title", {}, name), truncate(name, width - 20)),
+        ...bars.flatMap((item, index) => {
+          const y = row * tall + head + index * bar;
+          const middle = y + bar / 2;
+          return [
+            svg("rect", { class: index ? "ratio lesser" : "ratio", x: xs.from, y: y + 2, width: Math.max(1, xs(item.value ?? 0) - xs.from), height: bar - 4, rx: 2 }),
+            Number.isFinite(item.low) ? svg("path", { class: "interval", d: `M${xs(item.low)} ${middle}H${xs(item.high)}M${xs(item.low)} ${middle - 3}v6M${xs(item.high)} ${middle - 3}v6` }) : null,
+            svg("text", { class: "tick", x: xs(Math.max(item.value ?? 0, item.high ?? 0)) + 8, y: middle + 4 }, `${item.name} ${percent(item.value)}`),
+          ];
+        }),
+      ]),
+    ];
   }, height);
 }
 

@@ -10,7 +10,7 @@ export function downloads(files, packed) {
 }
 
 /** Save content as a file. */
-function save(name, content) {
+export function save(name, content) {
   const url = URL.createObjectURL(new Blob([content]));
   el("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 1000);

@@ -4,12 +4,13 @@ import "./player.css";
 import { cellPage } from "./cell.js";
 import { comparePage } from "./compare.js";
 import { galleryPage } from "./gallery.js";
+import { leaderboardPage } from "./leaderboard.js";
 import { robustnessPage } from "./robustness.js";
 import { runPage } from "./run.js";
 import { sweepPage } from "./sweep.js";
 import { trainingPage } from "./training.js";
 
-const PAGES = { cell: cellPage, run: runPage, sweep: sweepPage, gallery: galleryPage, compare: comparePage, robustness: robustnessPage, training: trainingPage };
+const PAGES = { cell: cellPage, run: runPage, sweep: sweepPage, gallery: galleryPage, leaderboard: leaderboardPage, compare: comparePage, robustness: robustnessPage, training: trainingPage };
 const data = JSON.parse(document.getElementById("data").textContent);
 
 document.body.append(...PAGES[data.kind](data));

@@ -27,6 +27,7 @@ export class RunView {
     this.player = new Player();
     this.chosen = el("section", { class: "chosen", "aria-label": "Selected machine" });
     this.parts = new Map();
+    this.axis = {}; // of the chart of scores
     this.following = false; // whether the best machine is shown as soon as there is a better one
     this.picking = () => {}; // called when somebody picks a machine
     this.top = el("div", {});
@@ -44,7 +45,7 @@ export class RunView {
     this.put("makers", data.makers, this.rest, () => makersSection(data.makers));
     this.put("front", data.front, this.rest, () => frontSection(data.front, (machine) => this.pick(machine)));
     this.put("robustness", data.robustness, this.rest, () => robustnessSection(data.robustness));
-    this.put("score", data.progress, this.rest, () => scoreCharts(data));
+    this.put("score", data.progress, this.rest, () => scoreCharts(data, this.axis, (machine) => this.pick(machine)));
     this.put("stages", data.stages, this.rest, () => stages(data));
     this.put("tools", [data.stages, data.tools], this.rest, () => tools(data));
     this.put("failures", [data.validity, data.reasons, data.failures], this.rest, () => failures(data));

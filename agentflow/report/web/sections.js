@@ -33,15 +33,20 @@ export function legend() {
     "Red ring: something broke. Hollow: invalid. Cross: rejected edit. Arrow keys move the selection.");
 }
 
-export function scoreCharts({ progress }) {
+/** The scores over time, calls, tokens or expansions. `chosen` keeps what was chosen, as `over`; `pick` gets a machine. */
+export function scoreCharts({ progress }, chosen = {}, pick = null) {
   if (progress.length < 2) return null;
-  const tokens = progress.at(-1).tokens > 0;
-  const searched = progress.at(-1).expansions > 0;
-  return section("Score",
-    searched ? scoreChart("Score over expansions", "expansions", progress.map((point) => [point.expansions, point.score])) : null,
-    tokens
-      ? scoreChart("Score over tokens", "tokens", progress.map((point) => [point.tokens, point.score]))
-      : scoreChart("Score over calls (this model reports no tokens)", "calls", progress.map((point) => [point.calls, point.score])));
+  const spent = ["seconds", "calls", "tokens", "expansions"].filter((name) => progress.at(-1)[name] > 0);
+  if (!spent.length) return null;
+  const over = spent.includes(chosen.over) ? chosen.over : spent[0];
+  const place = el("div", {});
+  const draw = (name) => {
+    chosen.over = name;
+    place.replaceChildren(scoreChart(`Score over ${name}`, name, progress.map((point) => [point[name], point.score, point.machine]), pick));
+  };
+  draw(over);
+  const picker = el("select", { "aria-label": "Score over", change: () => draw(picker.value) }, ...spent.map((name) => el("option", { value: name, selected: name === over ? "" : null }, `over ${name}`)));
+  return section("Score", spent.length > 1 ? picker : null, place);
 }
 
 export function stages({ stages: rows }) {

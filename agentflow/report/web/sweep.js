@@ -3,14 +3,15 @@
 import { intervalChart } from "./charts.js";
 import { el, section, table, verifiedText } from "./dom.js";
 
-export function sweepPage(data) {
+/** @param linked makes an element of the name of a run */
+export function sweepPage(data, linked = (name) => name) {
   return [
     el("main", { class: "alone" },
       el("header", {}, el("p", { class: "kind" }, "agentflow sweep"), el("h1", {}, data.title), el("p", { class: "lede" }, data.about),
         ...data.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
       data.spreads.length ? scoreDistributions(data.spreads) : null,
-      ...data.tables.map((item) => tableSection(item, item.title === data.title ? "Table" : item.title)),
-      data.runs.length ? runsSection(data.runs) : null),
+      ...data.tables.filter(({ columns }) => columns.length).map((item) => tableSection(item, item.title === data.title ? "Table" : item.title)),
+      data.runs.length ? runsSection(data.runs, linked) : null),
   ];
 }
 
@@ -26,7 +27,7 @@ function scoreDistributions(rows) {
 
 const MOST_COLUMNS = 9; // most columns of numbers before a table is transposed
 
-function tableSection({ heads, columns, rows, published, publishedTitle, notes }, title) {
+export function tableSection({ heads, columns, rows, published, publishedTitle, notes }, title) {
   return section(capitalize(title), compactTable("Measured", heads, columns, rows),
     published.length ? el("details", {}, el("summary", {}, capitalize(publishedTitle)), compactTable("Published", heads, columns, published)) : null,
     ...notes.map((note) => el("p", { class: "quiet" }, note)));
@@ -50,11 +51,11 @@ function compactTable(caption, heads, columns, rows) {
   return table(told, [...(grouped ? [["", ""]] : []), ["", ""], ...names], turned, grouped ? 2 : 1);
 }
 
-function runsSection(rows) {
+function runsSection(rows, linked) {
   const failed = rows.filter((row) => row.state !== "done");
   const verified = rows.some((row) => row.verified !== null);
   const list = table("", ["Run", "State", "Best score", ...(verified ? ["Verified score"] : []), ...(failed.length ? ["Reason"] : [])],
-    rows.map((row) => [row.name, row.state, row.score, ...(verified ? [row.fragile ? verifiedText(row.verified, true) : row.verified] : []), ...(failed.length ? [row.why ?? ""] : [])]));
+    rows.map((row) => [linked(row.name), row.state, row.score, ...(verified ? [row.fragile ? verifiedText(row.verified, true) : row.verified] : []), ...(failed.length ? [row.why ?? ""] : [])]));
   const count = rows.length === 1 ? "1 run" : `${rows.length} runs`;
   const word = failed.length ? `${count}, ${failed.length} not done` : `${count}, all done`;
   const details = el("details", {}, el("summary", {}, word), list);

@@ -12,11 +12,13 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import BaseRoute, Route
 
+from agentflow.app.benchmark.page import leaderboard_data
 from agentflow.app.design.config import load_config
 from agentflow.app.design.plan import task_of_run
 from agentflow.app.doctor import check_endpoint
 from agentflow.app.pages.compare import Comparison
 from agentflow.app.pages.runs import FINE, ReportedMachine, run_data
+from agentflow.app.pages.sweeps import sweep_page_data
 from agentflow.app.sweeps.estimates import estimate
 from agentflow.app.tasks import list_tasks
 from agentflow.config.run import KEY_VARIABLE
@@ -37,7 +39,7 @@ from agentflow.studio.watching.designs import (
 )
 from agentflow.studio.watching.listing import Listing, News, as_stream, follow_list, follow_run
 
-SMALL = (160, 120)
+SMALL = (320, 240)
 """Width and height of pictures in lists, in pixels."""
 
 
@@ -51,6 +53,12 @@ class OneMachine(OneRun):
     """A machine of a run by content hash."""
 
     machine: str = Field(pattern="^[0-9a-f]{16}$")
+
+
+class OneSweep(Arguments):
+    """A sweep by name."""
+
+    sweep: str = Field(max_length=LONGEST)
 
 
 class TwoRuns(Arguments):
@@ -84,6 +92,8 @@ class Watching:
             post("/api/designs/stop", OneRun, self.stop_design),
             post("/api/designs/resume", OneRun, self.resume_design),
             get("/api/picture", OneMachine, self.picture),
+            get("/api/sweep", OneSweep, self.sweep),
+            get("/api/leaderboards", Nothing, self.leaderboards),
             Route(FOLLOW, self.follow, methods=["GET"]),
         ]
 
@@ -166,6 +176,14 @@ class Watching:
         machine = recorded_machine(self._folder.run(given.run), given.machine)
         content = await asyncio.to_thread(png, machine, view="three-quarter", size=SMALL)
         return Response(content, media_type="image/png")
+
+    async def sweep(self, given: OneSweep) -> dict[str, Any]:
+        """The data of a sweep's page."""
+        return await asyncio.to_thread(sweep_page_data, self._folder.sweep(given.sweep))
+
+    async def leaderboards(self, _given: Nothing) -> list[dict[str, Any]]:
+        """A leaderboard for each version of the benchmark that has scorecards in the folder."""
+        return await asyncio.to_thread(lambda: [*map(leaderboard_data, self._folder.cards())])
 
     async def follow(self, request: Request) -> Response:
         """The stream of one run, or of the list."""

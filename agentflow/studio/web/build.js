@@ -8,6 +8,7 @@ import { designForm } from "./design.js";
 import { Draft, draftsOf, lastTask } from "./drafts.js";
 import { Editor } from "./editor.js";
 import { EXAMPLE } from "./example.js";
+import { carGuide } from "./guide.js";
 import { blockPalette, blockTree, faceList, facts } from "./panel.js";
 import { Recorder } from "./recorder.js";
 import { Stage } from "./stage.js";
@@ -15,14 +16,16 @@ import { Trials } from "./trials.js";
 
 const FIRST = "movement"; // the task of those who name none
 
-export async function buildPage({ task, run, machine, example }) {
+export async function buildPage({ task, run, machine, example, guide }) {
   const [session, start] = await Promise.all([ask("/api/session"), ask("/api/start")]);
   const given = session ?? (run ? await ask("/api/build/from", machine ? { run, machine } : { run }) : example ? EXAMPLE : null);
   const wanted = given?.task ?? task ?? lastTask(start.tasks.map(({ name }) => name)) ?? FIRST;
   const [editor, library] = await Promise.all([Editor.of(wanted), ask("/api/build/blocks", { task: wanted })]);
   editor.library = library;
   if (given) editor.take(await send("/api/build/state", { task: editor.task, machine: given.machine }), "open");
-  return new BuildPage(editor, start, session);
+  const page = new BuildPage(editor, start, session);
+  if (guide) page.view.append(carGuide(editor));
+  return page;
 }
 
 class BuildPage {

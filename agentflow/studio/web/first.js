@@ -23,7 +23,7 @@ export function firstVisit() {
     el("p", { class: "lede" }, "There are no runs here yet. A run is one attempt to design a machine: what was asked, every machine that was tried, and what physics made of it. Begin with one of these:"),
     el("ol", {},
       offer("Watch a design", "Rules and random choices design a catapult, in about a minute. No model and no key is needed. You see each machine as it is tried.", demo),
-      offer("Build a car yourself", "Put blocks together, test the car, and see how far it drives.", el("a", { class: "button", href: address("build", { task: "movement", guide: "car" }) }, "Build a car")),
+      offer("Build a car yourself", "Five guided steps: put blocks together, test the car, and see how far it drives.", el("a", { class: "button", href: address("build", { task: "movement", guide: "car" }) }, "Build a car")),
       offer("Open an example", "A small catapult, block by block. Take it apart, change it, and test how far it throws.", el("a", { class: "button", href: address("build", { example: "catapult" }) }, "Open the example"))),
     told);
 }

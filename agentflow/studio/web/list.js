@@ -125,7 +125,7 @@ export class RunList {
     const tick = before?.line.querySelector("input") ?? el("input", { type: "checkbox", "aria-label": `Compare ${row.run}`, change: () => { if (tick.checked) this.chosen.add(row.run); else this.chosen.delete(row.run); this.draw(); } });
     const number = (value, name) => el("td", { class: `number ${name}` }, value);
     const text = (value, name) => el("td", { class: name, title: value }, value || "–");
-    const picture = row.machine ? el("img", { src: `/api/picture?${new URLSearchParams({ run: row.run, machine: row.machine })}`, alt: "", loading: "lazy", width: 56, height: 42 }) : "";
+    const picture = row.machine ? pictureOf(row, 56, 42) : "";
     const bare = row.problem && !row.curve.length;
     const line = el("tr", { "data-run": row.run, class: row.state },
       el("td", { class: "tick" }, tick), el("td", { class: "picture" }, picture),
@@ -144,6 +144,9 @@ export class RunList {
     location.hash = address("pair", { a, b });
   }
 }
+
+/** The best machine of a run, as built. */
+export const pictureOf = ({ run, machine }, width, height) => el("img", { src: `/api/picture?${new URLSearchParams({ run, machine })}`, alt: "", loading: "lazy", width, height });
 
 /** The best score over time as a line of steps, to the end of the run. */
 function curve({ curve: points, seconds }) {

@@ -4,15 +4,16 @@ import "../../report/web/player.css";
 import "./studio.css";
 import { el } from "../../report/web/dom.js";
 import { problem } from "../../report/web/text.js";
+import { galleryPage, leaderboardPage, resultsPage } from "./boards.js";
 import { buildPage } from "./build.js";
 import { livePage } from "./live.js";
 import { pairPage } from "./pair.js";
 import { runsPage } from "./runs.js";
 import { sessionsPage } from "./sessions.js";
 
-const PAGES = { runs: runsPage, run: livePage, pair: pairPage, build: buildPage, sessions: sessionsPage };
-const UNDER = { run: "runs", pair: "runs" }; // pages that the bar has no entry for
-const BAR = { runs: "Runs", build: "Build", sessions: "Sessions" };
+const PAGES = { runs: runsPage, run: livePage, pair: pairPage, sweep: resultsPage, gallery: galleryPage, leaderboard: leaderboardPage, build: buildPage, sessions: sessionsPage };
+const UNDER = { run: "runs", pair: "runs", sweep: "runs" }; // pages that the bar has no entry for
+const BAR = { runs: "Runs", build: "Build", gallery: "Gallery", leaderboard: "Leaderboard", sessions: "Sessions" };
 let close = () => {};
 let asked = 0;
 

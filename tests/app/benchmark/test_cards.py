@@ -19,6 +19,7 @@ from agentflow.app.benchmark.card import (
     write_card,
 )
 from agentflow.app.benchmark.leaderboard import format_tables, leaderboard, read_cards
+from agentflow.app.benchmark.page import leaderboard_data
 from agentflow.errors import AgentflowError, UsageError
 from agentflow.files.documents import sealed
 from agentflow.metrics.intervals import Rate
@@ -117,6 +118,12 @@ def written(folder: Path, name: str, of: Scorecard) -> Path:
 
 def test_a_card_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert read_card(written(tmp_path, "a", GOOD)) == GOOD
+
+
+def test_the_page_of_a_leaderboard_has_every_family_and_every_failure() -> None:
+    poor, half = leaderboard_data([POOR, HALF])["cards"]
+    assert poor["families"]["flying"]["refined"]["mean"] == 0.0
+    assert (half["complete"], half["refined"]) == (False, {"scored": 1, "missing": 1})
 
 
 def test_requirements_are_counted_where_items_have_some() -> None:
