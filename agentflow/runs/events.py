@@ -255,10 +255,13 @@ class ProgramEvent(RunEvent, kind="program"):
     """Exit status; the negative number of the signal that killed it."""
     timed_out: bool
     """Whether it was stopped at its time limit."""
+    isolated: bool | None = None
+    """Whether it could read nothing but its folder; None in runs of old versions."""
 
     def __str__(self) -> str:
         told = "was stopped at its limit" if self.timed_out else "ended"
-        return f"the program {told} with status {self.status}"
+        how = {True: " (isolated)", False: " (not isolated)", None: ""}[self.isolated]
+        return f"the program {told} with status {self.status}{how}"
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,15 @@ class ExternalSettings(BaseModel, frozen=True, extra="forbid"):
         description="more environment variables to pass to it, such as keys; it gets "
         "harmless ones, such as PATH, anyway",
     )
+    isolate: Literal["auto", "always", "never"] = Field(
+        "auto", description="run it under bubblewrap: where that works, always, or never"
+    )
+    network: bool = Field(
+        False, description="let an isolated program use the network, not only the bench"
+    )
+    readable: tuple[str, ...] = Field(
+        (), description="more files and folders that an isolated program can read"
+    )
 
     @field_validator("command", mode="before")
     @classmethod

@@ -130,6 +130,8 @@ class Scorecard(_Part, populate_by_name=True):
     families: dict[str, FamilyShares]
     items: tuple[ItemResult, ...]
     cost: Cost
+    isolated: bool | None = None
+    """Whether agent programs ran isolated, all of them; None without any."""
 
     @property
     def fragile(self) -> int | None:

@@ -102,10 +102,15 @@ def _ranking(cards: Sequence[Scorecard], checked: Sequence[str]) -> Table:
         for card in cards
         if not card.complete
     ]
+    loose = [
+        f"{card.model}: not isolated: its program could read and change everything here."
+        for card in cards
+        if card.isolated is False
+    ]
     others = other_recorders([engine])
     of_records = f"The records were simulated by {others}." if others else ""
     about = (ABOUT, *[OF_FRAGILE] * tell_fragile(cards))
-    notes = (*checked, *incomplete, *about, *filter(None, [of_records, missing_scipy()]))
+    notes = (*checked, *loose, *incomplete, *about, *filter(None, [of_records, missing_scipy()]))
     return Table(title, ("rank", "model"), columns, tuple(rows), notes=notes)
 
 

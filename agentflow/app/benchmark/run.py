@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -33,10 +33,11 @@ from agentflow.errors import EndpointError
 from agentflow.files.documents import digest_of
 from agentflow.machine import Machine
 from agentflow.metrics.machines import recorded_machine
-from agentflow.runs.events import EvaluationEvent, read_typed_events
+from agentflow.runs.events import EvaluationEvent, ProgramEvent, read_typed_events
 from agentflow.runs.locations import INITIAL
 from agentflow.runs.result import BUDGET
 from agentflow.version import __version__
+from agentflow.workflows.registry import WORKFLOWS
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,20 @@ def make_card(result: SweepResult) -> Scorecard:
             money=spent.money,
             rollouts=sum(run.result.rollouts for run in result.finished),
         ),
+        isolated=_isolated(result.finished),
     )
+
+
+def _isolated(runs: Iterable[FinishedRun]) -> bool | None:
+    """Whether all agent programs of runs were isolated; None without any."""
+    events = (
+        event
+        for run in runs
+        if WORKFLOWS[run.planned.config.workflow].runs_program
+        for event in read_typed_events(run.path)
+    )
+    found = [bool(event.isolated) for event in events if isinstance(event, ProgramEvent)]
+    return all(found) if found else None
 
 
 def _result(

@@ -256,10 +256,20 @@ def doctor(
     role: Annotated[
         str, typer.Option(help="Check the model of this role; agent: that it calls tools.")
     ] = "designer",
+    sandbox: Annotated[
+        bool, typer.Option("--sandbox", help="Only tell whether agent programs run isolated here.")
+    ] = False,
     trust: options.Trust = False,
     as_json: options.Json = False,
 ) -> None:
     """Ask a model endpoint for one small machine, and report what works."""
+    if sandbox:
+        from agentflow.integrations.external.sandbox import sandbox_problem
+
+        why = sandbox_problem()
+        told = f"agent programs run {'not isolated: ' * bool(why)}{why or 'isolated'}"
+        print_result({"isolated": not why, "reason": why}, as_json, lambda _: print(told))
+        return
     from agentflow.app.design.config import load_config
     from agentflow.app.doctor import check_endpoint
     from agentflow.cli.display.show_tasks import show_diagnosis

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from itertools import dropwhile
 from pathlib import Path
@@ -26,6 +26,7 @@ from agentflow.integrations.external.folder import (
     write_folder,
 )
 from agentflow.integrations.external.process import Ending, ProgramCommand, run_program
+from agentflow.integrations.external.sandbox import is_isolated, isolated
 from agentflow.runs.events import FilesEvent, FileVerdict, ProgramEvent, RunEvent
 from agentflow.runs.locations import Location, StageName
 from agentflow.tools import Bench
@@ -72,7 +73,9 @@ async def _work(run: WorkflowContext, bench: Bench, stage: StageName) -> Sequenc
     """Run the program and hand in its files; how it ended."""
     with _folder(stage) as folder:
         ending = await _run(run, bench, stage, folder)
-        program = ProgramEvent(Location(stage), ending.status, ending.timed_out)
+        program = ProgramEvent(
+            Location(stage), ending.status, ending.timed_out, is_isolated(run.settings.external)
+        )
         run.note(program)
         found = read_machine_files(folder / MACHINES)
     verdicts = []
@@ -109,10 +112,14 @@ async def _run(run: WorkflowContext, bench: Bench, stage: StageName, folder: Pat
         variables = {URL: served.url, TOKEN: served.token}
         environment = program_environment(settings, os.environ, variables)
         write_folder(folder, _assignment(run, bench, stage), served.url, served.token)
-        command = ProgramCommand(words, environment, TOKEN, settings.limit_s)
-        run.log(f"=== {stage}: {shlex.join(words)}\n".encode())
+        alone = is_isolated(settings)
+        how = "isolated" if alone else "not isolated"
+        run.log(f"=== {stage}: {shlex.join(words)} ({how})\n".encode())
+        around = isolated(settings, words, folder, served.url) if alone else nullcontext(words)
         try:
-            ending = await run_program(command, folder, folder / TASK, run.log)
+            async with around as all_words:
+                command = ProgramCommand(all_words, environment, TOKEN, settings.limit_s)
+                ending = await run_program(command, folder, folder / TASK, run.log)
         except OSError as error:
             kind = RunError if run.rollouts else ConfigError  # which leaves no run behind
             raise kind(f"external.command: cannot run {words[0]}: {error.strerror}") from None
@@ -146,6 +153,7 @@ async def _hand_in(bench: Bench, file: MachineFile) -> FileVerdict:
 def require_program(settings: WorkflowSettings) -> None:
     """Raise ConfigError unless the program can be run and the tools can be served to it."""
     command_words(settings.external)
+    is_isolated(settings.external)
     program_environment(settings.external, os.environ, {})
     with needs_extra("mcp"):
         import agentflow.integrations.mcp.http  # noqa: F401

@@ -135,6 +135,12 @@ def test_requirements_are_counted_where_items_have_some() -> None:
     assert [row.values for row in by_item.rows] == [(0.5, 0.75, Rate(1, 2)), (0.0, 1.0, None)]
 
 
+def test_cards_of_programs_that_were_not_isolated_say_so() -> None:
+    loose = GOOD.model_copy(update={"isolated": False})
+    told = "good: not isolated: its program could read and change everything here."
+    assert [told in leaderboard([card])[0].notes for card in (loose, GOOD)] == [True, False]
+
+
 def test_fragile_machines_are_counted_where_somebody_looked(tmp_path: Path) -> None:
     """Cards of old versions do not say; beside a new one they have no number."""
     fragile, sturdy = scored(0.75, fragile=True), scored(1, fragile=False)

@@ -41,7 +41,12 @@ HAND_IN = f"shutil.copy({str(CAR)!r}, 'machines/car.json')"
 def configure(code: str, **external: Any) -> DesignConfig:
     """A run with two machines per stage, whose program is Python code."""
     code = f"import json, os, shutil, subprocess, sys, time\n{code}"
-    program = {"command": [sys.executable, "-c", code], "limit_s": 60, **external}
+    program = {
+        "command": [sys.executable, "-c", code],
+        "limit_s": 60,
+        "isolate": "never",  # it reads files of the repository; see test_sandbox.py
+        **external,
+    }
     settings = {"external": program, "candidates_per_stage": 2, "max_simulations": 6}
     return build_config(
         {"task": "movement", "workflow": "external", "settings": settings, "verify": False}
@@ -122,10 +127,12 @@ def test_a_program_that_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFix
     result = result_of(run)
     assert (result["valid"], result["rollouts"]) == (False, 0)
     assert result["reason"] == (
-        "no valid machine: submitted no machine: the program ended with status 3"
+        "no valid machine: submitted no machine: the program ended with status 3 (not isolated)"
     )
     assert main(["show", str(run)]) == 0
-    told = "notice: initial: the program ended with status 3; log.txt has its output\n"
+    told = (
+        "notice: initial: the program ended with status 3 (not isolated); log.txt has its output\n"
+    )
     assert told in capsys.readouterr().out
     assert replay(run, lambda line: pytest.fail(line)) is None
 
@@ -264,7 +271,7 @@ def test_ctrl_c_ends_the_program_and_a_resumed_run_goes_on(tmp_path: Path) -> No
     notes = tmp_path / "notes"
     config = configure(STOPPED + HAND_IN)
     words = [*config.settings.external.command, str(notes)]
-    settings = {"candidates_per_stage": 2, "external": {"command": words}}
+    settings = {"candidates_per_stage": 2, "external": {"command": words, "isolate": "never"}}
     (tmp_path / "c.json").write_text(
         json.dumps({**config.model_dump(mode="json"), "settings": settings})
     )
