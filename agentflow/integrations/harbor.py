@@ -9,12 +9,16 @@ import json
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from dataclasses import dataclass, field
+from math import inf, isfinite
 from pathlib import Path
+from shlex import join
 from typing import Any
 
+from agentflow.app.benchmark.plan import item_configs, plan_benchmark, read_items
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import choose_engine
+from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_machine, record_of
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import NoScoreError, UsageError
@@ -29,7 +33,7 @@ SCHEMA = "1.1"
 INSTRUCTION = """Design a machine and write it to `/app/machine.json`. Only this file is graded: \
 by the score of the machine in it, 0 without a valid one.
 
-The command `agentflow` helps: `agentflow bench start --task {task}` begins a design with a budget \
+The command `agentflow` helps: `agentflow bench start {options}` begins a design with a budget \
 of simulations, `agentflow bench --help` lists the steps, and after `agentflow bench submit`, \
 `agentflow convert RUN /app/machine.json` writes the machine of the run that it names. The MCP \
 server `agentflow` has the same steps as tools.
@@ -52,40 +56,90 @@ END
 """
 
 
+@dataclass(frozen=True)
+class Item:
+    """A task to write."""
+
+    name: str
+    """Of its folder."""
+    task: str
+    """Level."""
+    knobs: Mapping[str, Any] = field(default_factory=dict)
+    engine: str = AUTO
+    floor: float = 0.0
+    full: float | None = None
+    """Scores that shares of 0 and 1 stand for."""
+    most: float = inf
+    """Greatest share."""
+
+    @property
+    def options(self) -> list[str]:
+        """Those of the commands that design for it."""
+        changed = (f"{name}={json.dumps(value)}" for name, value in self.knobs.items())
+        return ["--task", self.task, *(word for each in changed for word in ("--set", each))]
+
+
+def items_of(tasks: Sequence[str]) -> list[Item]:
+    """Levels, such as "throwing" or "bridge/2"; a share is that of the record's score.
+
+    Raises:
+        UsageError: A level does not exist, or is a file.
+    """
+    found = []
+    for task in tasks:
+        level, record = get_level(task), record_of(get_task(task))
+        if not level.number:
+            raise UsageError(f"{task} is a file, which containers lack; name a level of a family")
+        name, full = f"{level.file.family}-{level.number}", record.score if record else None
+        found.append(Item(name, level.name, full=full))
+    return found
+
+
+def items_of_set(benchmark: Path) -> list[Item]:
+    """The items of a benchmark, with its shares.
+
+    Raises:
+        UsageError: There is no such file, or it is not a benchmark of this version.
+    """
+    sweep = plan_benchmark(benchmark, (), {}).sweep
+    items, configs = read_items(sweep), item_configs(sweep)
+    return [
+        Item(name, config.task, config.knobs, config.engine, item.floor, item.full, item.most)
+        for name, config in configs.items()
+        if (item := items[name])
+    ]
+
+
 def export(
-    tasks: Sequence[str],
+    items: Sequence[Item],
     out: Path,
     *,
     solutions: bool = False,
-    engine: str = AUTO,
+    engine: str | None = None,
     wheel: Path | None = None,
 ) -> list[str]:
-    """Write a folder for each level.
+    """Write a folder for each item.
 
     Args:
-        tasks: Levels, such as "throwing" or "bridge/2".
-        out: Parent of the folders, which are named as `bridge-2`.
+        items: What to write, as from `items_of`.
+        out: Parent of the folders.
         solutions: Write the best known machines as solutions.
-        engine: Physics engine that grades, with the seed 0.
+        engine: Physics engine that grades, with the seed 0, in place of that of the items.
         wheel: agentflow as a file, which containers install; by default from the package index.
 
     Returns:
         The folders.
 
     Raises:
-        UsageError: A level, the engine or the wheel does not exist, a level is a file, or has no
-            record; solutions are not at hand; or a folder cannot be written.
+        UsageError: The engine or the wheel does not exist, an item has no known machine, or a
+            folder cannot be written.
     """
-    graded_by = choose_engine(engine).name
     if wheel is not None and not wheel.is_file():
         raise UsageError(f"{wheel} is not there; build it with scripts/release")
-    folders = {}
-    for task in tasks:
-        level = get_level(task)
-        if not level.number:
-            raise UsageError(f"{task} is a file, which containers lack; name a level of a family")
-        contents = _contents(level.name, graded_by, solutions, wheel)
-        folders[out / f"{level.file.family}-{level.number}"] = contents
+    graded_by = {item.name: choose_engine(engine or item.engine).name for item in items}
+    folders = {
+        out / item.name: _contents(item, graded_by[item.name], solutions, wheel) for item in items
+    }
     for folder, contents in folders.items():
         for name, text in contents.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -97,48 +151,59 @@ def export(
     return list(map(str, folders))
 
 
-def _contents(task: str, engine: str, solutions: bool, wheel: Path | None) -> Mapping[str, str]:
+def _contents(item: Item, engine: str, solutions: bool, wheel: Path | None) -> Mapping[str, str]:
     """Name -> text of each file of a task."""
-    level, made = get_level(task), get_task(task, engine=engine)
-    record = record_of(made)
-    solution = record_machine(record.name) if solutions and record else None
-    if solutions and record is None:
-        raise UsageError(f"{task} has no record to write as a solution: omit --with-solutions")
-    if solutions and solution is None:
-        raise UsageError(
-            "the machines of records are not in the package but in its repository: omit "
-            "--with-solutions, or run this in a clone of it"
-        )
-    graded = {"task": task, "engine": engine, "record": record.score if record else None}
+    made = get_task(item.task, item.knobs, engine)
     source = f"/tmp/{wheel.name}" if wheel else "agentflow-machines"
     wanted = f"{source}[mcp]" if wheel else f"{source}[mcp]=={__version__}"
+    graded = {
+        **{name: getattr(item, name) for name in ("task", "knobs", "floor", "full")},
+        **({"most": item.most} if isfinite(item.most) else {}),
+        "engine": engine,
+    }
     files = {
-        "task.toml": _settings(task, f"{level.file.family}-{level.number}", level.file.title),
-        "instruction.md": INSTRUCTION.format(task=task, rules=rules_of(made.brief)),
+        "task.toml": _settings(item),
+        "instruction.md": INSTRUCTION.format(
+            options=join(item.options), rules=rules_of(made.brief)
+        ),
         "environment/Dockerfile": DOCKERFILE.format(
             copy=f"COPY {wheel.name} /tmp/\n" if wheel else "", wanted=wanted
         ),
         "tests/test.sh": TEST,
         f"tests/{GRADED}": json.dumps(graded) + "\n",
     }
-    if solution is not None:
-        files["solution/solve.sh"] = SOLVE.format(machine=solution.to_text())
+    if solutions:
+        files["solution/solve.sh"] = SOLVE.format(machine=_solution(item, made))
     return files
 
 
-def _settings(task: str, name: str, title: str) -> str:
-    server = ["mcp", "--task", task, "--out", "/app/runs"]
+def _solution(item: Item, made: Task) -> str:
+    """The best known machine as text."""
+    record = record_of(made)
+    if record is None:
+        raise UsageError(f"{item.name} has no record to write as a solution: omit --with-solutions")
+    machine = record_machine(record.name)
+    if machine is None:
+        raise UsageError(
+            "the machines of records are not in the package but in its repository: omit "
+            "--with-solutions, or run this in a clone of it"
+        )
+    return machine.to_text()
+
+
+def _settings(item: Item) -> str:
+    server = ["mcp", *item.options, "--out", "/app/runs"]
     return f"""schema_version = "{SCHEMA}"
 artifacts = ["/app/{MACHINE}"]
 
 [task]
-name = "agentflow/{name}"
-description = {json.dumps(title)}
+name = "agentflow/{item.name}"
+description = {json.dumps(get_level(item.task).file.title)}
 keywords = ["physics", "design"]
 
 [metadata]
 agentflow = "{__version__}"
-level = "{task}"
+level = "{item.task}"
 
 [agent]
 timeout_sec = 3600.0
@@ -169,14 +234,14 @@ def grade(graded: Path, machine: Path, out: Path) -> dict[str, float]:
         out: Folder of the two files.
 
     Returns:
-        `reward` (the score), `record_share`, `valid`, and the terms of the score.
+        `reward` (the score), `full_share`, `valid`, and the terms of the score.
 
     Raises:
         NoScoreError: The simulation timed out or crashed, so that there is no reward.
     """
     setting: Mapping[str, Any] = json.loads(graded.read_bytes())
     text = machine.read_text("utf-8", "replace") if machine.is_file() else ""
-    sample = Sample(setting["task"], text, engine=setting["engine"])
+    sample = Sample(setting["task"], text, knobs=setting["knobs"], engine=setting["engine"])
     found = shared_scorer(1).rewards([sample])[0]
     score = require_score(found, setting["task"])
     terms = {
@@ -184,8 +249,10 @@ def grade(graded: Path, machine: Path, out: Path) -> dict[str, float]:
         for name, value in found.rollout.terms.items()
         if isinstance(value, int | float) and isfinite(value)
     }
-    share = {"record_share": round(score / setting["record"], 6)} if setting["record"] else {}
-    numbers = {**terms, **share, "valid": float(found.valid), "reward": score}
+    numbers = {**terms, "valid": float(found.valid), "reward": score}
+    floor, full, most = setting["floor"], setting["full"], setting.get("most", inf)
+    if full is not None and full > floor:
+        numbers["full_share"] = round(min(max((score - floor) / (full - floor), 0.0), most), 6)
     out.mkdir(parents=True, exist_ok=True)
     (out / "reward.json").write_text(json.dumps(numbers), encoding="utf-8")
     (out / "reward.txt").write_text(repr(score), encoding="utf-8")

@@ -14,7 +14,7 @@ import pytest
 import agentflow
 from agentflow.cli import main
 from agentflow.errors import UsageError
-from agentflow.integrations.harbor import export
+from agentflow.integrations.harbor import export, grade, items_of
 from tests.integrations.foreign import CAR, PLUGINS
 from tests.llm.foreign import ROOT
 
@@ -27,6 +27,18 @@ FIELDS: dict[str, set[str]] = {
     "environment": {"build_timeout_sec", "cpus", "memory_mb", "mcp_servers"},
 }
 """Keys of the format, by section; `metadata` may hold anything."""
+
+SET = """
+title: Short throws
+benchmark: {version: 2, pars: {short-throw: {floor: 10, par: 50}}}
+axes:
+  part:
+    first: {workflow: single}
+    refined: {workflow: iterative}
+  task:
+    short-throw: {task: throwing, blocks.max: 20}
+table: {metrics: [share]}
+"""
 
 
 def run_script(script: Path, app: Path, logs: Path) -> subprocess.CompletedProcess[str]:
@@ -72,14 +84,37 @@ def test_files_have_the_format(tmp_path: Path, capsys: pytest.CaptureFixture[str
         assert not (folder / "solution").exists()
 
 
+def test_items_of_a_benchmark_keep_their_knobs_and_shares(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "set.yaml"
+    source.write_text(SET)
+    assert main(["export", "harbor", "--set", str(source), "--out", str(tmp_path)]) == 0
+    task = tmp_path / "short-throw"
+    assert capsys.readouterr().out == f"{task}\n"
+    settings = tomllib.loads((task / "task.toml").read_text())
+    [server] = settings["environment"]["mcp_servers"]
+    assert server["args"][3:5] == ["--set", "blocks.max=20"]
+    told = (task / "instruction.md").read_text()
+    assert "agentflow bench start --task throwing --set blocks.max=20`" in told
+    assert "at most 20 blocks" in told
+    graded = json.loads((task / "tests" / "graded.json").read_text())
+    assert (graded["floor"], graded["full"], graded["most"]) == (10, 50, 1.5)
+    nothing = grade(task / "tests" / "graded.json", tmp_path / "none", tmp_path / "logs")
+    assert nothing["full_share"] == 0.0
+    assert main(["export", "harbor", "--set", "inspector", "--out", str(tmp_path)]) == 2
+    assert "is not a benchmark" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 @pytest.mark.pybullet
 def test_solutions_reach_the_record_and_nothing_else_is_graded(tmp_path: Path) -> None:
-    export(["throwing"], tmp_path, solutions=True)
+    export(items_of(["throwing"]), tmp_path, solutions=True)
     task, app, logs = tmp_path / "throwing-1", tmp_path / "app", tmp_path / "logs"
     test = task / "tests" / "test.sh"
-    assert run_script(test, app, logs).returncode == 0
-    assert read_reward(logs) == {"record_share": 0.0, "valid": 0.0, "reward": 0.0}
+    nothing = {"full_share": 0.0, "valid": 0.0, "reward": 0.0}
+    assert grade(test.with_name("graded.json"), app / "machine.json", logs) == nothing
+    assert read_reward(logs) == nothing
 
     assert run_script(task / "solution" / "solve.sh", app, logs).returncode == 0
     found = []
@@ -89,13 +124,13 @@ def test_solutions_reach_the_record_and_nothing_else_is_graded(tmp_path: Path) -
     first, again = found
     assert first == again
     same = agentflow.reward("throwing", (app / "machine.json").read_text())
-    assert (first["reward"], first["record_share"]) == (same.value, 1.0)
+    assert (first["reward"], first["full_share"]) == (same.value, 1.0)
     assert first["distance"] == same.rollout.terms["distance"]
 
 
 @pytest.mark.slow
 def test_a_crash_is_no_reward(tmp_path: Path) -> None:
-    export(["movement"], tmp_path)
+    export(items_of(["movement"]), tmp_path)
     task, app, logs = tmp_path / "movement-1", tmp_path / "app", tmp_path / "logs"
     graded = task / "tests" / "graded.json"
     graded.write_text(json.dumps({**json.loads(graded.read_text()), "task": "faulty/2"}))
@@ -113,12 +148,12 @@ def test_a_crash_is_no_reward(tmp_path: Path) -> None:
 )
 def test_what_is_not_a_level_is_refused(tmp_path: Path, task: str, told: str) -> None:
     with pytest.raises(UsageError, match=told):
-        export([task], tmp_path)
+        export(items_of([task]), tmp_path)
     assert not [*tmp_path.iterdir()]
 
 
 def test_solutions_need_the_repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentflow.env.tasks.records.MACHINES", tmp_path)
     with pytest.raises(UsageError, match="not in the package but in its repository"):
-        export(["throwing"], tmp_path / "out", solutions=True)
+        export(items_of(["throwing"]), tmp_path / "out", solutions=True)
     assert not (tmp_path / "out").exists()

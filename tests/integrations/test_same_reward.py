@@ -13,7 +13,7 @@ import pytest
 import agentflow
 from agentflow.cli import main
 from agentflow.integrations.evolution import Evaluator
-from agentflow.integrations.harbor import export
+from agentflow.integrations.harbor import export, items_of
 from agentflow.integrations.trl import bench_environment, simulation_reward
 from agentflow.integrations.verl import compute_score
 from agentflow.runs import read_result
@@ -46,7 +46,7 @@ def test_every_path_gives_the_same_reward(
     assert main(["bench", "submit", NAME]) == 0
     found["shell"] = read_result(tmp_path / "runs" / "car").score
 
-    export(["movement"], tmp_path, engine=ENGINE)
+    export(items_of(["movement"]), tmp_path, engine=ENGINE)
     test = tmp_path / "movement-1" / "tests" / "test.sh"
     assert run_script(test, tmp_path, tmp_path / "logs").returncode == 0
     found["harbor"] = read_reward(tmp_path / "logs")["reward"]

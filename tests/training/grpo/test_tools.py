@@ -33,7 +33,7 @@ NAME = "6c45a9a7"
 END = "<|im_end|>"
 SMALL = (
     "tasks=[movement]", "engine=mujoco", "steps=2", "prompts=1", "samples=4", "device_batch=4",
-    "max_tokens=500", "eval_every=2", "eval_samples=1", "save_every=2", "reward=performance",
+    "max_tokens=250", "eval_every=2", "eval_samples=1", "save_every=2", "reward=performance",
     "advantage={name: pass1, scale: false}", "workers=1",
 )  # fmt: skip
 

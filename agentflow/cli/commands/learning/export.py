@@ -9,6 +9,7 @@ import typer
 
 from agentflow.cli import options
 from agentflow.cli.root import print_result, subcommands
+from agentflow.errors import UsageError
 
 export = subcommands(
     "export",
@@ -20,7 +21,13 @@ export = subcommands(
 @export.command(epilog="Example: agentflow export harbor --tasks throwing,bridge/2 --out harbor")
 def harbor(
     out: Annotated[Path, typer.Option(help="Directory; each task is a folder in it.")],
-    tasks: Annotated[str, typer.Option(help="Tasks, such as throwing,movement/3.")],
+    tasks: Annotated[str | None, typer.Option(help="Tasks, such as throwing,movement/3.")] = None,
+    benchmark: Annotated[
+        Path | None,
+        typer.Option(
+            "--set", help="Benchmark whose items to write, such as benchmark or fresh/set.yaml."
+        ),
+    ] = None,
     with_solutions: Annotated[
         bool,
         typer.Option("--with-solutions", help="Write the best known machines as solutions."),
@@ -36,8 +43,14 @@ def harbor(
     as_json: options.Json = False,
 ) -> None:
     """Write tasks for Harbor: an agent works in a container, and a script grades its machine."""
+    if (tasks is None) == (benchmark is None):
+        raise UsageError("name tasks with --tasks, or a benchmark with --set")
     from agentflow.integrations.harbor import export as write
+    from agentflow.integrations.harbor import items_of, items_of_set
 
-    names = [name.strip() for name in tasks.split(",") if name.strip()]
-    folders = write(names, out, solutions=with_solutions, engine=engine or "auto", wheel=wheel)
+    if benchmark is not None:
+        items = items_of_set(benchmark)
+    else:
+        items = items_of([name.strip() for name in (tasks or "").split(",") if name.strip()])
+    folders = write(items, out, solutions=with_solutions, engine=engine, wheel=wheel)
     print_result({"folders": folders}, as_json, lambda found: print(*found["folders"], sep="\n"))
