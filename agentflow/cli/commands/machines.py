@@ -297,25 +297,51 @@ def render(
             help="Viewpoint: front, back, left, right, top, three-quarter or sheet (all six)."
         ),
     ] = "three-quarter",
+    size: Annotated[
+        str | None, typer.Option(help="Width and height in pixels, such as 1920x1080.")
+    ] = None,
+    style: Annotated[str, typer.Option(help="Ground: screen or paper (white).")] = "screen",
+    fps: Annotated[int | None, typer.Option(help="Frames per second of a film, up to 60.")] = None,
+    moments: Annotated[
+        int | None,
+        typer.Option(
+            help="Draw so many moments of the simulation side by side, until the score is earned."
+        ),
+    ] = None,
+    scene: Annotated[
+        bool, typer.Option("--scene", help="Draw the level, with the machine where it starts.")
+    ] = False,
+    axes: Annotated[bool, typer.Option("--axes", help="Draw the axes x+, y+ and z+.")] = False,
+    scale: Annotated[
+        bool,
+        typer.Option(
+            "--scale", help="Draw without perspective, with a scale bar; a sheet has one scale."
+        ),
+    ] = False,
+    transparent: Annotated[
+        bool, typer.Option("--transparent", help="Draw nothing behind the machine.")
+    ] = False,
 ) -> None:
     """Draw a machine (.png), film its simulation (.gif, .mp4) or export it in 3D (.glb).
 
-    A dotted line marks the path of the boulder or of the root block; blocks that broke off are
-    red. An invalid machine can only be drawn; the blocks that overlap are red.
+    Films have the course, distance marks, and a dotted line for the path of the boulder or of the
+    root block. Blocks that broke off are red. From the moment at which the score is earned, a flag
+    and a card tell it. An invalid machine can only be drawn; the blocks that overlap are red.
     """
     from agentflow.app.design.plan import level_note
-    from agentflow.app.pages.pictures import render_file, render_run
+    from agentflow.app.pages.pictures import Wanted, read_size, render_file, render_run
     from agentflow.app.tasks import find_task
     from agentflow.cli.display.live import print_remark
     from agentflow.cli.display.text import show_count
     from agentflow.runs import read_document, state_of
 
     say = show_count("trial")
+    wanted = Wanted(view, read_size(size), style, fps, moments, scene, axes, scale, transparent)
     if Path(source).is_dir():
         state_of(Path(source))  # raises for a directory that is not a run
         if task is not None or knobs or seed:
             raise UsageError("a run has its own task and seed; remove --task, --set and --seed")
-        files = render_run(Path(source), out, view, say, engine)
+        files = render_run(Path(source), out, wanted, say, engine)
         if note := level_note(Path(source), read_document(Path(source))):
             print_remark(note)
     else:
@@ -325,7 +351,7 @@ def render(
             level,
             seed,
             out or Path("machine"),
-            view,
+            wanted,
             say,
             print_remark,
         )

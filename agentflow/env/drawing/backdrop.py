@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,20 @@ from agentflow.env.rollout import Array
 from agentflow.env.rotations import rotated_axes
 from agentflow.env.scene import SceneObject
 
-LAND = (214, 219, 208)
-LINE = (190, 197, 184)
-INK = (118, 126, 114)
+
+@dataclass(frozen=True)
+class Ground:
+    """Colours of what is behind a machine."""
+
+    land: tuple[int, int, int]
+    line: tuple[int, int, int]
+    """Of the distance lines."""
+    ink: tuple[int, int, int]
+    """Of their labels."""
+
+
+SCREEN = Ground((214, 219, 208), (190, 197, 184), (118, 126, 114))
+PAPER = Ground((255, 255, 255), (222, 222, 222), (96, 96, 96))
 DARK = (30, 36, 30)
 SHADE = 90
 """Opacity of a shadow, of 255."""
@@ -26,6 +38,9 @@ COARSER = (1, 2, 4, 10, 20)
 """Factors by which the lines may be farther apart."""
 REACH = 0.6
 """How far the lines must reach to either side, in distances between eye and target."""
+WIDE = 10.0
+"""As far as they must reach for a camera of a very narrow field of view, in half heights of what it
+sees."""
 SIDE_REACH, PIECES = 60.0, 49
 """Least half length of a line along x (m), and its number of points."""
 LABEL_X = 3.5
@@ -35,12 +50,14 @@ CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1) / 2
 """(24, 2) points of a circle of diameter 1."""
 
 
-def backdrop(camera: Camera, solids: Sequence[SceneObject], spacing: float) -> Image.Image:
+def backdrop(
+    camera: Camera, solids: Sequence[SceneObject], spacing: float, ground: Ground = SCREEN
+) -> Image.Image:
     """Draw the ground (RGBA) with lines every `spacing` metres along z, fewer from far away."""
     size = (camera.width, camera.height)
-    picture = Image.new("RGBA", size, LAND)
+    picture = Image.new("RGBA", size, ground.land)
     pen = ImageDraw.Draw(picture)
-    _lines(pen, camera, spacing)
+    _lines(pen, camera, spacing, ground)
     shade = Image.new("L", size, 0)
     shadow = ImageDraw.Draw(shade)
     for outline in _shadows(camera, solids):
@@ -51,9 +68,11 @@ def backdrop(camera: Camera, solids: Sequence[SceneObject], spacing: float) -> I
     return picture
 
 
-def _lines(pen: ImageDraw.ImageDraw, camera: Camera, spacing: float) -> None:
+def _lines(pen: ImageDraw.ImageDraw, camera: Camera, spacing: float, ground: Ground) -> None:
     width = max(1, camera.height // 300)
-    reach = REACH * float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
+    away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
+    seen = away * camera.height / (2 * camera.focal_length)
+    reach = REACH * min(away, WIDE * seen)
     step = spacing * next((n for n in COARSER if LINES * spacing * n >= reach), COARSER[-1])
     middle = round(camera.target[2] / step)
     zs: Array = step * np.arange(middle - LINES, middle + LINES + 1, dtype=np.float64)
@@ -63,12 +82,12 @@ def _lines(pen: ImageDraw.ImageDraw, camera: Camera, spacing: float) -> None:
     for line in project(points, camera).reshape(len(zs), PIECES, 2):
         seen = line[_in_range(line, camera)]
         if len(seen) > 1:
-            pen.line(seen.ravel().tolist(), fill=LINE, width=width)
+            pen.line(seen.ravel().tolist(), fill=ground.line, width=width)
     if spacing > 1.0:
-        _distances(pen, camera, zs)
+        _distances(pen, camera, zs, ground)
 
 
-def _distances(pen: ImageDraw.ImageDraw, camera: Camera, zs: Array) -> None:
+def _distances(pen: ImageDraw.ImageDraw, camera: Camera, zs: Array, ground: Ground) -> None:
     """Label the lines with their z where there is room, round numbers first."""
     font = ImageFont.load_default(size=max(10, camera.height // 32))
     places = project(np.stack([np.full(len(zs), LABEL_X), np.zeros(len(zs)), zs], axis=1), camera)
@@ -86,7 +105,7 @@ def _distances(pen: ImageDraw.ImageDraw, camera: Camera, zs: Array) -> None:
             for other in taken
         ):
             taken.append((left, top, right, bottom))
-            pen.text(place, words, fill=INK, font=font, anchor="lt")
+            pen.text(place, words, fill=ground.ink, font=font, anchor="lt")
 
 
 def _in_range(places: Array, camera: Camera) -> NDArray[np.bool_]:

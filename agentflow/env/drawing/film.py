@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
+from agentflow.env.drawing.backdrop import SCREEN, Ground
 from agentflow.env.drawing.cameras import (
     SIDE,
     Camera,
@@ -21,7 +22,7 @@ from agentflow.env.drawing.cameras import (
 )
 from agentflow.env.drawing.mp4 import save_mp4
 from agentflow.env.drawing.solids import MachineSolids, Pose
-from agentflow.env.drawing.stills import caption, render_image
+from agentflow.env.drawing.stills import GRID, INK, caption, render_image
 from agentflow.env.rollout import Array, Rollout, Trace
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.tasks.base import Task
@@ -29,8 +30,8 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.vectors import IDENTITY, Vec3
 from agentflow.machine.tree import Machine
 
-GRID = 5.0
-"""Distance between the lines on the ground, m."""
+POLE = 2.2
+"""Height of the flag where a score was earned, m."""
 SMOOTHING = 0.8
 """Time over which the camera's path is averaged, s."""
 TALL, ENDLESS = 2.0, 1000.0
@@ -40,9 +41,17 @@ COLORS = 96
 
 
 def save_film(
-    machine: Machine, task: Task, rollout: Rollout, path: Path, *, size: Size = (640, 480)
+    machine: Machine,
+    task: Task,
+    rollout: Rollout,
+    path: Path,
+    *,
+    size: Size = (640, 480),
+    ground: Ground = SCREEN,
 ) -> None:
     """Film a rollout, one frame per regular sample of its trace, so that time passes evenly.
+
+    The score appears when it is earned, and a flag marks where that was.
 
     Args:
         machine: The simulated machine.
@@ -50,12 +59,40 @@ def save_film(
         rollout: A rollout with a trace.
         path: File to write, `.gif` or `.mp4`.
         size: Width and height in pixels.
+        ground: Colours of the ground.
     """
     assert rollout.trace is not None
     trace = rollout.trace.even
-    frames = list(_frames(machine, task, rollout, trace, size))
+    frames = list(_frames(machine, task, rollout, trace, size, ground))
     save = save_mp4 if path.suffix == ".mp4" else _save_gif
     save(frames, path, frame_interval(trace))
+
+
+def save_strip(
+    machine: Machine,
+    task: Task,
+    rollout: Rollout,
+    path: Path,
+    *,
+    size: Size = (480, 360),
+    ground: Ground = SCREEN,
+    count: int = 5,
+) -> None:
+    """Draw moments of a rollout side by side, from its start to when its score is earned.
+
+    Arguments are as for `save_film`; each moment has the size.
+    """
+    assert rollout.trace is not None
+    trace = rollout.trace.even
+    landing = landing_of(machine, rollout)
+    end = trace.times[-1] if landing is None else landing.time
+    last = int(np.searchsorted(trace.times, end - 1e-9).clip(max=len(trace.times) - 1))
+    wanted = np.linspace(0, last, count).round().astype(int).tolist()
+    frames = list(_frames(machine, task, rollout, trace, size, ground, wanted))
+    strip = Image.new("RGB", (count * size[0], size[1]))
+    for column, frame in enumerate(frames):
+        strip.paste(frame, (column * size[0], 0))
+    strip.save(path, "PNG", optimize=True)
 
 
 def tracked_block(machine: Machine) -> int:
@@ -96,22 +133,35 @@ def frame_interval(trace: Trace) -> float:
 
 
 def _frames(
-    machine: Machine, task: Task, rollout: Rollout, trace: Trace, size: Size
+    machine: Machine,
+    task: Task,
+    rollout: Rollout,
+    trace: Trace,
+    size: Size,
+    ground: Ground = SCREEN,
+    wanted: Iterable[int] | None = None,
 ) -> Iterator[Image.Image]:
-    """One picture per sample of an evenly sampled trace."""
+    """One picture per sample of an evenly sampled trace, or per wanted index."""
     assert rollout.scene is not None
     tracked, machine_solids = tracked_block(machine), MachineSolids(machine)
-    for index, camera in enumerate(_cameras(trace, tracked, View(back=SIDE, size=size))):
-        time = float(trace.times[index])
+    landing = landing_of(machine, rollout)
+    earned = float(trace.times[-1]) if landing is None else landing.time
+    cameras = _cameras(trace, tracked, View(back=SIDE, size=size))
+    for index in range(len(cameras)) if wanted is None else wanted:
+        camera, time = cameras[index], float(trace.times[index])
         broken = {item.block for item in rollout.broken if item.time <= time}
         solids = machine_solids.objects(Pose.at(trace, index), broken)
         others = _remove_occluders(objects_at(rollout.scene, trace, index), camera)
-        picture = render_image(camera, solids, others, GRID)
+        picture = render_image(camera, solids, others, GRID, ground=ground)
         _draw_trail(picture, camera, trace.centre[:index, tracked])
         if tracked:
             width = machine_solids.solids[tracked][0].size[0]
             _draw_speck(picture, camera, trace.centre[index, tracked], width)
-        caption(picture, f"{task.name}   {time:4.1f} s   score {rollout.score or 0.0:.1f}")
+        over = time >= earned - 1e-9
+        score = f"   score {rollout.score or 0.0:.2f}" if over else ""
+        caption(picture, f"{task.name}   {time:4.1f} s{score}")
+        if over and landing is not None:
+            _draw_flag(picture, camera, landing)
         yield picture
 
 
@@ -184,6 +234,24 @@ def _draw_trail(picture: Image.Image, camera: Camera, trail: Array) -> None:
     for x, y in project(trail, camera):
         if np.isfinite(x):
             pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=TRAIL)
+
+
+def _draw_flag(picture: Image.Image, camera: Camera, landing: Landing) -> None:
+    """Draw a pole where a score was earned, and a card with the score and its time."""
+    x, _, z = landing.place
+    (foot, top) = project(np.array([(x, 0.0, z), (x, POLE, z)]), camera)
+    pen, wide = ImageDraw.Draw(picture), max(2, picture.height // 200)
+    if np.isfinite([foot, top]).all():
+        pen.line((*foot, *top), fill=INK, width=wide)
+        cloth = wide * np.array([(0, 0), (9, 3), (0, 6)]) + top
+        pen.polygon(cloth.ravel().tolist(), TRAIL)
+    size = max(14, picture.height // 18)
+    font, where = ImageFont.load_default(size=size), (picture.width / 2, picture.height - 2 * size)
+    words = f"{landing.words} after {landing.time:.2f} s"
+    left, upper, right, lower = pen.textbbox(where, words, font=font, anchor="mm")
+    gap = size / 2
+    pen.rectangle((left - gap, upper - gap, right + gap, lower + gap), "white", INK, wide // 2)
+    pen.text(where, words, INK, font, "mm")
 
 
 def _draw_speck(picture: Image.Image, camera: Camera, place: Array, width: float) -> None:

@@ -23,7 +23,13 @@ from agentflow.env.drawing.cameras import (
 from agentflow.env.drawing.film import objects_at
 from agentflow.env.drawing.raster import CORNERS, corners_of
 from agentflow.env.drawing.solids import MachineSolids, Pose
-from agentflow.env.drawing.stills import INK, caption, render_image
+from agentflow.env.drawing.stills import (
+    INK,
+    caption,
+    draw_axes,
+    draw_scale,
+    render_image,
+)
 from agentflow.env.feedback.fragments import held_pairs, joined_to
 from agentflow.env.rollout import Array, Rollout
 from agentflow.env.scene import Body, SceneObject
@@ -48,11 +54,6 @@ NEAR = 12.0
 """Blocks farther than this from what the camera follows are left out of the frame, m."""
 AROUND = 4.0
 """Side of the cube around the centre of what it follows that is in the frame at least, m."""
-SCALES = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
-"""Possible lengths of the scale bar, m."""
-AXES = {"x": (200, 40, 30), "y": (30, 130, 40), "z": (30, 70, 200)}
-ARROW, CORNER = 34, (52, 52)
-"""Length of the arrows of the axes, and where they start, in pixels from the lower left corner."""
 
 
 @dataclass(frozen=True)
@@ -174,8 +175,8 @@ def _draw(shapes: MachineSolids, moment: _Moment, camera: Camera, said: str) -> 
     solids = shapes.objects(moment.pose, moment.broken)
     picture = render_image(camera, solids, moment.moving, 1.0, moment.fixed)
     _label_blocks(picture, camera, moment.pose.centre)
-    _draw_axes(picture, camera)
-    _draw_scale(picture, camera)
+    draw_axes(picture, camera)
+    draw_scale(picture, camera)
     caption(picture, said)
     return picture
 
@@ -205,29 +206,3 @@ def _label_blocks(picture: Image.Image, camera: Camera, centres: Array) -> None:
             continue
         taken.append(box)
         pen.text((x, y), str(block), INK, font, "mm", stroke_width=2, stroke_fill="white")
-
-
-def _draw_axes(picture: Image.Image, camera: Camera) -> None:
-    """Draw the directions x+, y+ and z+ in a corner; those towards the eye as points."""
-    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=13)
-    right, up, _ = camera.axes
-    start = CORNER[0], picture.height - CORNER[1]
-    for name, axis in zip(AXES, np.eye(3), strict=True):
-        across, rise = ARROW * float(right @ axis), -ARROW * float(up @ axis)
-        x, y = start[0] + across, start[1] + rise
-        pen.line((*start, x, y), fill=AXES[name], width=3)
-        if abs(across) + abs(rise) > ARROW / 4:
-            where = (x + across * 0.35, y + rise * 0.35)
-            pen.text(where, f"{name}+", AXES[name], font, "mm", stroke_width=2, stroke_fill="white")
-
-
-def _draw_scale(picture: Image.Image, camera: Camera) -> None:
-    """Draw a bar of round length, at the distance of the machine."""
-    away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
-    pixels = camera.focal_length / away
-    metres = max((s for s in SCALES if s * pixels <= picture.width / 4), default=SCALES[0])
-    right, y = picture.width - 20, picture.height - 20
-    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=13)
-    pen.line((right - metres * pixels, y, right, y), fill=INK, width=3)
-    where = (right - metres * pixels / 2, y - 12)
-    pen.text(where, f"{metres:g} m", INK, font, "mm", stroke_width=2, stroke_fill="white")

@@ -23,6 +23,8 @@ DURATION = {b"mvhd": 32, b"tkhd": 36, b"mdhd": 32}
 """Offset of the duration in each header box (version 1)."""
 CREATED, HANDLER, BRAND = 12, 16, 8
 """Offsets of the creation time, the track's handler type and the file's brand in their boxes."""
+TICKING, TICKS = (b"mvhd", b"mdhd"), 28
+"""Header boxes that tell how many ticks a second has, and the offset of that number."""
 UNUSED = (b"meta", b"edts")
 """Boxes to drop: the AVIF's still image and its repetition count."""
 
@@ -53,11 +55,12 @@ def save_mp4(frames: Sequence[Image.Image], path: Path, interval: float) -> None
         codec="aom",
         range="limited",
     )
-    path.write_bytes(as_mp4(buffer.getvalue()))
+    path.write_bytes(as_mp4(buffer.getvalue(), round(round(1000 * interval) / interval)))
 
 
-def as_mp4(animation: bytes) -> bytes:
-    """Relabel an animated AVIF as a film that plays once, without a creation time."""
+def as_mp4(animation: bytes, ticks: int) -> bytes:
+    """Relabel an animated AVIF as a film that plays once, without a creation time; its milliseconds
+    count as ticks, so many in a second, because 60 frames a second are no whole milliseconds."""
     film = bytearray(animation)
     boxes = dict(_boxes(film, 0, len(film)))
     pack_into("4s", film, BRAND, b"iso8")
@@ -68,6 +71,8 @@ def as_mp4(animation: bytes) -> bytes:
     for name, place in DURATION.items():
         pack_into(">QQ", film, boxes[name] + CREATED, 0, 0)
         pack_into(">Q", film, boxes[name] + place, *length)
+    for name in TICKING:
+        pack_into(">I", film, boxes[name] + TICKS, ticks)
     return bytes(film)
 
 

@@ -64,7 +64,7 @@ def level_plans(task: Task) -> tuple[LevelPlan, LevelPlan]:
     scene, brief = task.scene(), task.brief
     objects = (*scene.objects, *_given(brief.given))
     volume = _volume(scene.start, brief.limits.size)
-    low, high = _frame(objects, volume)
+    low, high = frame_of(objects, volume)
     by_height = sorted(objects, key=lambda item: _points(item)[:, 1].max())
     by_nearness = sorted(objects, key=lambda item: _points(item)[:, 0].max())
     above = LevelPlan(
@@ -108,8 +108,8 @@ def _volume(start: Start, size: tuple[float, float, float]) -> Array:
     return turned
 
 
-def _frame(objects: Sequence[SceneObject], volume: Array) -> tuple[Array, Array]:
-    """Lowest and highest (x, y, z) that the plans show."""
+def frame_of(objects: Sequence[SceneObject], volume: Array) -> tuple[Array, Array]:
+    """Lowest and highest (x, y, z) that pictures of a level show, with points that are in them."""
     lows, highs = [volume.min(axis=0)], [volume.max(axis=0)]
     reach = np.array([(-ASIDE, -np.inf, BEHIND), (ASIDE, np.inf, AHEAD)])
     for item in objects:

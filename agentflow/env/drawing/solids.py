@@ -12,8 +12,8 @@ from agentflow.env.drawing.cameras import to_vec3
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.model import Assembly, Color
 from agentflow.env.rollout import Array, Trace
-from agentflow.env.rotations import compose, conjugate, rotate
-from agentflow.env.scene import SceneObject
+from agentflow.env.rotations import compose, conjugate, rotate, rotated_axes
+from agentflow.env.scene import SceneObject, Start
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import (
     Quat,
@@ -50,6 +50,12 @@ class Pose:
         """The pose in one sample."""
         alive = set(np.flatnonzero(trace.alive[index]).tolist())
         return cls(trace.centre[index], trace.rotation[index], alive)
+
+    def at_start(self, start: Start) -> Pose:
+        """This pose, if it is that of a machine as built, where the machine starts in a level."""
+        centre = self.centre @ rotated_axes(start.rotation) + (0.0, start.height, 0.0)
+        turned = compose(np.asarray(start.rotation), self.rotation)
+        return Pose(centre, turned, self.alive)
 
 
 class MachineSolids:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from agentflow.env.drawing.backdrop import backdrop
+from agentflow.env.drawing.backdrop import SCREEN, Ground, backdrop
 from agentflow.env.drawing.cameras import VIEWS, Camera, Size, View, camera_at, fit
-from agentflow.env.drawing.raster import corners_of, draw
+from agentflow.env.drawing.plans import frame_of
+from agentflow.env.drawing.raster import CORNERS, corners_of, draw
 from agentflow.env.drawing.solids import MachineSolids
-from agentflow.env.scene import SceneObject
+from agentflow.env.scene import Scene, SceneObject
 from agentflow.errors import UnknownNameError
 from agentflow.machine.tree import Machine
 
@@ -23,9 +24,35 @@ SHEET = "sheet"
 """Name of the picture that shows all views."""
 COLUMNS = 3
 """Views per row of a sheet."""
+SCALES = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
+"""Possible lengths of the scale bar, m."""
+AXES = {"x": (200, 40, 30), "y": (30, 130, 40), "z": (30, 70, 200)}
+ARROW, CORNER = 34, 58
+"""Length of the arrows of the axes, and how far from the left and lower edge they start, pixels."""
 SMOOTH = 2
 """Supersampling: pictures are drawn this many times larger, then averaged."""
 INK = (30, 32, 36)
+GRID = 5.0
+"""Distance between the lines on the ground of a level, m."""
+ORTHOGRAPHIC = 1.0
+"""Field of view of pictures to scale, degrees: so narrow that lengths do not depend on distance."""
+
+
+@dataclass(frozen=True)
+class StillOptions:
+    """What else a picture shows, and on which ground."""
+
+    ground: Ground | None = SCREEN
+    """None: nothing is behind the machine."""
+    axes: bool = False
+    """Draw the directions x+, y+ and z+."""
+    scale: bool = False
+    """Draw a bar of round length, without perspective; all views of a sheet have one scale."""
+    scene: Scene | None = None
+    """A level; the machine is then where it starts there."""
+
+
+PLAIN = StillOptions()
 
 
 def render_png(
@@ -35,6 +62,7 @@ def render_png(
     view: str = "three-quarter",
     size: Size = (800, 600),
     red: Collection[int] = (),
+    options: StillOptions = PLAIN,
 ) -> None:
     """Save a picture of a machine as built.
 
@@ -44,11 +72,12 @@ def render_png(
         view: One of `cameras.VIEWS`, or `sheet` for all of them, each half as wide and high.
         size: Width and height in pixels.
         red: Blocks to draw in red.
+        options: What else is shown.
 
     Raises:
         UnknownNameError: There is no such view.
     """
-    _picture(machine, view, size, red).save(path, "PNG", optimize=True)
+    _picture(machine, view, size, red, options).save(path, "PNG", optimize=True)
 
 
 def png(machine: Machine, *, view: str, size: Size) -> bytes:
@@ -72,6 +101,7 @@ def render_image(
     others: Sequence[SceneObject],
     spacing: float,
     scenery: Sequence[SceneObject] = (),
+    ground: Ground | None = SCREEN,
 ) -> Image.Image:
     """Draw solids (which cast shadows) and other objects on the ground.
 
@@ -81,10 +111,14 @@ def render_image(
         others: Other objects.
         spacing: Between the lines on the ground, m.
         scenery: Objects that are as glass where they would hide the rest.
+        ground: Its colours; None for a transparent picture without shadows.
     """
     large = replace(camera, width=SMOOTH * camera.width, height=SMOOTH * camera.height)
-    ground = backdrop(large, solids, spacing)
-    return draw(large, (*others, *solids), ground, scenery).reduce(SMOOTH).convert("RGB")
+    if ground is None:
+        nothing = Image.new("RGBA", (large.width, large.height), (0, 0, 0, 0))
+        return draw(large, (*others, *solids), nothing, scenery).reduce(SMOOTH)
+    behind = backdrop(large, solids, spacing, ground)
+    return draw(large, (*others, *solids), behind, scenery).reduce(SMOOTH).convert("RGB")
 
 
 def caption(picture: Image.Image, text: str) -> None:
@@ -99,29 +133,81 @@ def _content(picture: Image.Image) -> bytes:
     return content.getvalue()
 
 
-def _picture(machine: Machine, view: str, size: Size, red: Collection[int] = ()) -> Image.Image:
+def _picture(
+    machine: Machine,
+    view: str,
+    size: Size,
+    red: Collection[int] = (),
+    options: StillOptions = PLAIN,
+) -> Image.Image:
     if view not in (*VIEWS, SHEET):
         raise UnknownNameError("view", view, (*VIEWS, SHEET))
-    shapes = MachineSolids(machine)
-    solids = shapes.objects(shapes.rest, red)
+    shapes, scene = MachineSolids(machine), options.scene
+    pose = shapes.rest if scene is None else shapes.rest.at_start(scene.start)
+    solids = shapes.objects(pose, red)
+    points = np.concatenate([corners_of(solid) for solid in solids])
+    if scene is not None:
+        bounds = np.array(frame_of(scene.objects, points))
+        points = CORNERS * np.ptp(bounds, axis=0) + bounds.mean(axis=0)
+    names = VIEWS if view == SHEET else (view,)
     if view == SHEET:
-        return _sheet(solids, (size[0] // 2, size[1] // 2))
-    return _still(solids, view, size)
+        size = (size[0] // 2, size[1] // 2)
+    views = [View(VIEWS[name], size, ORTHOGRAPHIC if options.scale else 30.0) for name in names]
+    fits = [fit(points, each) for each in views]
+    same = max(distance for _, distance in fits) if options.scale else None
+    tiles = []
+    for each, (target, distance) in zip(views, fits, strict=True):
+        camera = camera_at(target, same or distance, each)
+        others = () if scene is None else scene.objects
+        spacing = 1.0 if scene is None else GRID
+        tile = render_image(camera, solids, (), spacing, others, options.ground)
+        if options.axes:
+            draw_axes(tile, camera)
+        if options.scale:
+            draw_scale(tile, camera)
+        tiles.append(tile)
+    return _sheet(tiles, size) if view == SHEET else tiles[0]
 
 
-def _still(solids: Sequence[SceneObject], name: str, size: Size) -> Image.Image:
-    view = View(back=VIEWS[name], size=size)
-    target, distance = fit(np.concatenate([corners_of(solid) for solid in solids]), view)
-    return render_image(camera_at(target, distance, view), solids, (), spacing=1.0)
-
-
-def _sheet(solids: Sequence[SceneObject], size: Size) -> Image.Image:
+def _sheet(tiles: Sequence[Image.Image], size: Size) -> Image.Image:
     """All views in rows, each labelled with its name."""
     rows = -(-len(VIEWS) // COLUMNS)
-    sheet = Image.new("RGB", (COLUMNS * size[0], rows * size[1]))
-    for index, name in enumerate(VIEWS):
-        tile = _still(solids, name, size)
+    sheet = Image.new(tiles[0].mode, (COLUMNS * size[0], rows * size[1]))
+    for index, (name, tile) in enumerate(zip(VIEWS, tiles, strict=True)):
         caption(tile, name)
         ImageDraw.Draw(tile).rectangle((0, 0, size[0] - 1, size[1] - 1), outline=INK)
         sheet.paste(tile, (index % COLUMNS * size[0], index // COLUMNS * size[1]))
     return sheet
+
+
+def draw_axes(picture: Image.Image, camera: Camera) -> None:
+    """Draw the directions x+, y+ and z+ in a corner; those towards the eye as points."""
+    f = _factor(picture)
+    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=13 * f)
+    right, up, _ = camera.axes
+    start = CORNER * f, picture.height - CORNER * f
+    for name, axis in zip(AXES, np.eye(3), strict=True):
+        across, rise = ARROW * f * float(right @ axis), -ARROW * f * float(up @ axis)
+        x, y = start[0] + across, start[1] + rise
+        pen.line((*start, x, y), fill=AXES[name], width=3 * f)
+        if abs(across) + abs(rise) > ARROW * f / 4:
+            where = (x + across * 0.35, y + rise * 0.35)
+            pen.text(where, f"{name}+", AXES[name], font, "mm", stroke_width=2, stroke_fill="white")
+
+
+def draw_scale(picture: Image.Image, camera: Camera) -> None:
+    """Draw a bar of round length, at the distance of the machine."""
+    f = _factor(picture)
+    away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
+    pixels = camera.focal_length / away
+    metres = max((s for s in SCALES if s * pixels <= picture.width / 4), default=SCALES[0])
+    right, y = picture.width - 20 * f, picture.height - 20 * f
+    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=13 * f)
+    pen.line((right - metres * pixels, y, right, y), fill=INK, width=3 * f)
+    where = (right - metres * pixels / 2, y - 12 * f)
+    pen.text(where, f"{metres:g} m", INK, font, "mm", stroke_width=2, stroke_fill="white")
+
+
+def _factor(picture: Image.Image) -> int:
+    """How many times larger what is written is than in a picture 480 pixels high."""
+    return max(1, round(picture.height / 480))

@@ -71,6 +71,13 @@ def test_without_a_suffix_both_a_picture_and_a_film_are_written(
             ["--out", "x.png", "--view", "below"],
             "unknown view 'below'; known: front, back, left, right, top, three-quarter, sheet",
         ),
+        (["--out", "x.png", "--size", "big"], "--size takes width and height, such as 1920x1080"),
+        (["--out", "x.png", "--size", "9x9"], "--size takes 16 to 4096 pixels"),
+        (["--out", "x.gif", "--fps", "60"], "60 for an .mp4 file and 1 to 50 for a .gif file"),
+        (["--out", "x.gif", "--axes"], "draw a machine as built: a .png file without --moments"),
+        (["--out", "x.png", "--moments", "1"], "--moments takes 2 to 12, for a .png file"),
+        (["--out", "x.png", "--style", "oil"], "unknown style 'oil'; known: screen, paper"),
+        (["--scale"], "name one file to draw, such as --out picture.png or film.mp4"),
         (["--out", "nowhere/x.png"], "cannot write nowhere/x.png: No such file or directory"),
         (
             ["--task", "throwing", "--out", "x.gif"],

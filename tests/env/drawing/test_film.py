@@ -70,6 +70,29 @@ def test_an_mp4_has_one_frame_per_sample(tmp_path: Path) -> None:
     assert not {"meta", "edts"} & set(boxes)
 
 
+def test_sixty_frames_a_second_last_as_long_as_they_should(tmp_path: Path) -> None:
+    save_mp4([Image.new("RGB", (64, 48))] * 6, tmp_path / "x.mp4", 1 / 60)
+    head = boxes_of((tmp_path / "x.mp4").read_bytes())["mdhd"]
+    ticks, length = int.from_bytes(head[20:24], "big"), int.from_bytes(head[24:32], "big")
+    assert length / ticks == 0.1
+
+
+def test_a_score_is_told_with_a_flag_once_it_is_earned_and_in_the_last_moment_of_a_strip(
+    tmp_path: Path,
+) -> None:
+    task, rollout = drive()
+    landing = film.landing_of(CAR, rollout)
+    assert landing is not None
+    assert (landing.time, landing.words) == (1.0, f"{rollout.score:.2f} m")
+    assert landing.place[2] == pytest.approx(rollout.score, abs=0.01)
+    film.save_strip(CAR, task, rollout, tmp_path / "x.png", size=SIZE, count=3)
+    strip = np.asarray(Image.open(tmp_path / "x.png"))
+    assert strip.shape == (90, 360, 3)
+    cards = [(tile == 255).all(axis=2).sum() > 200 for tile in np.split(strip, 3, axis=1)]
+    assert cards == [False, False, True]
+    assert film.landing_of(CAR, replace(rollout, score=0.0)) is None
+
+
 def test_one_frame_alone_makes_an_mp4_too(tmp_path: Path) -> None:
     save_mp4([Image.new("RGB", (64, 48))], tmp_path / "x.mp4", 0.5)
     boxes = boxes_of((tmp_path / "x.mp4").read_bytes())

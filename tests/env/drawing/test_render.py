@@ -10,10 +10,12 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from agentflow.env.drawing.backdrop import LAND
+from agentflow.env.drawing.backdrop import PAPER, SCREEN
 from agentflow.env.drawing.cameras import VIEWS
 from agentflow.env.drawing.solids import BROKEN, ROD_DIAMETER, MachineSolids, Pose
-from agentflow.env.drawing.stills import render_png
+from agentflow.env.drawing.stills import StillOptions, render_png
+from agentflow.env.scene import Start
+from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UnknownNameError
 from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.machines import BALLASTED, machine
@@ -43,14 +45,14 @@ def test_the_machine_fills_the_picture_and_stands_on_land(tmp_path: Path) -> Non
     render_png(CAR, tmp_path / "car.png", size=(160, 120))
     pixels = pixels_of(tmp_path / "car.png")
     assert pixels.shape == (120, 160, 3)
-    solid = np.abs(pixels - LAND).max(axis=2) > 100
+    solid = np.abs(pixels - SCREEN.land).max(axis=2) > 100
     rows, columns = np.flatnonzero(solid.any(axis=1)), np.flatnonzero(solid.any(axis=0))
     assert rows.min() > 5
     assert rows.max() < 115
     assert columns.min() > 5
     assert columns.max() < 155
     assert max(np.ptp(rows) / 120, np.ptp(columns) / 160) > 0.5
-    assert (pixels == LAND).all(axis=2).mean() > 0.3
+    assert (pixels == SCREEN.land).all(axis=2).mean() > 0.3
 
 
 def test_all_views_differ_and_a_sheet_shows_them_all(tmp_path: Path) -> None:
@@ -114,3 +116,37 @@ def test_a_spring_spans_the_faces_that_it_hangs_on() -> None:
     assert figures.rod(7, Pose(moved, figures.rest.rotation, range(8))).size[1] == pytest.approx(
         50**0.5
     )
+
+
+def alpha(path: Path) -> NDArray[np.uint8]:
+    return np.asarray(Image.open(path).convert("RGBA"))[:, :, 3]
+
+
+def test_nothing_is_behind_a_machine_on_no_ground_and_white_on_paper(tmp_path: Path) -> None:
+    path = tmp_path / "x.png"
+    render_png(CAR, path, size=(160, 120), options=StillOptions(None, axes=True))
+    assert alpha(path)[0, 0] == 0
+    assert 0.1 < (alpha(path) > 0).mean() < 0.5
+    render_png(CAR, path, size=(160, 120), options=StillOptions(PAPER))
+    with Image.open(path) as picture:
+        assert picture.getpixel((1, 118)) == (255, 255, 255)
+
+
+def test_all_views_of_a_sheet_to_scale_have_one_scale(tmp_path: Path) -> None:
+    path = tmp_path / "x.png"
+    render_png(ARROW, path, view="sheet", size=(320, 240), options=StillOptions(None, scale=True))
+    tiles = [alpha(path)[2:90, 2 + 160 * i : 158 + 160 * i] > 0 for i in range(3)]
+    rows = [int(np.flatnonzero(tile[22:].any(axis=1)).size) for tile in tiles]
+    assert max(rows) - min(rows) <= 1  # as high from the front, from the back and from the left
+
+
+def test_a_level_is_drawn_around_the_machine_where_it_starts(tmp_path: Path) -> None:
+    scene = get_task("throwing", {}).scene()
+    figures = MachineSolids(CAR)
+    raised = figures.rest.at_start(Start(height=3.0))
+    assert np.allclose(raised.centre - figures.rest.centre, (0.0, 3.0, 0.0))
+    render_png(CAR, tmp_path / "x.png", size=(160, 120), options=StillOptions(None))
+    alone = (alpha(tmp_path / "x.png") > 0).sum(axis=0)
+    render_png(CAR, tmp_path / "x.png", size=(160, 120), options=StillOptions(None, scene=scene))
+    within = (alpha(tmp_path / "x.png") > 0).sum(axis=0)
+    assert np.count_nonzero(within) > np.count_nonzero(alone)  # walls on both sides
