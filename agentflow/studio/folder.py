@@ -45,7 +45,7 @@ class RunFolder:
 
         Raises:
             UsageError: The name leads out of the folder, or through a link.
-            RunError: It is no sweep, or it holds links.
+            RunError: It is not a sweep, or it holds links.
         """
         path = self.root if name == self.root.name and is_sweep(self.root) else self._path(name)
         if not is_sweep(path):

@@ -96,7 +96,9 @@ def test_scenery_does_not_hide_the_machine(level: str, name: str, view: str) -> 
     assert rollout.scene is not None
     bare = replace(rollout, scene=replace(rollout.scene, objects=rollout.scene.moving))
     with_scenery, alone = (pixels(look_at(machine, view, each, (1.0,))) for each in (rollout, bare))
-    machine_colours = np.abs(alone - np.array(SCREEN.land)).sum(axis=2) > 240  # neither ground nor shadow
+    machine_colours = (
+        np.abs(alone - np.array(SCREEN.land)).sum(axis=2) > 240
+    )  # neither ground nor shadow
     kept = np.abs(with_scenery - alone).sum(axis=2)[machine_colours] < 60
     assert machine_colours.sum() > 5000
     assert kept.mean() > 0.95
