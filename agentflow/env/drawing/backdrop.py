@@ -71,8 +71,8 @@ def backdrop(
 def _lines(pen: ImageDraw.ImageDraw, camera: Camera, spacing: float, ground: Ground) -> None:
     width = max(1, camera.height // 300)
     away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
-    seen = away * camera.height / (2 * camera.focal_length)
-    reach = REACH * min(away, WIDE * seen)
+    half = away * camera.height / (2 * camera.focal_length)
+    reach = REACH * min(away, WIDE * half)
     step = spacing * next((n for n in COARSER if LINES * spacing * n >= reach), COARSER[-1])
     middle = round(camera.target[2] / step)
     zs: Array = step * np.arange(middle - LINES, middle + LINES + 1, dtype=np.float64)
