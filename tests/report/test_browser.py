@@ -352,7 +352,7 @@ def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_pat
     browser.get(file.as_uri())
     until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .dot")) == 3)
     assert find(browser, "h1").get_property("textContent") == VISIBLE
-    cells = [cell.text for cell in browser.find_elements(By.CSS_SELECTOR, "td")]
+    cells = [cell.text for cell in browser.find_elements(By.CSS_SELECTOR, "tbody td")]
     assert cells[:4] == ["b", "1.00", "c", "2.00"]  # one row of ten numbers is turned
     assert "failed" in cells  # its reason is in sight
     assert browser.execute_script("return window.owned ?? null") is None

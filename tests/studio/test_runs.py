@@ -263,6 +263,7 @@ def test_a_design_that_fails_stays_in_the_list_with_its_reason_and_form(
     last = list(news(browser, run=name))[-1]
     assert (last["state"], last["ended"]) == ("failed", True)
     assert "connection refused" in last["problem"]
+    assert "--" not in last["problem"]
     assert not (runs / name).exists()
     row = row_of(browser, name)
     assert (row["state"], row["problem"], row["task"]) == ("failed", last["problem"], "movement")

@@ -22,11 +22,12 @@ export function comparePage(data, made = []) {
     differ.setAttribute("aria-pressed", on);
     players.forEach((player, side) => player.setMarked(on ? data.only[side].map(({ id }) => id) : null));
   };
-  if (data.only.some((blocks) => blocks.length)) mark(true);
+  if (data.only.some((blocks) => blocks.length)) mark(data.only.every((blocks) => blocks.length <= data.same)); // else nearly all would be marked
   else differ.disabled = true;
   return [
     el("main", { class: "alone" },
       el("header", {}, el("p", { class: "kind" }, `agentflow comparison · seed ${data.seed}`), el("h1", {}, data.task), taskDetails(data.asked)),
+      el("p", { class: "ahead" }, ahead(data.machines)),
       el("p", { class: "actions" }, el("button", { class: "both", click: both }, "Play both"), differ),
       el("div", { class: "pair" }, ...players.map((player) => player.element)),
       ...data.machines.flatMap(({ problems }, side) => problems.map((text) => problem(`${NAMES[side]} is not valid for ${data.task}: ${text}`))),
@@ -48,6 +49,14 @@ function keepInStep(players) {
       for (const other of players) if (other !== player) other.follow(player);
     });
   }
+}
+
+/** Which machine scores more, and by how much. */
+function ahead([{ score: a }, { score: b }]) {
+  if (a === null || b === null) return a === b ? "Neither machine has a score." : `Only ${a === null ? "B" : "A"} has a score.`;
+  if (a === b) return `Both score ${formatNumber(a)}.`;
+  const [best, worst] = [Math.max(a, b), Math.min(a, b)];
+  return `${a > b ? "A" : "B"} scores ${formatNumber(best - worst)} more: ${formatNumber(best)} against ${formatNumber(worst)}${worst > 0 ? ` (+${formatNumber(Math.round((100 * (best - worst)) / worst))} %)` : ""}.`;
 }
 
 function rows({ machines, types }) {

@@ -50,7 +50,7 @@ export function table(caption, head, rows, labels = Infinity) {
       "table",
       {},
       caption ? el("caption", {}, caption) : null,
-      el("thead", {}, groupHeader(heads), el("tr", {}, ...heads.map(([, text], i) => el("th", { scope: "col", class: kind(i) }, text)))),
+      el("thead", {}, groupHeader(heads), el("tr", {}, ...heads.map(([, text], i) => (text ? el("th", { scope: "col", class: kind(i) }, text) : el("td", {}))))),
       el("tbody", {}, ...rows.map((row, index) => el("tr", {}, ...row.map((value, column) => cell(value, column, index))))),
     ),
   );

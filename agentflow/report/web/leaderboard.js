@@ -33,7 +33,7 @@ const ranked = ({ model, complete, total }, index) => ({
 /** A row for each model, a column for each family: every family, also where nothing was scored. */
 function heatMap(cards) {
   const families = Object.keys(cards[0].families);
-  return el("div", { class: "table", role: "region", tabindex: "0", "aria-label": "Shares by family" }, el("table", { class: "heat shares" },
+  return el("div", { class: "table", role: "region", tabindex: "0", "aria-label": "Families and models" }, el("table", { class: "heat shares" },
     el("thead", {}, el("tr", {}, el("td", {}), ...families.map((name) => el("th", { scope: "col" }, name)))),
     el("tbody", {}, ...cards.map(({ model, families: shares }) => el("tr", {}, el("th", { scope: "row" }, model), ...families.map((name) => heatCell(shares[name])))))));
 }

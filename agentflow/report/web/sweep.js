@@ -28,13 +28,13 @@ function scoreDistributions(rows) {
 const MOST_COLUMNS = 9; // most columns of numbers before a table is transposed
 
 export function tableSection({ heads, columns, rows, published, publishedTitle, notes }, title) {
-  return section(capitalize(title), compactTable("Measured", heads, columns, rows),
-    published.length ? el("details", {}, el("summary", {}, capitalize(publishedTitle)), compactTable("Published", heads, columns, published)) : null,
+  return section(capitalize(title), compactTable(title, "Measured", heads, columns, rows),
+    published.length ? el("details", {}, el("summary", {}, capitalize(publishedTitle)), compactTable(title, "Published", heads, columns, published)) : null,
     ...notes.map((note) => el("p", { class: "quiet" }, note)));
 }
 
 /** A table with labels common to all rows in its caption, transposed if that makes it narrower. */
-function compactTable(caption, heads, columns, rows) {
+function compactTable(title, caption, heads, columns, rows) {
   const count = heads.length;
   const same = (place) => rows.every((row) => row[place] === rows[0][place]);
   const shared = heads.map((_, place) => place).filter(same);
@@ -43,12 +43,18 @@ function compactTable(caption, heads, columns, rows) {
   const labels = rows.map((row) => left.map((place) => row[place]));
   const values = rows.map((row) => row.slice(count));
   if (columns.length <= MOST_COLUMNS || rows.length >= columns.length) {
-    return table(told, [...left.map((place) => ["", heads[place]]), ...columns], rows.map((_, i) => [...labels[i], ...values[i]]), left.length);
+    return named(title, table(told, [...left.map((place) => ["", heads[place]]), ...columns], rows.map((_, i) => [...labels[i], ...values[i]]), left.length));
   }
   const names = labels.map((parts) => ["", parts.join(", ")]);
   const grouped = columns.some(([group]) => group);
   const turned = columns.map(([group, name], i) => [...(grouped ? [group] : []), name, ...values.map((row) => row[i])]);
-  return table(told, [...(grouped ? [["", ""]] : []), ["", ""], ...names], turned, grouped ? 2 : 1);
+  return named(title, table(told, [...(grouped ? [["", ""]] : []), ["", ""], ...names], turned, grouped ? 2 : 1));
+}
+
+/** A table whose region has a name of its own. */
+function named(title, region) {
+  region.setAttribute("aria-label", `${title}: ${region.getAttribute("aria-label")}`);
+  return region;
 }
 
 function runsSection(rows, linked) {

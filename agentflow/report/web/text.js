@@ -23,7 +23,7 @@ export function problem(text) {
 export function taskDetails({ objective, score, scene }) {
   const list = (sentences) => el("ul", {}, ...sentences.map((sentence) => el("li", {}, sentence)));
   return el("details", { class: "task" }, el("summary", {}, objective, " ", el("small", {}, score[0] ?? "")),
-    list(score.slice(1)), el("h3", {}, "Scene and schedule"), list(scene));
+    list(score.slice(1)), el("h2", {}, "Scene and schedule"), list(scene));
 }
 
 /** An expandable call: verdict, prompts and reply. */

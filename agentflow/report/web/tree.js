@@ -103,14 +103,14 @@ export class Tree {
     if (node.score !== null) {
       shape.style.setProperty("--share", `${Math.round(this.high === this.low ? 100 : 100 * (node.score - this.low) / (this.high - this.low))}%`);
     }
-    const text = node.kind === "refused" ? null
-      : svg("text", { x: x + 7, y: y - 6 }, node.score === null ? "invalid" : formatNumber(node.score, 1));
+    const label = node.score === null ? "invalid" : formatNumber(node.score, 1);
+    const text = node.kind === "refused" ? null : svg("text", { x: x + 7, y: y - 6 }, label);
     const kinds = [node.kind, node.valid ? "valid" : "invalid", node.broken ? "broken" : "", node.best ? "best" : ""];
     return svg("g", {
       class: `node ${kinds.join(" ")}`,
       role: "treeitem",
       "aria-level": node.depth + 1,
-      "aria-label": `${node.title}, ${node.score === null ? "no score" : `score ${formatNumber(node.score)}`}${node.broken ? ", broke" : ""}`,
+      "aria-label": `${node.title}, ${node.score === null ? (text ? label : "no score") : `score ${label}`}${node.broken ? ", broke" : ""}`,
       "data-node": node.id,
       click: () => this.pick(node),
     }, svg("rect", { x: x - 8, y: y - 11, width: node.kind === "refused" ? 16 : 44, height: 21, rx: 4 }), shape, text);

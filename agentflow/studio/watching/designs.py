@@ -304,14 +304,15 @@ async def _listen(started: _Started) -> None:
     assert started.process.stderr is not None
     while said := await started.process.stderr.read(4096):
         text = started.said + said.decode("utf-8", "replace")
-        started.said = without_key(text)[-KEPT:]
+        started.said = for_page(text)[-KEPT:]
     await started.process.wait()
 
 
-def without_key(text: str) -> str:
-    """A text in which the key of endpoints cannot be read."""
+def for_page(text: str) -> str:
+    """A text without the key of endpoints, with fields of the form in place of options."""
     key = os.environ.get(KEY_VARIABLE, "").strip()
-    return text.replace(key, "***") if len(key) > 5 else text
+    text = text.replace(key, "***") if len(key) > 5 else text
+    return text.replace("--base-url", "Base URL").replace("--model", "Model")
 
 
 async def _appears(run: Path, started: _Started) -> bool:

@@ -33,8 +33,8 @@ from agentflow.studio.simulations import Simulations
 from agentflow.studio.watching.designs import (
     Designs,
     NewDesign,
+    for_page,
     require_possible,
-    without_key,
     workflow_names,
 )
 from agentflow.studio.watching.listing import Listing, News, as_stream, follow_list, follow_run
@@ -159,7 +159,7 @@ class Watching:
         """Ask the model of a design for one small machine, and say what came of it."""
         plan = await asyncio.to_thread(require_possible, form)
         found = await asyncio.to_thread(check_endpoint, plan.config, "designer")
-        return {key: without_key(str(found[key] or "")) for key in ("problem", "machine")}
+        return {key: for_page(str(found[key] or "")) for key in ("problem", "machine")}
 
     async def stop_design(self, given: OneRun) -> dict[str, str]:
         """Stop a design that this studio has started."""

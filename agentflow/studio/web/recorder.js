@@ -35,9 +35,10 @@ export class Recorder {
       if (note.value.trim()) this.tell({ kind: "note", text: note.value.trim() }).then(() => (this.said.textContent = "Noted."));
       note.value = "";
     } }, note, el("button", {}, "Note"));
+    this.ending = button("End session", () => (this.ending.dataset.sure ? this.end() : this.sure()));
     const why = mode === "guided" ? el("details", { class: "rationale", open: "", toggle: (event) => event.target.open && this.asked() }, el("summary", {}, "Rationale"), ...rationale.split("\n").map((line) => el("p", {}, line))) : "";
     this.element = el("section", { class: "session", "aria-label": "Session" },
-      el("p", { class: "about" }, el("b", {}, `Session · ${task}`), " ", this.clock), this.pause, this.microphone.element, notes, button("End session", () => this.end()), this.said, el("p", { class: "objective" }, this.editor.start.objective), why);
+      el("p", { class: "about" }, el("b", {}, `Session · ${task}`), " ", this.clock), this.pause, this.microphone.element, notes, this.ending, this.said, el("p", { class: "objective" }, this.editor.start.objective), why);
     this.over = el("dialog", { class: "ended", cancel: (event) => event.preventDefault() });
   }
 
@@ -96,6 +97,16 @@ export class Recorder {
       this.said.textContent = error.message;
       this.check();
     }
+  }
+
+  /** Ask once more before the session ends. */
+  sure(seconds = 5) {
+    this.ending.dataset.sure = "yes";
+    this.ending.textContent = "End it for good?";
+    setTimeout(() => {
+      delete this.ending.dataset.sure;
+      this.ending.textContent = "End session";
+    }, 1000 * seconds);
   }
 
   async end() {

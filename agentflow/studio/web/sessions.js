@@ -13,15 +13,15 @@ export async function sessionsPage() {
   return {
     elements: [el("main", { class: "alone sessions" },
       el("header", {}, el("h1", {}, "Sessions"), el("p", { class: "lede" }, `A session records what a person does while building: every action, test and pause, with the machine after it. Nothing leaves this computer unless you name a model endpoint. Sessions are in ${start.runs}/sessions.`)),
-      open ? el("p", {}, `A session on ${open.task} is open. `, el("a", { class: "button", href: "#build" }, "Continue it")) : form(start),
+      open ? el("p", {}, `A session on ${open.task} is open. `, el("a", { class: "button", href: "#build" }, "Continue it")) : el("section", { class: "design", "aria-label": "A new session" }, el("h2", {}, "Begin a session"), form(start)),
       list(sessions))],
   };
 }
 
 function form(start) {
-  const tasks = el("select", {}, ...start.tasks.map(({ name, title }) => el("option", { value: name }, `${name} · ${title}`)));
+  const tasks = el("select", {}, ...start.tasks.map(({ name, title }) => el("option", { value: name, selected: name === "movement" ? "" : null }, `${name} · ${title}`)));
   const minutes = el("input", { type: "number", min: 1, max: 1440, step: 1, placeholder: "no limit" });
-  const mode = el("select", { change: () => (words.parentElement.hidden = mode.value === "free") }, el("option", { value: "free" }, "free"), el("option", { value: "guided" }, "guided: a rationale is shown"));
+  const mode = el("select", { change: () => (words.parentElement.hidden = mode.value === "free") }, el("option", { value: "free" }, "free: nothing is shown"), el("option", { value: "guided" }, "guided: a rationale is shown"));
   const words = el("textarea", { rows: 4, maxlength: 20000 });
   words.value = RATIONALE;
   const told = el("p", { class: "problem", role: "alert" });
