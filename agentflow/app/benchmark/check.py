@@ -19,6 +19,7 @@ from agentflow.app.benchmark.card import (
     read_card,
     summary,
 )
+from agentflow.app.benchmark.make import MACHINES
 from agentflow.app.benchmark.plan import (
     FIRST,
     ITEM,
@@ -146,7 +147,7 @@ async def _check(
     spent = "" if path.is_dir() else "; its costs are not checked, because its runs are not here"
     return [
         f"{card.model}: {count} machines have their scores on {engine}{spent}.",
-        *_copies(card, attempts),
+        *_copies(card, attempts, source),
     ]
 
 
@@ -221,34 +222,48 @@ def _wrong_runs(card: Scorecard, path: Path) -> Iterator[str]:
             yield f"its {key} are not those of its runs"
 
 
-def _copies(card: Scorecard, attempts: Sequence[_Attempt]) -> Iterator[str]:
-    """Which machines are records, or nearly."""
-    at_hand = {n: m for n in read_records() if (m := record_machine(n))}
-    if not (at_hand and is_installed("apted")):
-        need = install("diversity") if at_hand else "run this in a clone of the repository"
-        yield f"{card.model}: only copies of records are looked for, not near copies: {need}."
-        at_hand = {}
+def _copies(card: Scorecard, attempts: Sequence[_Attempt], source: Path) -> Iterator[str]:
+    """With what machines were compared, and which are records or pars, or nearly."""
+    blocks = tuple(library())
+    pars = {
+        f"the par {file.stem}": read_machine(file.read_text("utf-8"), blocks).machine
+        for file in sorted((source.parent / MACHINES).glob("*.json"))
+    }
+    recorded = {f"the record {name}": record_machine(name) for name in read_records()}
+    known = {name: machine for name, machine in (recorded | pars).items() if machine}
+    near = f"at most {NEAR} edits" if _measures_trees() else f"no edits ({install('diversity')})"
+    lacking = sum(machine is None for machine in recorded.values())
+    yield (
+        f"{card.model}: compared with the machines of {len(recorded) - lacking} records and "
+        f"{len(pars)} pars, whose copies have {near}; of {lacking} records only trees are known."
+    )
     told = {
-        f"COPY? {card.model}: {attempt.where} is {edits or 'no'} edits from the record {record}."
+        f"COPY? {card.model}: {attempt.where} is {edits or 'no'} edits from {of}."
         for attempt in attempts
         if attempt.machine and attempt.stated.share
-        for record, edits in _like(attempt.machine, at_hand)
+        for of, edits in _like(attempt.machine, known)
     }
     yield from sorted(told)
 
 
-def _like(machine: Machine, records: Mapping[str, Machine]) -> Iterator[tuple[str, int]]:
-    """The records that a machine is near to, by tree: names and edits."""
-    types = Counter(step.type for step in machine)
-    for name, record in read_records().items():
-        other = records.get(name)
-        if len(machine) < SMALL:
-            if machine == other:
-                yield name, 0
-        elif record.tree == tree_hash(machine):
-            yield name, 0
-        elif other is not None and abs(len(other) - len(machine)) <= NEAR:
-            others = Counter(step.type for step in other)
-            if (types - others).total() <= NEAR:  # else the edits are more: trees take long
-                edits = round(tree_edit_distance(machine, other))
-                yield from [(name, edits)] * (edits <= NEAR)
+def _measures_trees() -> bool:
+    return is_installed("apted")
+
+
+def _like(machine: Machine, known: Mapping[str, Machine]) -> Iterator[tuple[str, int]]:
+    """The known machines that one is near to, by tree: names and edits."""
+    if len(machine) < SMALL:
+        yield from ((name, 0) for name, other in known.items() if other == machine)
+        return
+    tree, types = tree_hash(machine), Counter(step.type for step in machine)
+    others = {f"the record {name}": record.tree for name, record in read_records().items()}
+    yield from ((name, 0) for name, theirs in others.items() if theirs == tree)
+    for name, other in known.items():
+        differing = Counter(step.type for step in other)
+        differing.subtract(types)
+        # there are at least as many edits, and trees take long
+        if max(sum((+differing).values()), sum((-differing).values())) > NEAR:
+            continue
+        edits = round(tree_edit_distance(machine, other)) if _measures_trees() else NEAR + 1
+        if 0 < edits <= NEAR or (not edits and name not in others):
+            yield name, edits

@@ -261,9 +261,12 @@ def test_a_record_with_one_block_moved_is_named(tmp_path: Path) -> None:
     source = write(tmp_path, axes=THROW)
     copied = moved(RECORDS["throwing-few-blocks"].machine)
     write_card(tmp_path / "card.json", answered(source, copied))
+    (tmp_path / "machines").mkdir()
+    (tmp_path / "machines" / "few.json").write_text(copied.to_text())
     told = "\n".join(check(tmp_path / "card.json", source))
     assert "COPY? copier: few, first is" in told
     assert "edits from the record throwing-few-blocks." in told
+    assert "COPY? copier: few, refined is no edits from the par few." in told
 
 
 def test_an_installed_package_knows_records_that_it_does_not_hold(
@@ -273,7 +276,7 @@ def test_an_installed_package_knows_records_that_it_does_not_hold(
     monkeypatch.setattr(records, "MACHINES", tmp_path)
     assert {records.record_machine(name) for name in records.read_records()} == {None}
     record = RECORDS["throwing-few-blocks"].machine
-    assert list(_like(record, {})) == [("throwing-few-blocks", 0)]
+    assert list(_like(record, {})) == [("the record throwing-few-blocks", 0)]
 
 
 def moved(machine: Machine) -> Machine:
