@@ -95,7 +95,7 @@ class BaseWorld(ABC, Generic[Own]):
         self._springs = SpringForce(assembly.devices.springs, self._levels, self._interval)
         self._winches = WinchForce(assembly.devices.winches, self._levels, self._interval)
         self._wind = GustClock(scene, self._levels, self._interval)
-        self._ledger = Ledger()
+        self._ledger = Ledger(self._wind)
         self._works_of_joints: list[Array] = []
         """Results of `_take_works` at earlier splits."""
 

@@ -130,7 +130,14 @@ class WindForce:
     square of that speed, the faintest breeze would brake all motion: 1 m/s would stop a 47 m throw.
     """
 
-    def __init__(self, locations: PartLocations, extents: Array, wind: Array, drag: float) -> None:
+    def __init__(
+        self,
+        locations: PartLocations,
+        extents: Array,
+        wind: Array,
+        drag: float,
+        blocks: int | None = None,
+    ) -> None:
         """Compute the areas of the boxes' sides.
 
         Args:
@@ -138,8 +145,13 @@ class WindForce:
             extents: (P, 3) boxes that the wind sees, engine frame, m.
             wind: (3,) mean velocity of the air, engine frame, m/s.
             drag: Force over area times squared speed, kg/m3.
+            blocks: How many of the first parts `power` counts; None for all.
         """
-        self._locations, self._wind, self._drag = locations, wind, drag
+        self._locations, self._wind, self._drag, self._blocks = locations, wind, drag, blocks
+        self._force: Array = np.zeros((1, 3))
+        """On the parts that count, in the last step, N."""
+        self.power = 0.0
+        """Rate at which the wind does work between the last step and this one, W."""
         self._areas = extents[:, [1, 0, 0]] * extents[:, [2, 2, 1]]
 
     def __call__(self, rows: Array, strength: float = 1.0) -> list[PartForce]:
@@ -151,6 +163,9 @@ class WindForce:
         facing = self._areas * np.abs(turn_back(rotation, air[None])).take(row, 0)
         push = self._drag * (facing[:, 0] + facing[:, 1] + facing[:, 2])
         force = push[:, None] * (air - velocity)
+        own = force[: self._blocks]
+        self.power = float(np.vdot(self._force + own, velocity[: self._blocks])) / 2
+        self._force = own
         places = motion[:, POSITION] + arms
         return [
             (i, (x, y, z), (p, q, r))
@@ -168,6 +183,8 @@ class GustClock:
         self._scene, self._levels, self._time = scene, levels, 0.0
         self.step = step
         """Time between calls, s."""
+        self.work = 0.0
+        """What the wind did on the blocks, J."""
 
     def __call__(self) -> float:
         """Wind in this step as a share of the mean wind."""

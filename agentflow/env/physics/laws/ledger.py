@@ -1,9 +1,10 @@
-"""The work of forces that change little from step to step: of thrusters, blades, wind and drag."""
+"""The work of forces that change little from step to step: of thrusters, blades and drag."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from agentflow.env.physics.laws.air import GustClock
 from agentflow.env.physics.laws.select import Forces, Power
 from agentflow.env.rollout import Array
 
@@ -14,8 +15,10 @@ SELDOM = 8
 class Ledger:
     """Adds up the work of such forces from readings of their power; it outlives splits."""
 
-    def __init__(self) -> None:
-        """Start with no work done."""
+    def __init__(self, wind: GustClock) -> None:
+        """Start with no work done; the wind adds up its own."""
+        self._wind, self._blown = wind, [0.0]
+        """Its work until each reading, J."""
         self._steps, self._time, self._due = 0, 0.0, SELDOM
         """Steps noted so far, how long they took (s), and how many they are at the next reading."""
         self._at, self._times = [0], [0.0]
@@ -42,10 +45,12 @@ class Ledger:
         powers = np.array(self._powers).T
         each = np.diff(self._times) * (powers[:, :-1] + powers[:, 1:]) / 2
         works = np.concatenate([np.zeros((2, 1)), each.cumsum(axis=1)], axis=1)
+        works[1] += self._blown
         return np.array([np.interp(np.arange(self._steps + 1), self._at, work) for work in works])
 
     def _read(self, forces: Forces) -> None:
         self._at.append(self._steps)
         self._times.append(self._time)
         self._powers.append(forces.power())
+        self._blown.append(self._wind.work)
         self._due = self._steps + SELDOM

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agentflow.env.physics.frames import swap, swap_all
-from agentflow.env.physics.laws.air import DragForce, WindForce
+from agentflow.env.physics.laws.air import DragForce, GustClock, WindForce
 from agentflow.env.physics.laws.flight import ThrustForce
 from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, power_of
 from agentflow.env.physics.laws.motion import MotionForce
@@ -52,7 +52,7 @@ def wind_laws(
     layout: RowLayout,
     scene: Scene,
     drag: float,
-    strength: Callable[[], float],
+    clock: GustClock,
 ) -> list[Law]:
     """The scene's wind on every part and moving object; no law in still air.
 
@@ -61,7 +61,7 @@ def wind_laws(
         layout: The rows.
         scene: Gives the mean wind and the moving objects.
         drag: Force over area times squared speed, kg/m3.
-        strength: Wind in this step as a share of the mean wind; called once per step.
+        clock: Gives the strength of the wind, and adds up its work.
     """
     if not any(scene.wind):
         return []
@@ -76,15 +76,26 @@ def wind_laws(
         swap_all(np.array(boxes)),
         np.array(swap(scene.wind)),
         drag,
+        len(assembly.parts),
     )
-    return [lambda rows: wind(np.array(rows), share) if (share := strength()) else []]
+
+    def blow(rows: Sequence[Row]) -> list[PartForce]:
+        share = clock()
+        if not share:
+            return []
+        forces = wind(np.array(rows), share)
+        clock.work += clock.step * wind.power
+        return forces
+
+    return [blow]
 
 
 class Power(NamedTuple):
-    """Rate at which thrusters and the air did work on the blocks in the last step, W."""
+    """Rate at which forces did work on the blocks in the last step, W."""
 
     thrust: float
     air: float
+    """Of drag and what motion pushes."""
 
 
 class Forces(ABC):
@@ -118,14 +129,13 @@ class Forces(ABC):
         return self._exerted
 
     def power(self) -> Power:
-        """Mean power of thrusters and of the air in the last step; that of drag at its end."""
-        rows, blocks = self._rows, len(self._locations.row)
+        """Mean power in the last step; that of drag at its end."""
+        rows = self._rows
         thrust, air = 0.0, self._drag.power(self._read)
         for law, forces in zip(self._laws, self._exerted, strict=False):
-            if forces and not isinstance(law, SpringForce | WinchForce):
-                own = [force for force in forces if force[0] < blocks]
-                begin = power_of(own, self._before, self._locations)
-                mean = (begin + power_of(own, rows, self._locations)) / 2
+            if forces and isinstance(law, ThrustForce | MotionForce):
+                begin = power_of(forces, self._before, self._locations)
+                mean = (begin + power_of(forces, rows, self._locations)) / 2
                 if isinstance(law, ThrustForce):
                     thrust += mean
                 else:
