@@ -102,6 +102,14 @@ def test_lite_does_one_item_of_each_family(tmp_path: Path, capsys: Captured) -> 
     assert card["conditions"]["lite"] is True
 
 
+def test_cards_are_checked_before_they_are_compared(folder: Path, capsys: Captured) -> None:
+    words = ["leaderboard", str(folder / "small"), "--check", "--benchmark"]
+    assert main([*words, str(folder / "small.yaml")]) == 0
+    assert "6 machines have their scores on" in capsys.readouterr().out
+    assert main([*words, "benchmark"]) == 2
+    assert "cannot be checked with benchmark: its " in capsys.readouterr().err
+
+
 def test_a_leaderboard_opens_in_a_browser(
     folder: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, capsys: Captured
 ) -> None:

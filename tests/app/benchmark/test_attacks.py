@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from agentflow.api import design_prompt
 from agentflow.app.benchmark import check as checking
 from agentflow.app.benchmark import run as carried_out
 from agentflow.app.benchmark.card import (
@@ -33,6 +35,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks import records
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import FAMILIES
 from agentflow.env.verification import verify_async
 from agentflow.errors import AgentflowError, RunError
 from agentflow.files.documents import sealed
@@ -311,3 +314,11 @@ async def test_tools_tell_nothing_of_records(name: str) -> None:
             told = await bench.call(tool, {"machine": name, **more})
             assert told.refused
             assert RECORDS["throwing-1"].machine.to_text()[-60:] not in told.text
+
+
+@pytest.mark.parametrize("family", list(FAMILIES))
+def test_prompts_show_no_machine_that_could_be_copied(family: str) -> None:
+    """They show single blocks, and what a task begins with: nothing is on another block."""
+    asked = "\n".join(message["content"] for message in design_prompt(family))
+    assert '"parent"' in asked
+    assert not re.search(r'"parent": *[1-9]', asked)
