@@ -36,7 +36,10 @@ BLOCKS = 60
 SECONDS = 4.0
 """Time for which the view turns, s."""
 PATIENCE = 60.0
-RECORDED = Path("runs/recorded-throwing")
+RECORDED = {
+    "throwing": Path("runs/recorded-throwing"),
+    "language-model": Path("runs/language-model-throwing"),
+}
 SIZES = ((1280, 720), (820, 1180))
 TURN = """const [seconds, done] = arguments;
 const canvas = document.querySelector(".stage canvas");
@@ -84,8 +87,8 @@ def main() -> None:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for run in ("throwing", "throwing-again"):
-            shutil.copytree(RECORDED, folder / "runs" / run)
+        for run, recorded in RECORDED.items():
+            shutil.copytree(recorded, folder / "runs" / run)
         if given.pictures:
             out = given.pictures.resolve()
             os.chdir(folder)  # so that the page names no path of this computer

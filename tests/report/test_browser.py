@@ -19,7 +19,7 @@ from agentflow.app.machines.files import read_one
 from agentflow.app.pages.compare import compare
 from agentflow.app.pages.gallery import gallery
 from agentflow.app.pages.robustness import page_writer, robustness_figure
-from agentflow.app.pages.runs import report
+from agentflow.app.pages.runs import report, run_data
 from agentflow.app.pages.training import training_report
 from agentflow.env.drawing.gltf import machine_glb
 from agentflow.env.tasks.registry import get_task
@@ -199,6 +199,17 @@ def test_points_of_a_chart_say_what_they_are_and_pick_their_machine(
     assert answer.startswith("score 0 at ")
     chart.send_keys(Keys.ENTER)
     until(opened, lambda: title(opened).endswith(" · 0"))
+
+
+def test_equal_scores_have_the_strongest_colour(browser: webdriver.Chrome, tmp_path: Path) -> None:
+    _, data = run_data(RECORDED)
+    nodes = [{**node, "score": 5.0} for node in data["nodes"]]
+    bare = {**data, "nodes": nodes, "machines": {}, "shapes": [], "files": ""}
+    (tmp_path / "run.html").write_text(whole_page("run", bare), encoding="utf-8")
+    browser.get((tmp_path / "run.html").as_uri())
+    until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".node circle"))
+    circles = browser.find_elements(By.CSS_SELECTOR, ".node circle")
+    assert {circle.get_attribute("style") for circle in circles} == {"--share: 100%;"}
 
 
 def test_a_refused_edit_says_why_and_has_no_film(opened: webdriver.Chrome) -> None:

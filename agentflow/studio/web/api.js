@@ -10,12 +10,14 @@ export function send(path, data) {
   return answered(fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(data) }));
 }
 
+const SILENT = "The studio does not answer; its process may have ended.";
+
 async function answered(coming) {
   let response;
   try {
     response = await coming;
   } catch {
-    throw new Error("The studio does not answer; its process may have ended.");
+    throw new Error(SILENT);
   }
   const found = await response.json();
   if (!response.ok) throw new Error(found.problem);
@@ -30,6 +32,7 @@ export function follow(fields, hear) {
     if (found.ended) stream.close(); // else the browser would ask again
     hear(found);
   };
+  stream.onerror = () => hear({ problem: SILENT }); // the browser asks again until somebody answers
   return () => stream.close();
 }
 

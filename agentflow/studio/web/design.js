@@ -43,7 +43,8 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
       field("tokens", "Max tokens", number("no limit")))),
     needs, el("p", { class: "wide" }, button), told);
   for (const [name, value] of Object.entries(before)) if (form.elements[name]) form.elements[name].value = value;
-  form.querySelector("details").open = Object.keys(before).some((name) => !["task", "model", "base_url"].includes(name));
+  const usual = ["task", "model", "base_url", ...(before.workflow === start.workflows[0] ? ["workflow"] : [])];
+  form.querySelector("details").open = Object.keys(before).some((name) => !usual.includes(name));
   let timer = null;
   const later = () => {
     clearTimeout(timer);
@@ -59,7 +60,7 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
       needs.textContent = error.message;
     }
   }
-  form.addEventListener("focusin", later, { once: true });
+  form.addEventListener("focusin", later, { once: true }); // of forms that nobody opens
 
   async function begin() {
     told.textContent = "";
@@ -115,7 +116,7 @@ function modelFields(start, before, asked) {
     presets.value = Object.entries(SERVERS).find(([, at]) => at === before.base_url)?.[0] ?? "Another endpoint";
   }
   choose();
-  return [el("label", {}, el("span", {}, "Who designs"), presets), ...parts];
+  return [el("label", { class: "who" }, el("span", {}, "Who designs"), presets), ...parts];
 }
 
 /** A time in words, to two figures. */

@@ -38,6 +38,7 @@ export async function livePage({ run }) {
       return;
     }
     live.hear(news);
+    if (!news.state) return;
     if (!news.ended || (!first && news.state === "done")) read();
     first = false;
   });

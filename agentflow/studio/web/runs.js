@@ -11,13 +11,15 @@ export async function runsPage({ again, ...fields }) {
   const before = designs.find(({ run }) => run === again)?.form ?? {};
   const list = new RunList(fields);
   const first = firstVisit();
-  const design = el("details", { class: "design", open: again ? "" : null }, el("summary", {}, "New design"), designForm(start, () => (before.machine ? { machine: before.machine } : {}), undefined, before));
+  const form = designForm(start, () => (before.machine ? { machine: before.machine } : {}), undefined, before);
+  const design = el("details", { class: "design", open: again ? "" : null, toggle: () => form.dispatchEvent(new Event("input")) }, el("summary", {}, "New design"), form);
   const show = (empty) => {
     first.hidden = !empty;
     for (const element of list.elements) element.classList.toggle("unused", empty);
   };
   show(false);
   const stop = follow({}, (news) => {
+    if (news.problem) return void (list.count.textContent = news.problem);
     list.hear(news);
     show(!list.rows.size);
   });
