@@ -74,6 +74,14 @@ def test_a_landing_counts_if_it_is_slow(speed: float, score: float) -> None:
     assert judge("rocket/5", (1.0, at(40.5), False)).terms["touchdown"] is None
 
 
+def test_height_after_the_landing_does_not_count() -> None:
+    """Else a hop would land softly, and a flight that never ends would count."""
+    hop = ((1.0, at(2.0), False), (1.5, at(0.7), False), (1.6, at(0.5), True))
+    verdict = judge("rocket/5", *hop, (20.0, at(5000.0), False))
+    assert verdict.score == pytest.approx(1.5)
+    assert judge("rocket/2", *hop, (20.0, at(5000.0), False)).score == 4999.5
+
+
 def test_two_engines_have_exactly_two_cannons() -> None:
     assert get_task("rocket/3").brief.required == {47: 2, 56: 2}
     rollout = simulate(load("rocket/two_engines.json"), get_task("rocket/3", {"engines": 3}))

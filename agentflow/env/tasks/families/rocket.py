@@ -207,7 +207,8 @@ class RocketReferee:
         rise = place[1] - self._start[1]
         aside = hypot(place[0] - self._start[0], place[2] - self._start[2])
         self._left = self._left or 0.0 < self._knobs.corridor < aside
-        if self._left or rise <= self._best:
+        down = self._touch is not None and self._knobs.aim == "landing"
+        if self._left or down or rise <= self._best:
             return
         self._best, self._best_time, self._aside = rise, time, aside
         self._aloft = rise > ALOFT
@@ -326,5 +327,6 @@ def _score_sentences(knobs: RocketKnobs, window: float) -> Iterator[str]:
     if knobs.aim == "landing":
         yield (
             "The score is 0 unless the machine comes down again and, when any of its blocks first "
-            f"touches the ground, the Starting Block is no faster than {knobs.touchdown:g} m/s."
+            f"touches the ground, the Starting Block is no faster than {knobs.touchdown:g} m/s. "
+            "Height after that does not count."
         )
