@@ -15,6 +15,8 @@ from pathlib import Path
 from shlex import join
 from typing import Any
 
+import jinja2
+
 from agentflow.app.benchmark.plan import item_configs, plan_benchmark, read_items
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import choose_engine
@@ -27,33 +29,20 @@ from agentflow.integrations.episode import rules_of
 from agentflow.rewards.scoring import Sample, require_score, shared_scorer
 from agentflow.version import __version__
 
-MACHINE, GRADED = "machine.json", "graded.json"
-SCHEMA = "1.1"
-"""Version of the format: the first with MCP servers, artifacts and verifiers apart."""
-INSTRUCTION = """Design a machine and write it to `/app/machine.json`. Only this file is graded: \
-by the score of the machine in it, 0 without a valid one.
-
-The command `agentflow` helps: `agentflow bench start {options}` begins a design with a budget \
-of simulations, `agentflow bench --help` lists the steps, and after `agentflow bench submit`, \
-`agentflow convert RUN /app/machine.json` writes the machine of the run that it names. The MCP \
-server `agentflow` has the same steps as tools.
-
-{rules}
-"""
-DOCKERFILE = """FROM python:3.11-slim
-{copy}RUN pip install --no-cache-dir "{wanted}"
-WORKDIR /app
-"""
-TEST = """#!/bin/sh
-# Grades machine.json and nothing else. Without a reward file, the simulation failed: no sample.
-cd "$(dirname "$0")" && exec python3 -m agentflow.integrations.harbor graded.json \\
-  "${APP:-/app}/machine.json" "${LOGS:-/logs/verifier}"
-"""
-SOLVE = """#!/bin/sh
-cat >"${{APP:-/app}}/machine.json" <<'END'
-{machine}
-END
-"""
+FILES = {
+    "task.toml": "task.toml",
+    "instruction.md": "instruction.md",
+    "environment/Dockerfile": "Dockerfile",
+    "tests/test.sh": "test.sh",
+    "solution/solve.sh": "solve.sh",
+}
+"""Files of a task -> their templates. The format is 1.1, the first with a verifier apart."""
+_TEMPLATES = jinja2.Environment(
+    loader=jinja2.PackageLoader("agentflow.integrations"),
+    undefined=jinja2.StrictUndefined,
+    keep_trailing_newline=True,
+    trim_blocks=True,
+)
 
 
 @dataclass(frozen=True)
@@ -136,10 +125,7 @@ def export(
     """
     if wheel is not None and not wheel.is_file():
         raise UsageError(f"{wheel} is not there; build it with scripts/release")
-    graded_by = {item.name: choose_engine(engine or item.engine).name for item in items}
-    folders = {
-        out / item.name: _contents(item, graded_by[item.name], solutions, wheel) for item in items
-    }
+    folders = {out / item.name: _contents(item, solutions, engine, wheel) for item in items}
     for folder, contents in folders.items():
         for name, text in contents.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -151,29 +137,29 @@ def export(
     return list(map(str, folders))
 
 
-def _contents(item: Item, engine: str, solutions: bool, wheel: Path | None) -> Mapping[str, str]:
+def _contents(
+    item: Item, solutions: bool, engine: str | None, wheel: Path | None
+) -> Mapping[str, str]:
     """Name -> text of each file of a task."""
+    engine = choose_engine(engine or item.engine).name
     made = get_task(item.task, item.knobs, engine)
-    source = f"/tmp/{wheel.name}" if wheel else "agentflow-machines"
-    wanted = f"{source}[mcp]" if wheel else f"{source}[mcp]=={__version__}"
-    graded = {
-        **{name: getattr(item, name) for name in ("task", "knobs", "floor", "full")},
-        **({"most": item.most} if isfinite(item.most) else {}),
-        "engine": engine,
+    wanted = f"/tmp/{wheel.name}[mcp]" if wheel else f"agentflow-machines[mcp]=={__version__}"
+    known = {
+        "item": item,
+        "title": json.dumps(get_level(item.task).file.title),
+        "version": __version__,
+        "options": join(item.options),
+        "server": json.dumps(["mcp", *item.options, "--out", "/app/runs"]),
+        "rules": rules_of(made.brief),
+        "wheel": wheel and wheel.name,
+        "wanted": wanted,
+        "solution": _solution(item, made) if solutions else "",
     }
-    files = {
-        "task.toml": _settings(item),
-        "instruction.md": INSTRUCTION.format(
-            options=join(item.options), rules=rules_of(made.brief)
-        ),
-        "environment/Dockerfile": DOCKERFILE.format(
-            copy=f"COPY {wheel.name} /tmp/\n" if wheel else "", wanted=wanted
-        ),
-        "tests/test.sh": TEST,
-        f"tests/{GRADED}": json.dumps(graded) + "\n",
-    }
-    if solutions:
-        files["solution/solve.sh"] = SOLVE.format(machine=_solution(item, made))
+    graded = {key: value for key, value in vars(item).items() if value != inf}
+    files = {"tests/graded.json": json.dumps({**graded, "engine": engine}) + "\n"}
+    for name, template in FILES.items():
+        if solutions or not name.startswith("solution"):
+            files[name] = _TEMPLATES.get_template(f"{template}.j2").render(known)
     return files
 
 
@@ -189,40 +175,6 @@ def _solution(item: Item, made: Task) -> str:
             "--with-solutions, or run this in a clone of it"
         )
     return machine.to_text()
-
-
-def _settings(item: Item) -> str:
-    server = ["mcp", *item.options, "--out", "/app/runs"]
-    return f"""schema_version = "{SCHEMA}"
-artifacts = ["/app/{MACHINE}"]
-
-[task]
-name = "agentflow/{item.name}"
-description = {json.dumps(get_level(item.task).file.title)}
-keywords = ["physics", "design"]
-
-[metadata]
-agentflow = "{__version__}"
-level = "{item.task}"
-
-[agent]
-timeout_sec = 3600.0
-
-[verifier]
-timeout_sec = 600.0
-environment_mode = "separate"
-
-[environment]
-build_timeout_sec = 1200.0
-cpus = 2
-memory_mb = 4096
-
-[[environment.mcp_servers]]
-name = "agentflow"
-transport = "stdio"
-command = "agentflow"
-args = {json.dumps(server)}
-"""
 
 
 def grade(graded: Path, machine: Path, out: Path) -> dict[str, float]:

@@ -34,7 +34,7 @@ from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.config.run import DesignConfig
 from agentflow.env.archive import rollout_json
 from agentflow.env.tasks.registry import FAMILIES, get_level, task_names
-from agentflow.integrations.session import bench_config
+from agentflow.integrations.session import Benches
 from agentflow.rewards import Reward
 from agentflow.rewards.scoring import Sample, shared_scorer
 from agentflow.runs.locations import FEEDBACK, StageName
@@ -107,9 +107,9 @@ def _register_task(family: str) -> None:
             prompts=prompts,
             role=(Agent if tools else Designer).name,
         )
-        config = bench_config(
-            levels[0], seed=seed, engine=engine, rollouts=rollouts, vision=vision
-        ).model_copy(update={"prompts": prompts, "workers": 1})
+        benches = Benches("Inspect AI", rollouts, vision, engine)
+        own = {"prompts": prompts, "workers": 1}
+        config = benches.config(levels[0], seed).model_copy(update=own)
         return Task(
             dataset=MemoryDataset([_sample(name, ask(name)) for name in levels], family),
             solver=work_at_bench(config, Path(out).absolute()) if tools else generate(),

@@ -14,9 +14,8 @@ from openenv.core.env_server import Action, Environment, Observation, State, cre
 from pydantic import Field
 
 from agentflow.errors import UsageError
-from agentflow.integrations.session import BenchSession, bench_config
-from agentflow.rewards.scoring import read_knobs, shared_scorer
-from agentflow.tools import ToolResult
+from agentflow.integrations.session import Benches, BenchSession
+from agentflow.rewards.scoring import shared_scorer
 
 OPTIONS = ("seed", "episode_id", "task", "knobs")
 
@@ -67,19 +66,10 @@ class BenchEnvironment(Environment[BenchAction, BenchObservation, BenchState]):
 
     SUPPORTS_CONCURRENT_SESSIONS = True
 
-    def __init__(
-        self,
-        rollouts: int = 24,
-        vision: bool = False,
-        engine: str = "auto",
-        workers: int | None = None,
-        out: Path | None = None,
-    ) -> None:
-        """Prepare; see `make_app`."""
+    def __init__(self, benches: Benches) -> None:
+        """`benches`: how designs begin."""
         super().__init__()
-        self._config = partial(bench_config, engine=engine, rollouts=rollouts, vision=vision)
-        self._workers, self._out = workers, out
-        self._state = BenchState()
+        self._benches, self._state = benches, BenchState()
         self._session: BenchSession | None = None
 
     def reset(
@@ -99,10 +89,8 @@ class BenchEnvironment(Environment[BenchAction, BenchObservation, BenchState]):
         for name in others:
             raise UsageError(f"reset has no option {name!r}; it has {', '.join(OPTIONS)}")
         self.close()
-        config = self._config(task, seed=seed or 0, knobs=read_knobs(knobs))
-        scorer = shared_scorer(self._workers)
-        session = self._session = BenchSession(scorer, config, "OpenEnv", self._out)
-        self._state = BenchState(episode_id=episode_id, task=task, seed=config.seed)
+        session = self._session = self._benches.begin(task, seed, knobs)
+        self._state = BenchState(episode_id=episode_id, task=task, seed=seed or 0)
         return BenchObservation(text=session.brief, tools=[vars(spec) for spec in session.tools])
 
     def step(self, action: BenchAction, **_: object) -> BenchObservation:
@@ -114,11 +102,17 @@ class BenchEnvironment(Environment[BenchAction, BenchObservation, BenchState]):
         session = self._session
         if session is None:
             raise UsageError("no design has begun; call reset first")
-        ended = bool(session.submitted)
+        before = session.submitted
         result = session.call(action.tool, action.arguments)
         self._state.step_count += 1
-        submitted = not ended and bool(session.submitted)
-        return _observe(result, bool(session.submitted), session.score() if submitted else None)
+        return BenchObservation(
+            text=result.text,
+            data=result.data,
+            refused=result.refused,
+            picture=base64.b64encode(result.image).decode() if result.image else None,
+            done=bool(session.submitted),
+            reward=session.score() if session.submitted and not before else None,
+        )
 
     @property
     def state(self) -> BenchState:
@@ -132,18 +126,6 @@ class BenchEnvironment(Environment[BenchAction, BenchObservation, BenchState]):
         if self._session is not None:
             self._session.close()
         self._session = None
-
-
-def _observe(result: ToolResult, done: bool, reward: float | None) -> BenchObservation:
-    picture = base64.b64encode(result.image).decode() if result.image else None
-    return BenchObservation(
-        text=result.text,
-        data=result.data,
-        refused=result.refused,
-        picture=picture,
-        done=done,
-        reward=reward,
-    )
 
 
 class BenchClient(EnvClient[BenchAction, BenchObservation, BenchState]):
@@ -180,11 +162,7 @@ def make_app(
         workers: Worker processes; by default one per processor.
         out: Parent folder of the runs; by default they are not kept.
     """
-    environment = partial(BenchEnvironment, rollouts, vision, engine, workers, out)
-    return create_app(
-        environment,
-        BenchAction,
-        BenchObservation,
-        env_name="agentflow",
-        max_concurrent_envs=sessions,
-    )
+    scorer = partial(shared_scorer, workers)
+    benches = Benches("OpenEnv", rollouts, vision, engine, scorer, out)
+    environment = partial(BenchEnvironment, benches)
+    return create_app(environment, BenchAction, BenchObservation, "agentflow", sessions)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from inspect import Parameter, Signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,8 +12,9 @@ from typing import Any
 from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.app.sessions.clients import RunSession
 from agentflow.config.run import DesignConfig
+from agentflow.env.physics.engine import AUTO
 from agentflow.env.tasks.registry import get_task
-from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.rewards.scoring import Sample, Scorer, read_knobs, shared_scorer
 from agentflow.runs.locations import FEEDBACK
 from agentflow.tools import Bench, ToolResult, ToolSpec
 from agentflow.workflows.settings import WorkflowSettings
@@ -23,59 +25,56 @@ FAULTS = ("timeout", "crashed")
 """Statuses of simulations that say nothing about their machine."""
 
 
-def bench_config(
-    task: str,
-    *,
-    seed: int = 0,
-    knobs: Mapping[str, Any] | None = None,
-    engine: str = "auto",
-    rollouts: int = 24,
-    vision: bool = False,
-) -> DesignConfig:
-    """The configuration of a run whose worker simulates at once and submits one machine.
+@dataclass(frozen=True)
+class Benches:
+    """How the designs of one library begin, which share worker processes."""
 
-    Args:
-        task: Level, such as "throwing/3".
-        seed: Random seed of its trials.
-        knobs: Knobs of the level to change.
-        engine: Physics engine.
-        rollouts: Simulations that the worker may use.
-        vision: Whether the tools include pictures.
-    """
-    return DesignConfig(
-        task=task,
-        knobs=dict(knobs or {}),
-        workflow=TOOLS.name,
-        settings=WorkflowSettings(candidates_per_stage=1, max_simulations=rollouts, vision=vision),
-        seed=seed,
-        engine=engine,
-        verify=False,
-    )
+    author: str
+    """Who designs, as results name it."""
+    rollouts: int = 24
+    """Simulations of a design."""
+    vision: bool = False
+    """Whether the tools include pictures."""
+    engine: str = AUTO
+    scorer: Callable[[], Scorer] = shared_scorer
+    """Where machines are simulated."""
+    out: Path | None = None
+    """Parent folder of the runs; None keeps none."""
+
+    def config(self, task: str, seed: int | None, knobs: object = None) -> DesignConfig:
+        """The configuration of a run whose worker simulates at once and submits one machine."""
+        return DesignConfig(
+            task=task,
+            knobs=read_knobs(knobs),
+            workflow=TOOLS.name,
+            settings=WorkflowSettings(
+                candidates_per_stage=1, max_simulations=self.rollouts, vision=self.vision
+            ),
+            seed=seed or 0,
+            engine=self.engine,
+            verify=False,
+        )
+
+    def begin(self, task: str, seed: int | None, knobs: object = None) -> BenchSession:
+        """Begin a design at a level, with the random seed of its trials and changed knobs.
+
+        Raises:
+            UsageError: The task, a knob or the engine does not exist.
+        """
+        return BenchSession(self, self.config(task, seed, knobs))
 
 
 class BenchSession:
     """A run at a bench, without an event loop of the caller's; it ends with the submission."""
 
-    def __init__(
-        self, scorer: Scorer, config: DesignConfig, author: str, out: Path | None = None
-    ) -> None:
-        """Begin the run.
-
-        Args:
-            scorer: Where machines are simulated.
-            config: As from `bench_config`.
-            author: Who designs, as results name it.
-            out: Parent folder of the run; by default it is not kept.
-
-        Raises:
-            UsageError: The task, a knob or the engine does not exist.
-        """
+    def __init__(self, benches: Benches, config: DesignConfig) -> None:
+        """Begin the run."""
         get_task(config.task, config.knobs, config.engine)
-        self._scorer, self._config, self._author = scorer, config, author
-        self._temporary = TemporaryDirectory() if out is None else None
-        self._out = out or Path(self._temporary.name if self._temporary else "")
+        self._scorer, self._config, self._author = benches.scorer(), config, benches.author
+        self._temporary = TemporaryDirectory() if benches.out is None else None
+        self._out = benches.out or Path(self._temporary.name if self._temporary else "")
         self._faulty = False
-        self._bench = scorer.wait_for(self._open())
+        self._bench = self._scorer.wait_for(self._open())
 
     async def _open(self) -> Bench:
         async def leave_unverified(_path: Path) -> bool:

@@ -17,7 +17,7 @@ from typing import Any, Literal
 from PIL import Image
 
 from agentflow.env.physics.engine import AUTO
-from agentflow.integrations.session import BenchSession, bench_config, signature_of
+from agentflow.integrations.session import Benches, BenchSession, signature_of
 from agentflow.rewards.scoring import Sample, Scorer, read_knobs, shared_scorer
 from agentflow.tools import ToolSpec
 from agentflow.tools.bench import TOOLS
@@ -87,20 +87,14 @@ def _column(value: Any, count: int) -> Sequence[Any]:
 
 
 class BenchTools:
-    """An environment of TRL: one design at a bench after each `reset`. `tool_class` adds the tools,
-    because TRL takes every other public method for one."""
+    """An environment of TRL: one design at a bench after each `reset`. `bench_environment` adds
+    the tools, because TRL takes every other public method for one."""
 
-    def __init__(
-        self,
-        rollouts: int = 24,
-        vision: bool = False,
-        engine: str = AUTO,
-        out: Path | None = None,
-        scorer: Callable[[], Scorer] = shared_scorer,
-    ) -> None:
-        self._config = partial(bench_config, engine=engine, rollouts=rollouts, vision=vision)
-        self._out, self._scorer = out, scorer
-        self._open = ExitStack()
+    session: BenchSession
+
+    def __init__(self, benches: Benches) -> None:
+        """`benches`: how designs begin."""
+        self._benches, self._open = benches, ExitStack()
 
     def reset(self, task: str, seed: int | None = None, knobs: object = None, **_: object) -> str:
         """Begin a design, with columns of the data set; the budget, which ends the prompt.
@@ -109,9 +103,7 @@ class BenchTools:
             UsageError: The task or a knob does not exist.
         """
         self._open.close()
-        config = self._config(task, seed=seed or 0, knobs=read_knobs(knobs))
-        session = BenchSession(self._scorer(), config, "TRL", self._out)
-        self.session = self._open.enter_context(closing(session))
+        self.session = self._open.enter_context(closing(self._benches.begin(task, seed, knobs)))
         return f"\n{self.session.budget}"
 
     def _call(self, tool: str, arguments: Mapping[str, Any]) -> str | list[dict[str, Any]]:
@@ -122,19 +114,6 @@ class BenchTools:
         return [{"type": "image", "image": picture}, {"type": "text", "text": result.text}]
 
 
-def tool_class(vision: bool = False, scored: bool = True) -> type[BenchTools]:
-    """The class of environments with tools as methods, as TRL finds them.
-
-    Args:
-        vision: Whether the tools include pictures.
-        scored: Whether environments have a reward of their own.
-    """
-    offered = (tool.spec for tool in TOOLS if vision or tool.needs != "pictures")
-    methods = {spec.name: _method(spec) for spec in offered}
-    own = {"get_reward": _reward} if scored else {}
-    return type("Bench", (BenchTools,), {**methods, **own})
-
-
 def bench_environment(
     rollouts: int = 24,
     *,
@@ -142,6 +121,8 @@ def bench_environment(
     engine: str = AUTO,
     workers: int | None = None,
     out: Path | None = None,
+    scorer: Callable[[], Scorer] | None = None,
+    scored: bool = True,
 ) -> Callable[[], BenchTools]:
     """What `GRPOTrainer` takes as `environment_factory`: a design per rollout, by calls of tools.
 
@@ -155,9 +136,15 @@ def bench_environment(
         engine: Physics engine.
         workers: Worker processes; by default one per processor.
         out: Parent folder of the runs; by default they are not kept.
+        scorer: Where machines are simulated, in place of the workers.
+        scored: Whether environments have a reward of their own.
     """
-    scorer = partial(shared_scorer, workers)
-    return partial(tool_class(vision), rollouts, vision, engine, out, scorer)
+    shared = scorer or partial(shared_scorer, workers)
+    offered = (tool.spec for tool in TOOLS if vision or tool.needs != "pictures")
+    methods = {spec.name: _method(spec) for spec in offered}
+    own = {"get_reward": _reward} if scored else {}
+    kind = type("Bench", (BenchTools,), {**methods, **own})
+    return partial(kind, Benches("TRL", rollouts, vision, engine, shared, out))
 
 
 def _reward(self: BenchTools) -> float | None:
@@ -166,15 +153,8 @@ def _reward(self: BenchTools) -> float | None:
         return session.score()
 
 
-_TYPES: Mapping[str, Any] = {
-    "string": str,
-    "integer": int,
-    "number": float,
-    "boolean": bool,
-    "array": list[Any],
-    "object": dict[str, Any],
-    "null": None,
-}
+_TYPES: Mapping[str, Any] = {"string": str, "integer": int, "number": float, "boolean": bool}
+_TYPES = {**_TYPES, "array": list[Any], "object": dict[str, Any], "null": None}
 
 
 def _method(spec: ToolSpec) -> Callable[..., Any]:

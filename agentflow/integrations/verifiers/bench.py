@@ -16,7 +16,7 @@ from mcp.types import CallToolResult
 from pydantic import WithJsonSchema
 
 from agentflow.integrations.mcp.content import tool_result
-from agentflow.integrations.session import BenchSession, bench_config, signature_of
+from agentflow.integrations.session import Benches, signature_of
 from agentflow.rewards.scoring import shared_scorer
 from agentflow.tools import ToolSpec
 
@@ -55,15 +55,10 @@ class BenchTools(vf.Toolset[BenchConfig, DesignState]):
     async def setup_task(self, task: DesignData) -> None:
         """Begin the run."""
         given = self.config
-        config = bench_config(
-            task.level,
-            seed=task.seed,
-            engine=task.engine,
-            rollouts=given.rollouts,
-            vision=given.vision,
-        )
-        begin = partial(BenchSession, shared_scorer(1), config, "verifiers", given.out)
-        self._session = await asyncio.to_thread(begin)
+        scorer = partial(shared_scorer, 1)
+        options = (given.rollouts, given.vision, task.engine, scorer, given.out)
+        begin = Benches("verifiers", *options).begin
+        self._session = await asyncio.to_thread(begin, task.level, task.seed)
         self._exit_stack.callback(self._session.close)
 
     def register(self, mcp: Any) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from functools import partial
 from itertools import cycle, islice
 from pathlib import Path
 from types import MappingProxyType
@@ -74,8 +73,8 @@ def train_grpo(
         resume: Continue the run in `out`, if there is one.
         notify: Receives remarks for the user.
         open_pool: Opens a pool of simulating processes.
-        environment: For `config.tools`: a class of TRL's environments, each with the latest
-            `ToolSession` as `session`; takes the number of simulations, `engine` and `scorer`.
+        environment: For `config.tools`: takes the number of simulations, `engine` and `scorer`,
+            and returns what makes TRL's environments, with the latest `ToolSession` as `session`.
 
     Returns:
         The content of result.json.
@@ -106,7 +105,7 @@ def train_grpo(
                 assert environment is not None
                 os.environ.setdefault("TRL_EXPERIMENTAL_SILENCE", "1")
                 given = {"engine": config.engine, "scorer": lambda: scorer}
-                factory = partial(environment, config.rollouts, **given)
+                factory = environment(config.rollouts, **given)
             try:
                 trainer = _make_trainer(config, rows, run, scorer, notify, factory)
             except ValueError as error:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from trl.chat_template_utils import qwen3_chat_template
 
 from agentflow import design_prompt, reward
 from agentflow.errors import ConfigError
-from agentflow.integrations.trl import tool_class
+from agentflow.integrations.trl import bench_environment
 from agentflow.models.local.folder import ModelFolder
 from agentflow.training.config import TinyModel, read_config
 from agentflow.training.grpo.config import GrpoConfig
@@ -78,7 +79,7 @@ def test_designs_with_tools_are_learned_from(
 
     monkeypatch.setattr(trl.GRPOTrainer, "_generate_single_turn", say)
     out = tmp_path / "run"
-    model, environment = write_model(tmp_path / "model"), tool_class(scored=False)
+    model, environment = write_model(tmp_path / "model"), partial(bench_environment, scored=False)
     train_grpo(config(model), out, resume=False, notify=print, environment=environment)
     assert turns == [4, 2, 2] * 2
     steps = [row for row in read_training(out).curves if "reward" in row]
@@ -101,6 +102,6 @@ def test_designs_with_tools_are_learned_from(
 def test_models_that_cannot_call_tools_are_refused(
     tmp_path: Path, prompts: str, template: str, told: str
 ) -> None:
-    model, environment = write_model(tmp_path / "model", prompts, template), tool_class()
+    model, environment = write_model(tmp_path / "model", prompts, template), bench_environment
     with pytest.raises(ConfigError, match=told):
         train_grpo(config(model), tmp_path / "run", False, print, environment=environment)

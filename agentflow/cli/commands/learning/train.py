@@ -113,9 +113,10 @@ def grpo(
     keys = {"model.name": model, "tools": tools or None}
     built = read_config(GrpoConfig, config, settings or (), keys)
     require_libraries(*built.libraries)
-    from agentflow.integrations.trl import tool_class
+    from agentflow.integrations.trl import bench_environment
     from agentflow.training.grpo.train import train_grpo
 
     notify, pools = partial(print_remark, quiet=quiet), pools_on(backend)
-    trained = train_grpo(built, out, resume, notify, pools, tool_class(scored=False))
+    environment = partial(bench_environment, scored=False)
+    trained = train_grpo(built, out, resume, notify, pools, environment)
     print_result(trained, as_json, show_training)
