@@ -127,7 +127,7 @@ class BuildPage {
     details.addEventListener("toggle", () => details.open && this.editor.record("ask"));
     const { good, record } = start;
     const best = record ? ` · record ${formatNumber(record.score)}${record.fragile ? " (fragile)" : ""}` : "";
-    return el("section", { class: "task-card", "aria-label": `Task ${task}` }, details, el("p", {}, `good from ${formatNumber(good)}${best}`));
+    return el("section", { class: "task-card", "aria-label": `Task ${task}` }, el("h1", { class: "unseen" }, `Build for ${task}`), details, el("p", {}, `good from ${formatNumber(good)}${best}`));
   }
 
   more(start) {

@@ -9,6 +9,10 @@ const ABOVE = 0.03; // distance of a mark from its face, metres
 const FRONT = new THREE.Vector3(0, 0, 1);
 const CROSS = new THREE.ShapeGeometry(new THREE.Shape([[HALF, HALF], [HALF, ARM], [-HALF, ARM], [-HALF, HALF], [-ARM, HALF], [-ARM, -HALF], [-HALF, -HALF], [-HALF, -ARM],
   [HALF, -ARM], [HALF, -HALF], [ARM, -HALF], [ARM, HALF]].map(([x, y]) => new THREE.Vector2(x, y).rotateAround(new THREE.Vector2(), Math.PI / 4))));
+const LOOKS = {
+  front: new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.92 }),
+  behind: new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.22, depthTest: false, side: THREE.DoubleSide, forceSinglePass: true }), // shines through blocks
+};
 const SHAPES = [new THREE.CircleGeometry(DISC, 16), CROSS];
 
 export class Marks {
@@ -20,7 +24,7 @@ export class Marks {
 
   /** Mark these faces and no others. */
   show(spots) {
-    for (const mesh of this.group.children) [mesh.material, mesh].forEach((held) => held.dispose());
+    for (const mesh of this.group.children) mesh.dispose();
     this.group.clear();
     this.kinds = SHAPES.map((shape, index) => new Kind(shape, spots.filter((spot) => Boolean(spot.why_not) === Boolean(index))));
     this.group.add(...this.kinds.flatMap(({ front, behind }) => [front, behind]));
@@ -56,14 +60,14 @@ class Kind {
   constructor(shape, spots) {
     this.shape = shape;
     this.spots = spots;
-    this.front = this.layer({ opacity: 0.92 });
+    this.front = this.layer("front");
     spots.forEach((spot, index) => this.front.setMatrixAt(index, standing(spot)));
-    this.behind = this.layer({ opacity: 0.22, depthTest: false, side: THREE.DoubleSide, forceSinglePass: true }); // shines through blocks
+    this.behind = this.layer("behind");
     this.behind.instanceMatrix = this.front.instanceMatrix;
   }
 
-  layer(look) {
-    const mesh = new THREE.InstancedMesh(this.shape, new THREE.MeshBasicMaterial({ transparent: true, ...look }), this.spots.length);
+  layer(name) {
+    const mesh = new THREE.InstancedMesh(this.shape, LOOKS[name], this.spots.length);
     return Object.assign(mesh, { frustumCulled: false, renderOrder: 2 });
   }
 

@@ -37,7 +37,8 @@ export function blockPalette(editor) {
     card(kind);
     editor.aimAt({ add: kind.type }).then(() => document.querySelector("#faces .list")?.focus());
   }
-  editor.on(["state"], draw);
+  draw();
+  if (kinds.some(({ required }) => required)) editor.addEventListener("state", draw); // for their numbers
   return { element: el("section", { class: "palette", "aria-label": "Blocks" }, words, list.element, about), focus: () => { words.focus(); words.select(); } };
 }
 

@@ -15,8 +15,10 @@ import { Marks } from "./marks.js";
 
 const [CHOSEN, WRONG] = [[0.1, 0.6, 0.95], [0.9, 0.1, 0.1]];
 const RIM = 0.05; // width of the outline of the chosen block, metres
+const RIM_LOOK = new THREE.MeshBasicMaterial({ color: new THREE.Color().setRGB(...CHOSEN, THREE.LinearSRGBColorSpace), side: THREE.BackSide });
 const DRAG = 5; // pixels that a pointer moves before a click is a turn of the view
 const TURN = 0.12; // radians per press
+const PAUSE = 120; // milliseconds that a face is pointed at before the block is shown there
 const REST = 300; // milliseconds without a frame after which nothing moves
 
 export class Stage {
@@ -79,10 +81,9 @@ export class Stage {
     this.outline.clear();
     const { state, chosen } = this.editor;
     if (!this.film || this.picture.machine !== state.picture) return;
-    const color = new THREE.Color().setRGB(...CHOSEN, THREE.LinearSRGBColorSpace);
     const place = this.picture.solids.place(this.film, chosen).clone();
     for (const index of state.picture.solids[chosen]) {
-      const mesh = solidMesh(state.shapes[index], new THREE.MeshBasicMaterial({ color, side: THREE.BackSide }), RIM);
+      const mesh = solidMesh(state.shapes[index], RIM_LOOK, RIM);
       mesh.matrix.premultiply(place);
       this.outline.add(mesh);
     }
@@ -97,6 +98,8 @@ export class Stage {
     this.ghost.clear();
     if (!spot || !aim || two) return;
     if (spot.why_not) this.sayAt(spot);
+    await new Promise((done) => setTimeout(done, PAUSE));
+    if (editor.pointed !== spot) return;
     const asked = JSON.stringify([editor.state.digest, aim, spot.block, spot.face]);
     if (!this.ghosts.has(asked)) this.ghosts.set(asked, send("/api/build/ghost", { ...editor.given, ...aim, end: [spot.block, spot.face] }).catch(() => null));
     const found = await this.ghosts.get(asked);
