@@ -6,12 +6,15 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from socket import socket
+from zlib import crc32
 
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
+from agentflow.errors import UsageError
 from agentflow.listening import end_is_asked_for, listen, serving
 from agentflow.report.page import read_bundle
 from agentflow.studio.building.person_runs import PersonRuns
@@ -39,10 +42,12 @@ PAGE = """<!DOCTYPE html>
 """
 MOST = 64
 """Most connections at a time."""
+FIRST_PORT, PORTS = 20_000, 10_000
+"""Ports of studios that are given none; systems hand out higher ones to other programs."""
 FILES = {"/studio.js": "text/javascript", "/studio.css": "text/css"}
 
 
-def serve(runs: Path, port: int, say: Callable[[str], None]) -> None:
+def serve(runs: Path, port: int | None, say: Callable[[str], None]) -> None:
     """Serve the runs of a folder and say at which address.
 
     Raises:
@@ -60,16 +65,28 @@ def serve(runs: Path, port: int, say: Callable[[str], None]) -> None:
 
 @asynccontextmanager
 async def running(
-    runs: Path, port: int = 0, limits: RequestLimits | None = None
+    runs: Path, port: int | None = 0, limits: RequestLimits | None = None
 ) -> AsyncIterator[str]:
-    """Serve while the context is open; the address that opens the studio once."""
-    listening = listen("127.0.0.1", port, "; choose another --port")
+    """Serve while the context is open; the address that opens the studio once.
+
+    Without a port it is the same one each time for a folder, if it is free: what browsers keep of
+    the Build page belongs to the port.
+    """
+    listening = _listen(runs, port)
     access = Access(listening.getsockname()[1])
     async with (
         _open_app(runs) as app,
         serving(Guard(app, access, limits or RequestLimits()), listening, MOST),
     ):
         yield access.address
+
+
+def _listen(runs: Path, port: int | None) -> socket:
+    if port is None:
+        usual = FIRST_PORT + crc32(str(runs.resolve()).encode()) % PORTS
+        with suppress(UsageError):
+            return listen("127.0.0.1", usual, "")
+    return listen("127.0.0.1", port or 0, "; choose another --port")
 
 
 @asynccontextmanager

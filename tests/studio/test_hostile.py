@@ -10,10 +10,12 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from threading import Thread
+from urllib.parse import urlsplit
 
 import httpx
 import pytest
 
+from agentflow.studio.app import running
 from agentflow.studio.guard import RequestLimits
 from tests.studio.serving import Browser, Served, studio
 
@@ -332,3 +334,12 @@ def test_the_cookie_is_for_this_site_and_no_script(tmp_path: Path) -> None:
     with studio(tmp_path) as other:
         answer = bare(other.address)
         assert answer.headers["set-cookie"].endswith("; Path=/; HttpOnly; SameSite=Strict")
+
+
+async def test_a_folder_has_the_same_port_each_time_or_any_other_while_it_is_taken(
+    tmp_path: Path,
+) -> None:
+    async with running(tmp_path, None) as first, running(tmp_path, None) as other:
+        assert urlsplit(first).port != urlsplit(other).port
+    async with running(tmp_path, None) as again:
+        assert urlsplit(again).port == urlsplit(first).port

@@ -18,8 +18,14 @@ def studio(
         "runs"
     ),
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0 is any free one.")
-    ] = 0,
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Port on 127.0.0.1; 0 is any free one. Without one, it is the same each time for "
+            "a directory of runs, if it is free.",
+        ),
+    ] = None,
 ) -> None:
     """Open a local page to watch runs, start them, and build machines by hand.
 

@@ -38,7 +38,7 @@ export class Recorder {
     this.ending = button("End session", () => (this.ending.dataset.sure ? this.end() : this.sure()));
     const why = mode === "guided" ? el("details", { class: "rationale", open: "", toggle: (event) => event.target.open && this.asked() }, el("summary", {}, "Rationale"), ...rationale.split("\n").map((line) => el("p", {}, line))) : "";
     this.element = el("section", { class: "session", "aria-label": "Session" },
-      el("p", { class: "about" }, el("b", {}, `Session · ${task}`), " ", this.clock), this.pause, this.microphone.element, notes, this.ending, this.said, el("p", { class: "objective" }, this.editor.start.objective), why);
+      el("p", { class: "about" }, el("b", {}, `Session · ${task}`), " ", this.clock), this.pause, this.microphone.element, notes, this.ending, this.said, why);
     this.over = el("dialog", { class: "ended", cancel: (event) => event.preventDefault() });
   }
 
