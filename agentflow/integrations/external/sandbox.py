@@ -42,7 +42,8 @@ def sandbox_problem() -> str:
         done = subprocess.run(words, capture_output=True, text=True, timeout=20)
     except (OSError, subprocess.TimeoutExpired) as error:
         return f"bubblewrap does not start: {error}"
-    return (done.returncode and f"bubblewrap does not start: {done.stderr.strip()[-200:]}") or ""
+    why = done.stderr.strip()[-200:]
+    return f"bubblewrap does not start: {why}" if done.returncode else ""
 
 
 def is_isolated(settings: ExternalSettings) -> bool:
@@ -107,12 +108,11 @@ def _mounts(settings: ExternalSettings, words: Sequence[str]) -> list[str]:
     further = [Path(path).expanduser() for path in settings.readable]
     system = [*map(Path, SYSTEM), *(Path("/etc", name) for name in CONFIGURED)]
     seen = [*system, *own]
-    hidden = [REPOSITORY, PACKAGE]
-    masks = [path for path in hidden if any(path.is_relative_to(place) for place in seen)]
+    hidden = [REPOSITORY] * any(REPOSITORY.is_relative_to(place) for place in seen)
     return [
         *(["--tmpfs", home] if Path(home) != Path("/") else []),
         *_bind("--ro-bind-try", seen),
-        *(word for path in masks[:1] for word in ("--tmpfs", str(path))),
+        *(word for path in hidden for word in ("--tmpfs", str(path))),
         *_bind("--ro-bind-try", [path for path in own if path.is_relative_to(REPOSITORY)]),
         *_bind("--ro-bind", [*named, *further]),
     ]
