@@ -68,6 +68,12 @@ def test_pages_of_the_shipped_run_name_its_model(tmp_path: Path, capsys: Capture
 
 
 @pytest.mark.slow
+@pytest.mark.pybullet
+def test_the_shipped_run_is_replayed_identically(capsys: Captured) -> None:
+    assert printed(capsys, "replay", SHIPPED).strip() == "identical"
+
+
+@pytest.mark.slow
 def test_the_machines_of_the_shipped_run_score_what_they_did(capsys: Captured) -> None:
     compared = json.loads(printed(capsys, "rescore", SHIPPED, "--json"))
     assert {machine["now"]["score"] for machine in compared["machines"]} == set(SCORES)
