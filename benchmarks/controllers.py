@@ -159,8 +159,8 @@ MODEL = """\
 ## A strong language model
 
 A strong language model (recorded) designed for four levels with `controls: sensed`, one run each: \
-MuJoCo, workflow `iterative`, one trajectory, at most four simulations. Its replies and machines are \
-not shipped.
+MuJoCo, workflow `iterative`, one trajectory, at most four simulations. Its replies and machines \
+are not shipped.
 
 | level | first reply | after feedback | verified | holds in |
 |---|--:|--:|--:|---|

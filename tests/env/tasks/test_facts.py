@@ -20,6 +20,7 @@ EXCEPTIONS = {
     "cli/commands/machines.py": DEFAULT,
     "cli/commands/prompts.py": DEFAULT,
     "config/run.py": DEFAULT,
+    "integrations/openenv.py": DEFAULT,
     "integrations/verifiers/tasks.py": DEFAULT,
     "training/grpo/config.py": DEFAULT,
 }
