@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
+from agentflow.agents.designer import Designer
 from agentflow.agents.registry import ROLES
 from agentflow.config.run import DesignConfig
 from agentflow.errors import ConfigError, UnknownNameError
@@ -46,7 +47,7 @@ _IDLE_S, _TOTAL_S = 60.0, 120.0
 """Time-outs for one small reply, shorter than in a run."""
 
 
-def check_endpoint(config: DesignConfig, role: str) -> dict[str, Any]:
+def check_endpoint(config: DesignConfig, role: str = Designer.name) -> dict[str, Any]:
     """Ask the model of a role for one small machine; that of the agent has to call a tool.
 
     Returns:

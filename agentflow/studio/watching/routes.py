@@ -12,7 +12,6 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import BaseRoute, Route
 
-from agentflow.agents.designer import Designer
 from agentflow.app.benchmark.page import leaderboard_data
 from agentflow.app.design.config import load_config
 from agentflow.app.design.plan import task_of_run
@@ -159,7 +158,7 @@ class Watching:
     async def connect(self, form: NewDesign) -> dict[str, Any]:
         """Ask the model of a design for one small machine, and say what came of it."""
         plan = await asyncio.to_thread(require_possible, form)
-        found = await asyncio.to_thread(check_endpoint, plan.config, Designer.name)
+        found = await asyncio.to_thread(check_endpoint, plan.config)
         return {key: for_page(str(found[key] or "")) for key in ("problem", "machine")}
 
     async def stop_design(self, given: OneRun) -> dict[str, str]:
