@@ -198,6 +198,7 @@ _LEVELS: Mapping[int, Mapping[Group, str]] = {
     -1: {
         "motors": "motors turn backwards",
         "steering_hinges": "steering hinges swing to their Right",
+        "thrusters": "thrusters push backwards",
         "winches": "winches pay out",
     },
 }

@@ -39,10 +39,12 @@ QUANTITIES: Mapping[str, Quantity] = {
     "time": Quantity("s", (), "since t = 0"),
     "height": Quantity("m", (), "y of the block's centre"),
     "tilt": Quantity("degrees", ("x", "z"), "how far the block leans towards x+ or z+"),
-    "heading": Quantity("degrees", (), "how far the block has turned from z+ towards x+"),
-    "velocity": Quantity("m/s", _WORLD, "of the block's centre"),
-    "spin": Quantity("degrees/s", _WORLD, "of the block"),
-    "target": Quantity("m", _WORLD, "from the block's centre to the target"),
+    "heading": Quantity(
+        "degrees", (), "how far the block has turned from z+ towards x+, -180 to 180"
+    ),
+    "velocity": Quantity("m/s", _WORLD, "of the block's centre, along world axes"),
+    "spin": Quantity("degrees/s", _WORLD, "of the block, about world axes"),
+    "target": Quantity("m", _WORLD, "from the block's centre to the target, along world axes"),
     "angle": Quantity("degrees", (), "of the block's joint, 0 as built, + where level 1 turns it"),
     "turning": Quantity("degrees/s", (), "speed of the block's joint, + where level 1 turns it"),
     "contact": Quantity("s", (), "since the block last touched anything but the machine"),

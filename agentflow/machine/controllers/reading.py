@@ -172,5 +172,5 @@ def _output_problems(controllers: Controllers, types: Mapping[int, int]) -> Iter
 def told(kind: str) -> str:
     """Unit and meaning of a kind of sensors, for designers."""
     quantity = QUANTITIES[kind]
-    axis = f" ({', '.join(quantity.axes)})" if quantity.axes else ""
+    axis = f" (axis {', '.join(quantity.axes)})" if quantity.axes else ""
     return f"{kind}{axis}: {quantity.text}{f', {quantity.unit}' * bool(quantity.unit)}"
