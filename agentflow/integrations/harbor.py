@@ -17,7 +17,7 @@ from typing import Any
 
 import jinja2
 
-from agentflow.app.benchmark.plan import item_configs, plan_benchmark, read_items
+from agentflow.app.benchmark.plan import item_configs, plan_benchmark, read_items, share_of
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import choose_engine
 from agentflow.env.tasks.base import Task
@@ -204,7 +204,7 @@ def grade(graded: Path, machine: Path, out: Path) -> dict[str, float]:
     numbers = {**terms, "valid": float(found.valid), "reward": score}
     floor, full, most = setting["floor"], setting["full"], setting.get("most", inf)
     if full is not None and full > floor:
-        numbers["full_share"] = round(min(max((score - floor) / (full - floor), 0.0), most), 6)
+        numbers["full_share"] = share_of(score, floor, full, most)
     out.mkdir(parents=True, exist_ok=True)
     (out / "reward.json").write_text(json.dumps(numbers), encoding="utf-8")
     (out / "reward.txt").write_text(repr(score), encoding="utf-8")

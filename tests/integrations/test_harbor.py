@@ -152,6 +152,11 @@ def test_what_is_not_a_level_is_refused(tmp_path: Path, task: str, told: str) ->
     assert not [*tmp_path.iterdir()]
 
 
+def test_no_tasks_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", "harbor", "--tasks", " , ", "--out", str(tmp_path / "out")]) == 2
+    assert "name tasks with --tasks" in capsys.readouterr().err
+
+
 def test_solutions_need_the_repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("agentflow.env.tasks.records.MACHINES", tmp_path)
     with pytest.raises(UsageError, match="not in the package but in its repository"):

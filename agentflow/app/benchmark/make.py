@@ -7,7 +7,6 @@ the designer's first machines come near its par, or its par is not above its flo
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -20,13 +19,14 @@ from uuid import UUID
 import yaml
 
 from agentflow.app.design.results import best_machine
-from agentflow.app.design.run import RunOptions, design, resume
+from agentflow.app.design.run import design, resume
 from agentflow.config.run import PROCEDURAL, build_config, load_document, set_key
 from agentflow.config.shipped import find_config
 from agentflow.config.sweep import Par
 from agentflow.env.tasks.registry import get_task
-from agentflow.errors import ConfigError, UsageError
+from agentflow.errors import ConfigError, RunError, UsageError
 from agentflow.files.atomic import os_errors, write_output
+from agentflow.files.ranges import draw_numbers
 from agentflow.runs import Notify, RunResult
 from agentflow.workflows.registry import WORKFLOWS
 
@@ -36,7 +36,6 @@ TRIVIAL = 0.8
 """Greatest share of the par that first machines may reach."""
 DRAWS = 8
 """Most draws of an item; if none fits, the one whose first machines reach least counts."""
-_RANGE = re.compile(r"(-?[0-9]+(?:\.[0-9]+)?)\.\.(-?[0-9]+(?:\.[0-9]+)?)")
 
 
 @dataclass(frozen=True)
@@ -90,6 +89,7 @@ def make_benchmark(
 
     Raises:
         UsageError: The folder holds another benchmark, or cannot be written.
+        RunError: A verification failed, so that there is no floor or par.
         InterruptedRunError: Ctrl-C.
     """
     with os_errors(f"cannot write {folder}"):
@@ -101,7 +101,8 @@ def make_benchmark(
         drawn[name] = _draw(folder, name, template, seed, simulations, workers)
         par = drawn[name].par
         say(f"{name}: floor {par.floor:g}, par {par.par:g}; {len(drawn)} of {items} items")
-        (folder / MACHINES / f"{name}.json").write_text(drawn[name].machine, encoding="utf-8")
+        with write_output(folder / MACHINES / f"{name}.json") as part:
+            part.write_text(drawn[name].machine, encoding="utf-8")
     pars = {name: item.par for name, item in drawn.items()}
     document = load_document(find_config(Path("benchmark")))
     document["title"] = f"Benchmark of seed {seed}"
@@ -123,7 +124,8 @@ def _require_same(folder: Path, plan: Mapping[str, int]) -> None:
     """Note what the folder is for, or raise UsageError if it is for something else."""
     file = folder / MAKING / "plan.yaml"
     if not file.exists():
-        file.write_text(yaml.safe_dump(dict(plan)), encoding="utf-8")
+        with write_output(file) as part:
+            part.write_text(yaml.safe_dump(dict(plan)), encoding="utf-8")
     for name, value in load_document(file).items():
         if plan.get(name) != value:
             raise UsageError(
@@ -174,7 +176,7 @@ def _draws(template: Mapping[str, Any], seed: str) -> Iterator[tuple[int, dict[s
     """Numbered changes of an item, without those that make no task: a target over a hole, say."""
     fitting = 0
     for number in range(10 * DRAWS):
-        changes = _numbers(template, Random(f"{seed}/{number}"))
+        changes = draw_numbers(template, Random(f"{seed}/{number}"))
         knobs = {key: value for key, value in changes.items() if key not in ("task", "workflow")}
         try:
             get_task(changes["task"], knobs, content()["engine"])
@@ -184,18 +186,6 @@ def _draws(template: Mapping[str, Any], seed: str) -> Iterator[tuple[int, dict[s
         yield number, changes
         if fitting == DRAWS:
             return
-
-
-def _numbers(template: Mapping[str, Any], rng: Random) -> dict[str, Any]:
-    """The changes of an item, with a number from each range."""
-    changes = dict(template)
-    for key, value in template.items():
-        if isinstance(value, str) and (ends := _RANGE.fullmatch(value)):
-            low, high = ends.groups()
-            whole = "." not in low + high
-            exact = rng.uniform(float(low), float(high))
-            changes[key] = rng.randint(int(low), int(high)) if whole else round(exact, 1)
-    return changes
 
 
 def _documents(
@@ -216,11 +206,16 @@ def _documents(
 
 def _solve(folder: Path, name: str, document: Mapping[str, Any], workers: int) -> RunResult:
     """The result of a run, which is continued where it exists."""
-    quiet = RunOptions()
-    if (folder / name).exists():
-        return resume(folder / name, quiet)
-    return design(build_config({**document, "workers": workers}), folder, quiet, name)
+    path = folder / name
+    if path.exists():
+        run = resume(path)
+    else:
+        run = design(build_config({**document, "workers": workers}), folder, name=name)
+    if run.score and run.verified_score is None:
+        raise RunError(f"{path}: a simulation of its verification failed: delete it, and continue")
+    return run
 
 
 def _score(run: RunResult) -> float:
+    """0 if no machine scored."""
     return run.verified_score or 0.0

@@ -107,8 +107,12 @@ class Item:
 
     def share(self, score: float) -> float:
         """What a score counts for."""
-        share = (score - self.floor) / (self.full - self.floor)
-        return round(min(max(share, 0.0), self.most), DIGITS)
+        return share_of(score, self.floor, self.full, self.most)
+
+
+def share_of(score: float, floor: float, full: float, most: float) -> float:
+    """What a score counts for: 0 at or below the floor, 1 if full, and never above the most."""
+    return round(min(max((score - floor) / (full - floor), 0.0), most), DIGITS)
 
 
 def read_items(sweep: SweepConfig) -> dict[str, Item]:

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import random
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from agentflow.files.ranges import draw_numbers
 from agentflow.machine import Machine
+from agentflow.machine.controllers.model import Controllers
 from agentflow.machine.controllers.numbers import numbers_of
-from agentflow.machine.controllers.reading import read_controllers
 from agentflow.machine.controls import control_text, driven_blocks
 from agentflow.machine.edits.moves import random_control, with_random_program
 from agentflow.machine.tree import Control
 
 BY_THEMSELVES = ("grabbers", "decouplers")
 """Groups that need no control: grabbers grip by themselves, and decouplers should hold at first."""
-_RANGE = re.compile(r"(-?[0-9.]+)\.\.(-?[0-9.]+)")
 TUNED = 0.8
 """Share of changes that change a number of the controllers, where there are some."""
 MORE = 2
@@ -67,49 +66,33 @@ def add_controllers(
     drawn from the ranges; without those that drive nothing or name a type that it has not."""
     driven = {*driven_blocks(machine).values()}
     data: dict[str, Any] = {"sensors": {}, "laws": {}, "outputs": []}
-    for each in (machine.controllers and [machine.controllers.to_json()]) or ():
-        data = {**data, **each}
-    taken = {output.get("group") for output in data["outputs"]}
+    if machine.controllers:
+        data = machine.controllers.to_json()
     for template in templates:
-        own = _draw_numbers(template, rng)
+        own = draw_numbers(template, rng)
         groups = {output["group"] for output in own["outputs"]}
-        kinds = {name: sensor.pop("type", 0) for name, sensor in own["sensors"].items()}
-        if (
-            groups & taken
-            or not groups <= driven
-            or any(not machine.count(k) for k in kinds.values())
-        ):
+        taken = {output.get("group") for output in data["outputs"]}
+        for sensor in own["sensors"].values():
+            if kind := sensor.pop("type", 0):
+                sensor["block"] = next((step.id for step in machine if step.type == kind), None)
+        lacks = any(sensor.get("block", 0) is None for sensor in own["sensors"].values())
+        if groups & taken or not groups <= driven or lacks:
             continue
-        for name, kind in kinds.items():
-            block = next(step.id for step in machine if step.type == kind)
-            own["sensors"][name] |= {"block": block} if kind else {}
         data["sensors"].update(own["sensors"])
         data["laws"].update(own["laws"])
         data["outputs"] += own["outputs"]
-    return replace(machine, controllers=read_controllers(data, [])) if data["laws"] else machine
-
-
-def _draw_numbers(template: Any, rng: random.Random) -> Any:
-    """A copy of JSON data in which a number was drawn from each range, a text such as `2..3`."""
-    if isinstance(template, Mapping):
-        return {key: _draw_numbers(value, rng) for key, value in template.items()}
-    if isinstance(template, list):
-        return [_draw_numbers(value, rng) for value in template]
-    if isinstance(template, str) and (ends := _RANGE.fullmatch(template)):
-        return float(f"{rng.uniform(float(ends[1]), float(ends[2])):.3g}")
-    return template
+    if not data["laws"]:
+        return machine
+    return replace(machine, controllers=Controllers.model_validate(data))
 
 
 def change_program(machine: Machine, window: float, rng: random.Random) -> list[str]:
     """Commands that add a random entry, or put one in place of another, or change a number of the
     controllers; [] if nothing is driven."""
-    numbers = (
-        [each for each in numbers_of(machine.controllers) if each.value]
-        if machine.controllers
-        else []
-    )
-    if numbers and rng.random() < TUNED:
-        path, value, *_ = rng.choice(numbers)
+    numbers = numbers_of(machine.controllers) if machine.controllers else ()
+    tunable = [number for number in numbers if number.value]
+    if tunable and rng.random() < TUNED:
+        path, value, *_ = rng.choice(tunable)
         return [f"Set {path} {value * rng.uniform(0.6, 1.6):.3g}"]
     new = random_control(machine, window, rng)
     if new is None:

@@ -45,8 +45,12 @@ QUANTITIES: Mapping[str, Quantity] = {
     "velocity": Quantity("m/s", _WORLD, "of the block's centre, along world axes"),
     "spin": Quantity("degrees/s", _WORLD, "of the block, about world axes"),
     "target": Quantity("m", _WORLD, "from the block's centre to the target, along world axes"),
-    "angle": Quantity("degrees", (), "of the block's joint, 0 as built, + where level 1 turns it"),
-    "turning": Quantity("degrees/s", (), "speed of the block's joint, + where level 1 turns it"),
+    "angle": Quantity(
+        "degrees", (), "of the block's joint, 0 as built, positive the way level 1 turns it"
+    ),
+    "turning": Quantity(
+        "degrees/s", (), "speed of the block's joint, positive the way level 1 turns it"
+    ),
     "contact": Quantity("s", (), "since the block last touched anything but the machine"),
     "load": Quantity("", (), "load over strength of the block's connection"),
     "distance": Quantity(

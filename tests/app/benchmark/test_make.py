@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -15,7 +16,8 @@ from agentflow.cli import main
 from agentflow.config.run import load_document
 from agentflow.config.sweep import read_sweep
 from agentflow.env.tasks.registry import FAMILIES, get_task
-from agentflow.errors import UsageError
+from agentflow.errors import RunError, UsageError
+from agentflow.files.ranges import ends_of
 from tests.loops import for_each
 
 
@@ -33,11 +35,11 @@ def test_draws_differ_and_are_in_their_ranges(family: str) -> None:
         assert len(drawn) == make.DRAWS
         assert drawn == dict(make._draws(template, "0/x")), "from the seed alone"
         for key, value in template.items():
-            ends = isinstance(value, str) and make._RANGE.fullmatch(value)
+            ends = ends_of(value)
             numbers = [changes[key] for changes in drawn.values()]
             if ends:
                 assert len({*numbers}) > 1, key
-                assert float(ends[1]) <= min(numbers) <= max(numbers) <= float(ends[2])
+                assert float(ends[0]) <= min(numbers) <= max(numbers) <= float(ends[1])
             else:
                 assert numbers == [value] * make.DRAWS
 
@@ -48,6 +50,16 @@ def test_every_family_has_three_items() -> None:
     assert {len(templates) for templates in content.values()} == {3}
     for templates in content.values():
         assert sum("requirements.wanted" in template for template in templates) == 1
+
+
+def test_a_verification_that_failed_sets_no_par(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result = SimpleNamespace(score=3.0, verified_score=None)
+    monkeypatch.setattr(make, "design", lambda *_args, **_named: result)
+    with pytest.raises(RunError, match=r"throwing-1\.0\.floor: a simulation of its verification"):
+        make.make_benchmark(tmp_path, items=1, simulations=8, say=print)
+    assert not (tmp_path / "set.yaml").exists()
 
 
 @pytest.mark.slow

@@ -43,14 +43,12 @@ def harbor(
     as_json: options.Json = False,
 ) -> None:
     """Write tasks for Harbor: an agent works in a container, and a script grades its machine."""
-    if (tasks is None) == (benchmark is None):
+    names = [name.strip() for name in (tasks or "").split(",") if name.strip()]
+    if bool(names) == (benchmark is not None):
         raise UsageError("name tasks with --tasks, or a benchmark with --set")
     from agentflow.integrations.harbor import export as write
     from agentflow.integrations.harbor import items_of, items_of_set
 
-    if benchmark is not None:
-        items = items_of_set(benchmark)
-    else:
-        items = items_of([name.strip() for name in (tasks or "").split(",") if name.strip()])
+    items = items_of(names) if benchmark is None else items_of_set(benchmark)
     folders = write(items, out, solutions=with_solutions, engine=engine, wheel=wheel)
     print_result({"folders": folders}, as_json, lambda found: print(*found["folders"], sep="\n"))
