@@ -40,6 +40,9 @@ OUTLINED = 8
 """Pixels per metre below which solids have no outlines, which would hide their colours."""
 BAND = 64
 """Rows drawn at a time, so that they fit into the processor's cache."""
+NARROW = 10
+"""Focal length, in heights of the picture, from which the eye is so far away that rounding to
+single precision shows as noise."""
 TINY = 1e-9
 """Keeps rays from being exactly parallel to a side."""
 CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
@@ -251,7 +254,8 @@ def _ray(camera: Camera, item: SceneObject, place: tuple[slice, slice]) -> _Ray:
     v = _rows(camera, place[0])
     ahead, across, upwards = ((frame @ axis / half)[:, None] for axis in (-towards, right, up))
     wide, tall = ahead + TINY + across * u, upwards * v.T
-    x, y, z = (wide[i].astype(np.float32) + tall[i].astype(np.float32)[:, None] for i in range(3))
+    exact = np.float64 if camera.focal_length > NARROW * camera.height else np.float32
+    x, y, z = (wide[i].astype(exact) + tall[i].astype(exact)[:, None] for i in range(3))
     return _Ray((a, b, c), (x, y, z), frame @ (np.asarray(SUN) / np.linalg.norm(SUN)), half)
 
 

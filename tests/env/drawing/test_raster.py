@@ -134,3 +134,14 @@ def test_blocks_are_outlined_their_own_pieces_are_not() -> None:
 def test_an_eye_that_is_inside_a_solid_looks_through_it() -> None:
     around = solid("box", (50.0, 50.0, 50.0))
     assert not seen(around).any()
+
+
+@pytest.mark.parametrize("shape", ["sphere", "cylinder"])
+def test_what_a_narrow_view_shows_from_far_away_is_whole(shape: str) -> None:
+    far = Camera((0.0, 5.0, -4000.0), (0.0, 5.0, 0.0), 200, 200, 0.06)
+    lying = (sqrt(0.5), 0.0, 0.0, sqrt(0.5))
+    found = seen(SceneObject("it", shape, (2.0, 2.0, 2.0), (0.0, 5.0, 0.0), lying), camera=far)
+    radius = far.focal_length / 4000.0
+    assert np.count_nonzero(found) == pytest.approx(pi * radius**2, rel=0.05)
+    for row in found[found.any(axis=1)]:
+        assert np.count_nonzero(np.diff(row.astype(int))) == 2, "without holes"
