@@ -2,7 +2,7 @@
 // Run by setup.py in a folder where `npm ci` has been run and report/ and studio/ hold the sources.
 // Licences stay in the bundle.
 
-import { readFileSync } from "node:fs";
+import { copyFileSync, readFileSync } from "node:fs";
 import { build } from "esbuild";
 
 const licence = readFileSync("node_modules/three/LICENSE", "utf8").trim();
@@ -20,3 +20,4 @@ await build({
   banner: { js: `/*! Contains three.js ${version}\n${licence}\n*/` },
   logLevel: "warning",
 });
+copyFileSync("node_modules/axe-core/axe.min.js", `${process.argv[2]}/axe.min.js`); // tests read pages with it; no release holds it

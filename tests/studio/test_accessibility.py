@@ -1,0 +1,117 @@
+"""Every page against the rules of axe-core: wide and narrow, light and dark."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from selenium import webdriver
+
+from agentflow.app.benchmark.card import read_card
+from agentflow.app.benchmark.page import leaderboard_page
+from agentflow.app.machines.making import write_guide
+from agentflow.app.pages.compare import compare
+from agentflow.app.pages.gallery import gallery
+from agentflow.app.pages.robustness import page_writer
+from agentflow.app.pages.runs import report
+from agentflow.app.pages.tasks import write_page as write_tasks
+from agentflow.app.pages.training import training_report
+from agentflow.env.tasks.registry import get_task
+from agentflow.metrics.scores import Scores
+from agentflow.metrics.tables import Column, Row, Table
+from agentflow.report.page import page as whole_page
+from agentflow.report.sweep import sweep_data
+from tests.app.pages.test_robustness import FOUND
+from tests.machine.builders import CAR
+from tests.report.accessibility import SCREENS, violations
+from tests.report.browser import on_phone
+from tests.report.hostile import hostile_run
+from tests.studio.pages import RECORDED, find, open_page, until
+from tests.studio.serving import Served
+from tests.training.folders import write_training
+
+pytestmark = pytest.mark.slow
+CARD = Path(__file__).parents[2] / "docs" / "cards" / "procedural.json"
+STUDIO = {
+    "runs": "runs?open",
+    "run": "run?run=throwing",
+    "pair": "pair?a=throwing&b=again",
+    "gallery": "gallery",
+    "leaderboard": "leaderboard",
+    "sessions": "sessions",
+    "build": "build?task=movement&guide=car",
+}
+
+REPORTS = ("run", "gallery", "compare", "leaderboard", "robustness", "training", "sweep")
+WRITTEN = ("guide", "tasks")
+"""Pages without a script."""
+
+
+def found_on(driver: webdriver.Chrome) -> dict[str, list[str]]:
+    """What is wrong with the page that is open, by screen, with everything unfolded."""
+    found = {}
+    for width, height, dark in SCREENS:
+        with on_phone(driver, width, height, dark=dark):
+            driver.execute_script(
+                "for (const e of document.querySelectorAll('details')) e.open = 1"
+            )
+            if told := violations(driver):
+                found[f"{width} {'dark' if dark else 'light'}"] = told
+    return found
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs")
+    for name in ("throwing", "again"):
+        shutil.copytree(RECORDED, folder / name)
+    (folder / "bench").mkdir()
+    shutil.copy(CARD, folder / "bench" / "card.json")
+    return folder
+
+
+@pytest.mark.parametrize("page", STUDIO)
+def test_axe_finds_nothing_in_the_studio(
+    browser: webdriver.Chrome, served: Served, page: str
+) -> None:
+    open_page(browser, served, STUDIO[page])
+    assert found_on(browser) == {}
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A page of each kind on disk."""
+    folder = tmp_path_factory.mktemp("pages")
+    car, quick = folder / "car.json", {"films": 1, "workers": 1, "say": lambda _done, _of: None}
+    car.write_text(CAR.to_text(), encoding="utf-8")
+    made = {name: folder / f"{name}.html" for name in (*REPORTS, *WRITTEN)}
+    report(hostile_run(folder), made["run"], **quick)
+    gallery([RECORDED], made["gallery"], workers=1, say=quick["say"])
+    task = get_task("movement", {"window": 1})
+    compare((str(car), str(car)), task, 0, out=made["compare"], workers=1, say=quick["say"])
+    leaderboard_page([read_card(CARD)], made["leaderboard"])
+    page_writer(made["robustness"])(FOUND)
+    training_report(write_training(folder / "training", label="m"), made["training"], **quick)
+    scores = {("throwing", "none"): Scores((0.0, 1.0), 0)}
+    table = Table("", ("task", "variant"), (Column("", "a"),), (Row(("throwing", "none"), (0.0,)),))
+    data = sweep_data("sweep", "about", scores, [table], [])
+    made["sweep"].write_text(whole_page("sweep", data), encoding="utf-8")
+    write_guide(str(car), made["guide"])
+    write_tasks(("movement", "throwing/2"), made["tasks"])
+    return made
+
+
+@pytest.mark.parametrize("page", [*REPORTS, *WRITTEN])
+def test_axe_finds_nothing_in_reports(
+    browser: webdriver.Chrome, pages: dict[str, Path], page: str
+) -> None:
+    browser.get(pages[page].as_uri())
+    if page in REPORTS:
+        until(browser, lambda: find(browser, "body").get_attribute("data-ready") == page)
+    assert found_on(browser) == {}
+
+
+def test_axe_finds_a_fault_where_there_is_one(browser: webdriver.Chrome) -> None:
+    browser.get("data:text/html,<html lang=en><title>a</title><main><h1>a</h1><img src=x></main>")
+    assert {told.split(":")[0] for told in violations(browser)} == {"image-alt"}
