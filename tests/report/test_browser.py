@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 from pydantic import BaseModel
@@ -199,6 +200,38 @@ def test_points_of_a_chart_say_what_they_are_and_pick_their_machine(
     assert answer.startswith("score 0 at ")
     chart.send_keys(Keys.ENTER)
     until(opened, lambda: title(opened).endswith(" · 0"))
+
+
+def ticks(chart: WebElement) -> list[str]:
+    """The numbers below a chart."""
+    return [item.text for item in chart.find_elements(By.CSS_SELECTOR, ".tick.middle")]
+
+
+def test_charts_are_logarithmic_and_saved_as_numbers_and_pictures(
+    opened: webdriver.Chrome, tmp_path: Path
+) -> None:
+    opened.execute_cdp_cmd(
+        "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)}
+    )
+    chart = find(opened, "figure:has(svg[aria-label^='Score over'])")
+    until(opened, lambda: chart.find_elements(By.CSS_SELECTOR, ".dot"))
+    dots = len(chart.find_elements(By.CSS_SELECTOR, ".dot"))
+    buttons = {b.text: b for b in chart.find_elements(By.CSS_SELECTOR, ".exports button")}
+    assert list(buttons) == ["log x", ".csv", ".svg"]  # one score is above 0
+    for suffix in (".csv", ".svg"):
+        buttons[suffix].click()
+        until(opened, lambda suffix=suffix: list(tmp_path.glob(f"score-over-*{suffix}")))
+    [numbers], [picture] = tmp_path.glob("*.csv"), tmp_path.glob("*.svg")
+    assert len(numbers.read_text(encoding="utf-8").splitlines()) == dots + 1
+    root = ElementTree.fromstring(picture.read_text(encoding="utf-8"))
+    circles = root.findall("{http://www.w3.org/2000/svg}circle")
+    assert len(circles) == dots
+    assert circles[0].attrib["fill"].startswith("rgb(")
+    before = ticks(chart)
+    buttons["log x"].click()
+    assert buttons["log x"].get_attribute("aria-pressed") == "true"
+    assert ticks(chart) != before
+    assert complaints(opened) == []
 
 
 def test_equal_scores_have_the_strongest_colour(browser: webdriver.Chrome, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -184,6 +185,28 @@ def test_two_runs_are_shown_side_by_side_in_step(
     differ = browser.find_element(By.XPATH, "//button[text()='Mark differences']")
     assert differ.get_attribute("aria-pressed") == "true"
     assert browser.execute_script("return window.owned ?? null") is None
+    assert complaints(browser) == []
+
+
+def test_the_best_scores_of_three_runs_are_in_one_chart(
+    browser: webdriver.Chrome, served: Served, runs: Path
+) -> None:
+    shutil.copytree(RECORDED, runs / "third", dirs_exist_ok=True)
+    open_page(browser, served, "runs")
+    until(browser, lambda: "third" in listed(browser))
+    compare = find(browser, ".filters button")
+    assert not compare.is_enabled()
+    for name in ("third", "throwing", NASTY):
+        find(browser, f'input[aria-label="Compare {name}"]').click()
+    assert compare.text == "Compare 3 runs"
+    compare.click()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "curves")
+    until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .line")) == 3)
+    keys = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".key span")]
+    assert keys == ["third", "throwing", NASTY]
+    Select(find(browser, "select")).select_by_visible_text("over calls")
+    assert browser.find_elements(By.CSS_SELECTOR, "svg[aria-label='Best score so far over calls']")
+    shutil.rmtree(runs / "third")
     assert complaints(browser) == []
 
 

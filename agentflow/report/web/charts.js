@@ -11,29 +11,30 @@ const BOTTOM = 34;
 const UPPER = 24;
 
 /** Scores as dots and the best so far as a line; points are [x, score, item]. A point answers to the
- *  pointer and to arrow keys; a click or Enter gives its item to `pick`. */
-export function scoreChart(title, across, points, pick = null) {
+ *  pointer and to arrow keys; a click or Enter gives its item to `pick`. `logs` keeps which axes are
+ *  logarithmic. */
+export function scoreChart(title, across, points, pick = null, logs = {}) {
   let drawn = [];
   const chart = figure(title, (width) => {
-    const xs = scale([0, Math.max(...points.map(([x]) => x)) || 1], [LEFT, width - RIGHT]);
-    const ys = scale([Math.min(0, ...points.map(([, y]) => y)), Math.max(...points.map(([, y]) => y), 0)], [HEIGHT - BOTTOM, UPPER]);
+    const shown = positive(points, logs);
+    const xs = scale(logs.x ? extent(shown, 0) : [0, Math.max(...points.map(([x]) => x)) || 1], [LEFT, width - RIGHT], logs.x);
+    const ys = scale(logs.y ? extent(shown, 1) : [Math.min(0, ...points.map(([, y]) => y)), Math.max(...points.map(([, y]) => y), 0)], [HEIGHT - BOTTOM, UPPER], logs.y);
     let best = -Infinity;
     let way = "";
-    for (const [x, y] of points) {
+    for (const [x, y] of shown) {
       if (y <= best) continue;
       way += way ? `H${xs(x)}V${ys(y)}` : `M${xs(x)} ${ys(y)}`;
       best = y;
     }
-    drawn = points.map(([x, y, item]) => ({ x: xs(x), y: ys(y), item, text: `score ${formatNumber(y)} at ${formatNumber(x, 1)} ${across}` }));
+    drawn = shown.map(([x, y, item]) => ({ x: xs(x), y: ys(y), item, text: `score ${formatNumber(y)} at ${formatNumber(x, 1)} ${across}` }));
     return [
       ...axes(xs, ys, across, "score"),
       ...drawn.map(({ x, y }) => svg("circle", { class: "dot", cx: x, cy: y, r: 2.6 })),
       svg("path", { class: "line", d: `${way}H${width - RIGHT}` }),
     ];
-  });
+  }, { rows: () => [[across, "score"], ...points.map(([x, y]) => [x, y])], logs: [logs, points] });
   const picture = chart.querySelector("svg");
-  chart.querySelector("figcaption").append(answering(picture, () => drawn, pick),
-    el("button", { class: "csv", title: "Save these points", click: () => save("scores.csv", [`${across},score`, ...points.map(([x, y]) => `${x},${y}`)].join("\n")) }, ".csv"));
+  chart.querySelector("figcaption").children[0].after(answering(picture, () => drawn, pick));
   picture.classList.toggle("clickable", Boolean(pick));
   return chart;
 }
@@ -42,22 +43,23 @@ const COLOURS = 6; // lines with a colour of their own; further ones begin again
 const SINGLE = 60; // fewest points of a line that are not marked one by one
 
 /** Numbers over steps, a line each: {name, points}, where points are [x, y] in order of x. */
-export function lineChart(title, up, across, lines) {
-  const every = lines.flatMap(({ points }) => points);
+export function lineChart(title, up, across, lines, logs = {}) {
   const hue = (index) => `hue${index % COLOURS}`;
   const chart = figure(title, (width) => {
-    const xs = scale([Math.min(...every.map(([x]) => x)), Math.max(...every.map(([x]) => x))], [LEFT, width - RIGHT]);
-    const [low, high] = valueRange(every.map(([, y]) => y));
-    const ys = scale(low === high ? [Math.min(0, 2 * low), Math.max(0, 2 * high)] : [low, high], [HEIGHT - BOTTOM, UPPER]);
+    const shown = lines.map(({ name, points }) => ({ name, points: positive(points, logs) }));
+    const every = shown.flatMap(({ points }) => points);
+    const xs = scale(extent(every, 0), [LEFT, width - RIGHT], logs.x);
+    const [low, high] = logs.y ? extent(every, 1) : valueRange(every.map(([, y]) => y));
+    const ys = scale(low === high && !logs.y ? [Math.min(0, 2 * low), Math.max(0, 2 * high)] : [low, high], [HEIGHT - BOTTOM, UPPER], logs.y);
     return [
       ...axes(xs, ys, across, up),
-      ...lines.flatMap(({ name, points }, index) => [
+      ...shown.flatMap(({ name, points }, index) => [
         svg("path", { class: `line ${hue(index)}`, d: points.map(([x, y], i) => `${i ? "L" : "M"}${xs(x)} ${ys(y)}`).join("") }, svg("title", {}, name)),
         ...(points.length < SINGLE ? points : []).map(([x, y]) => svg("circle", { class: `point ${hue(index)}`, cx: xs(x), cy: ys(y), r: 2.4 },
           svg("title", {}, `${name}, ${across} ${x}: ${y}`))),
       ]),
     ];
-  });
+  }, { rows: () => [["line", across, up], ...lines.flatMap(({ name, points }) => points.map(([x, y]) => [name, x, y]))], logs: [logs, lines.flatMap(({ points }) => points)] });
   if (lines.length > 1) chart.append(el("p", { class: "key" }, ...lines.map(({ name }, index) => el("span", { class: hue(index) }, el("i", {}), name))));
   return chart;
 }
@@ -104,7 +106,7 @@ export function intervalChart(title, unit, rows, mark) {
     const line = rows.map((_, index) => `M${xs(mark?.value)} ${34 + BAND * index - 10}v30`).join(""); // not over the names
     if (Number.isFinite(mark?.value)) lines.push(svg("path", { class: "mark", d: line }, svg("title", {}, mark.name)));
     return [...lines, ...ticksBelow(xs, height - BOTTOM + 8, unit), ...marks];
-  }, height);
+  }, { height, rows: () => [["name", unit], ...rows.flatMap(({ name, values }) => values.map((value) => [name, value]))] });
 }
 
 /** Shares from 0 to 1 as bars with intervals: {name, bars: [{name, value, low, high}]}. */
@@ -132,7 +134,7 @@ export function shareChart(title, rows) {
         }),
       ]),
     ];
-  }, height);
+  }, { height, rows: () => [["name", "bar", "value", "low", "high"], ...rows.flatMap(({ name, bars }) => bars.map((item) => [name, item.name, item.value, item.low, item.high]))] });
 }
 
 /** Range of an axis: from 0 to the greatest value, or without 0 if all values are far from it. */
@@ -164,27 +166,71 @@ function stackDots(places) {
   });
 }
 
-function figure(title, draw, height = HEIGHT) {
+/** A chart that is drawn for its width.
+ *  @param rows gives its numbers for a CSV file, heads first
+ *  @param logs [which axes are logarithmic as {x, y}, points that tell whether an axis can be] */
+function figure(title, draw, { height = HEIGHT, rows, logs: [logs, points] = [{}, []] }) {
   const picture = svg("svg", { class: "chart", role: "img", "aria-label": title, height });
+  const file = (suffix) => `${title.toLowerCase().replace(/[^a-z0-9]+/g, "-")}${suffix}`;
+  const redraw = () => picture.replaceChildren(...draw(width).filter(Boolean));
+  const axis = (name, words, index) => {
+    if (points.filter((point) => point[index] > 0).length < 2) return null;
+    const button = el("button", { title: `${words} axis logarithmic; values of 0 or less are left out`, "aria-pressed": String(Boolean(logs[name])), click: () => {
+      logs[name] = !logs[name];
+      button.setAttribute("aria-pressed", logs[name]);
+      redraw();
+    } }, `log ${name}`);
+    return button;
+  };
   let width = 0;
   new ResizeObserver(() => {
     if (!picture.clientWidth || picture.clientWidth === width) return;
     width = picture.clientWidth;
     picture.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    picture.replaceChildren(...draw(width).filter(Boolean));
+    redraw();
   }).observe(picture);
-  return el("figure", {}, el("figcaption", {}, title), picture);
+  return el("figure", {}, el("figcaption", {}, el("span", {}, title), el("span", { class: "exports" }, axis("x", "Horizontal", 0), axis("y", "Vertical", 1),
+    el("button", { title: "Save the numbers", click: () => save(file(".csv"), csv(rows())) }, ".csv"),
+    el("button", { title: "Save the picture", click: () => save(file(".svg"), standing(picture, title)) }, ".svg"))), picture);
 }
 
-function scale([low, high], [from, to]) {
+/** Rows as a CSV file: cells with a comma, quote or line break are quoted. */
+const csv = (rows) => rows.map((row) => row.map((cell) => (/[",\n\r]/.test(cell) ? `"${String(cell).replaceAll('"', '""')}"` : cell ?? "")).join(",")).join("\n");
+
+const LOOKS = ["fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-linejoin", "opacity", "font-family", "font-size", "font-weight", "text-anchor"];
+
+/** A chart as a file of its own, in the colours in which it is seen. */
+function standing(picture, title) {
+  const copy = picture.cloneNode(true);
+  const parts = (root) => [root, ...root.querySelectorAll("*")];
+  const [seen, made] = [parts(picture), parts(copy)];
+  seen.forEach((item, index) => {
+    const style = getComputedStyle(item);
+    for (const name of LOOKS) made[index].setAttribute(name, style.getPropertyValue(name));
+    made[index].removeAttribute("class");
+  });
+  copy.setAttribute("width", picture.clientWidth);
+  copy.removeAttribute("tabindex");
+  copy.prepend(svg("title", {}, title), svg("rect", { width: "100%", height: "100%", fill: getComputedStyle(document.body).backgroundColor }));
+  return new XMLSerializer().serializeToString(copy);
+}
+
+/** The points that logarithmic axes can show. */
+const positive = (points, { x, y }) => points.filter((point) => (!x || point[0] > 0) && (!y || point[1] > 0));
+
+/** Least and greatest x (0) or y (1) of points. */
+const extent = (points, index) => [Math.min(...points.map((point) => point[index])), Math.max(...points.map((point) => point[index]))];
+
+function scale([low, high], [from, to], log = false) {
   const span = high - low || 1;
-  const map = (value) => Math.round(10 * (from + ((value - low) / span) * (to - from))) / 10;
-  return Object.assign(map, { low, high: low + span, from, to });
+  const share = log ? (value) => Math.log(value / low) / (Math.log(high / low) || 1) : (value) => (value - low) / span;
+  const map = (value) => Math.round(10 * (from + share(value) * (to - from))) / 10;
+  return Object.assign(map, { low, high: low + span, from, to, log });
 }
 
 function axes(xs, ys, across, up) {
   return [
-    ...ticks(ys.low, ys.high, 4).flatMap((value) => [
+    ...ticksOf(ys, 4).flatMap((value) => [
       svg("path", { class: "grid", d: `M${xs.from} ${ys(value)}H${xs.to}` }),
       svg("text", { class: "tick end", x: xs.from - 6, y: ys(value) + 4 }, compactNumber(value)),
     ]),
@@ -195,9 +241,20 @@ function axes(xs, ys, across, up) {
 
 function ticksBelow(xs, y, name, least = 0) {
   return [
-    ...ticks(xs.low, xs.high, 5, least).map((value) => svg("text", { class: "tick middle", x: xs(value), y: y + 15 }, compactNumber(value))),
+    ...ticksOf(xs, 5, least).map((value) => svg("text", { class: "tick middle", x: xs(value), y: y + 15 }, compactNumber(value))),
     svg("text", { class: "tick end", x: xs.to, y: y + 29 }, name),
   ];
+}
+
+/** Where an axis has numbers: about `count` round ones, or powers of ten and a few between. */
+function ticksOf({ low, high, log }, count, least = 0) {
+  if (!log) return ticks(low, high, count, least);
+  const decades = Math.log10(high / low);
+  const steps = decades > 4 ? [1] : decades > 1 ? [1, 3] : [1, 1.5, 2, 3, 5, 7];
+  const first = Math.floor(Math.log10(low));
+  const found = Array.from({ length: Math.ceil(decades) + 2 }, (_, index) => steps.map((step) => step * 10 ** (first + index))).flat();
+  const inside = found.filter((value) => value >= low * 0.999 && value <= high * 1.001);
+  return inside.length > 1 ? inside : [low, high];
 }
 
 /** About `count` round numbers from low to high, at least `least` apart. */

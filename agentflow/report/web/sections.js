@@ -1,6 +1,6 @@
 // The parts of a run's page in words, tables and charts; each is null if there is nothing to show.
 
-import { scoreChart, barChart } from "./charts.js";
+import { barChart, lineChart, scoreChart } from "./charts.js";
 import { el, section, formatNumber, table } from "./dom.js";
 import { taskDetails, callDetails, toolDetails, scoreTable } from "./text.js";
 
@@ -33,20 +33,44 @@ export function legend() {
     "Red ring: something broke. Hollow: invalid. Cross: rejected edit. Arrow keys move the selection.");
 }
 
-/** The scores over time, calls, tokens or expansions. `chosen` keeps what was chosen, as `over`; `pick` gets a machine. */
+const SPENT = ["seconds", "calls", "tokens", "expansions"];
+
+/** The scores over time, calls, tokens or expansions. `chosen` keeps what was chosen; `pick` gets a machine. */
 export function scoreCharts({ progress }, chosen = {}, pick = null) {
   if (progress.length < 2) return null;
-  const spent = ["seconds", "calls", "tokens", "expansions"].filter((name) => progress.at(-1)[name] > 0);
+  chosen.logs ??= {};
+  const found = overSpent([progress], chosen, (name) => scoreChart(`Score over ${name}`, name, progress.map((point) => [point[name], point.score, point.machine]), pick, chosen.logs));
+  return found && section("Score", ...found);
+}
+
+/** The best scores of several runs so far in one chart: {name, progress}. */
+export function bestCharts(title, runs, logs = {}) {
+  const steps = (progress, name) => {
+    let best = -Infinity;
+    return progress.flatMap((point) => {
+      const before = best;
+      best = Math.max(best, point.score);
+      return before === -Infinity || before === best ? [[point[name], best]] : [[point[name], before], [point[name], best]];
+    });
+  };
+  const scored = runs.filter(({ progress }) => progress.length > 1);
+  const found = scored.length && overSpent(scored.map(({ progress }) => progress), {}, (name) =>
+    lineChart(`Best score so far over ${name}`, "score", name, scored.map((run) => ({ name: run.name, points: steps(run.progress, name) })), logs));
+  return found ? section(title, ...found) : null;
+}
+
+/** A chart over one of what runs spend, and what chooses which. */
+function overSpent(progresses, chosen, make) {
+  const spent = SPENT.filter((name) => progresses.some((progress) => progress.at(-1)[name] > 0));
   if (!spent.length) return null;
-  const over = spent.includes(chosen.over) ? chosen.over : spent[0];
   const place = el("div", {});
   const draw = (name) => {
     chosen.over = name;
-    place.replaceChildren(scoreChart(`Score over ${name}`, name, progress.map((point) => [point[name], point.score, point.machine]), pick));
+    place.replaceChildren(make(name));
   };
-  draw(over);
-  const picker = el("select", { "aria-label": "Score over", change: () => draw(picker.value) }, ...spent.map((name) => el("option", { value: name, selected: name === over ? "" : null }, `over ${name}`)));
-  return section("Score", spent.length > 1 ? picker : null, place);
+  draw(spent.includes(chosen.over) ? chosen.over : spent[0]);
+  const picker = el("select", { "aria-label": "Score over", change: () => draw(picker.value) }, ...spent.map((name) => el("option", { value: name, selected: name === chosen.over ? "" : null }, `over ${name}`)));
+  return [spent.length > 1 ? picker : null, place];
 }
 
 export function stages({ stages: rows }) {

@@ -28,7 +28,7 @@ export class RunList {
     this.words.value = words;
     this.pickers = Object.fromEntries(FILTERS.map((key) => [key, el("select", { "aria-label": key, ...changed })]));
     this.count = el("span", { class: "quiet", role: "status" });
-    this.compare = el("button", { click: () => this.openPair() }, "Compare 2 runs");
+    this.compare = el("button", { click: () => this.open() }, "Compare runs");
     this.heads = COLUMNS.map(([name, key]) => el("th", { scope: "col", class: NUMBERS.has(key) ? "number" : null }, key ? el("button", { class: "sort", click: () => this.sort(key) }, name) : name || el("span", { class: "unseen" }, "Picture")));
     this.body = el("tbody", {});
     this.more = el("button", { hidden: "", click: () => { this.most = Infinity; this.draw(); } }, "Show all");
@@ -91,9 +91,10 @@ export class RunList {
     this.more.hidden = found.length <= this.most;
     const all = this.rows.size === 1 ? "1 run" : `${this.rows.size} runs`;
     const pair = [...this.chosen].map((name) => this.rows.get(name)).filter(Boolean);
-    const differ = pair.length === 2 && pair[0].task !== pair[1].task;
-    this.count.textContent = (found.length === this.rows.size ? all : `${found.length} of ${all}`) + (differ ? " · two runs of one task can be compared" : "");
-    this.compare.disabled = pair.length !== 2 || differ;
+    const differ = pair.some(({ task }) => task !== pair[0].task);
+    this.count.textContent = (found.length === this.rows.size ? all : `${found.length} of ${all}`) + (differ ? " · runs of one task can be compared" : "");
+    this.compare.disabled = pair.length < 2 || differ;
+    this.compare.textContent = pair.length > 1 ? `Compare ${pair.length} runs` : "Compare runs";
     this.heads.forEach((head, index) => head.setAttribute("aria-sort", COLUMNS[index][1] !== this.key || !this.key ? "none" : this.down ? "descending" : "ascending"));
   }
 
@@ -139,9 +140,11 @@ export class RunList {
     return line;
   }
 
-  openPair() {
-    const [a, b] = this.chosen;
-    location.hash = address("pair", { a, b });
+  /** Two machines side by side, or the curves of more runs. */
+  open() {
+    const names = [...this.chosen].filter((name) => this.rows.has(name));
+    const [a, b] = names;
+    location.hash = names.length === 2 ? address("pair", { a, b }) : address("curves", { runs: JSON.stringify(names) });
   }
 }
 

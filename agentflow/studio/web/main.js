@@ -7,12 +7,12 @@ import { problem } from "../../report/web/text.js";
 import { galleryPage, leaderboardPage, resultsPage } from "./boards.js";
 import { buildPage } from "./build.js";
 import { livePage } from "./live.js";
-import { pairPage } from "./pair.js";
+import { curvesPage, pairPage } from "./pair.js";
 import { runsPage } from "./runs.js";
 import { sessionsPage } from "./sessions.js";
 
-const PAGES = { runs: runsPage, run: livePage, pair: pairPage, sweep: resultsPage, gallery: galleryPage, leaderboard: leaderboardPage, build: buildPage, sessions: sessionsPage };
-const UNDER = { run: "runs", pair: "runs", sweep: "runs" }; // pages that the bar has no entry for
+const PAGES = { runs: runsPage, run: livePage, pair: pairPage, curves: curvesPage, sweep: resultsPage, gallery: galleryPage, leaderboard: leaderboardPage, build: buildPage, sessions: sessionsPage };
+const UNDER = { run: "runs", pair: "runs", curves: "runs", sweep: "runs" }; // pages that the bar has no entry for
 const BAR = { runs: "Runs", build: "Build", gallery: "Gallery", leaderboard: "Leaderboard", sessions: "Sessions" };
 let close = () => {};
 let asked = 0;

@@ -1,8 +1,8 @@
-// The page of two machines, side by side and in step, with the blocks that differ marked.
+// The pages that compare runs: two machines side by side and in step, and the best scores of several runs.
 
-import { lineChart } from "../../report/web/charts.js";
 import { comparePage } from "../../report/web/compare.js";
-import { el, section } from "../../report/web/dom.js";
+import { el, formatNumber, table, verifiedText } from "../../report/web/dom.js";
+import { bestCharts } from "../../report/web/sections.js";
 import { address, ask } from "./api.js";
 
 export async function pairPage({ a, b }) {
@@ -11,17 +11,17 @@ export async function pairPage({ a, b }) {
   const [main] = comparePage(data, players);
   main.prepend(el("p", { class: "quiet" }, el("a", { href: "#runs" }, "Runs"), " / ",
     el("a", { href: address("run", { run: a }) }, `A: ${a}`), " / ", el("a", { href: address("run", { run: b }) }, `B: ${b}`)));
-  const lines = runs.map(({ progress }, side) => ({ name: "AB"[side], points: bestSoFar(progress) })).filter(({ points }) => points.length > 1);
-  if (lines.length) main.append(section("Best score over time", lineChart("Best score so far of both runs", "score", "seconds", lines)));
+  const chart = bestCharts("Best score over time", runs.map(({ progress }, side) => ({ name: "AB"[side], progress })));
+  if (chart) main.append(chart);
   return { elements: [main], close: () => players.forEach((player) => player.close()) };
 }
 
-/** Steps of the best score, as [seconds, score]. */
-function bestSoFar(progress) {
-  let best = -Infinity;
-  return progress.flatMap(({ seconds, score }) => {
-    const before = best;
-    best = Math.max(best, score);
-    return before === -Infinity || before === best ? [[seconds, best]] : [[seconds, before], [seconds, best]];
-  });
+/** @param runs names of runs of one task, as a JSON list */
+export async function curvesPage({ runs }) {
+  const names = JSON.parse(runs);
+  const found = await Promise.all(names.map((run) => ask("/api/run", { run })));
+  const rows = found.map(({ run }, index) => [el("a", { href: address("run", { run: names[index] }) }, names[index]), run.workflow, run.score, verifiedText(run.verified?.score, run.verified?.fragile)]);
+  return { elements: [el("main", { class: "alone" }, el("p", { class: "quiet" }, el("a", { href: "#runs" }, "Runs"), ` / ${formatNumber(names.length)} runs`),
+    el("header", {}, el("h1", {}, found[0].run.task), el("p", { class: "lede" }, "How the best scores of these runs grew.")),
+    bestCharts("Best scores", found.map(({ progress }, index) => ({ name: names[index], progress }))) ?? "", table("Runs", ["Run", "Workflow", "Score", "Verified"], rows))] };
 }
