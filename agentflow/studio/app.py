@@ -103,7 +103,7 @@ async def _open_app(runs: Path) -> AsyncIterator[Starlette]:
         with SessionRecorder(runs) as recorder:
             routes += Watching(folder, designs, simulations).routes
             routes += Building(folder, person_runs, simulations).routes
-            routes += Sessions(recorder).routes
+            routes += Sessions(recorder, simulations).routes
             yield Starlette(routes=routes, exception_handlers=PLAIN)
 
 

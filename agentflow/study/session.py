@@ -55,6 +55,12 @@ class SessionStart(_Line):
     mode: Literal["free", "guided"] = "free"
     """A guided session shows a rationale."""
     rationale: str = Field("", max_length=20_000)
+    participant: str = Field("", pattern=r"^[A-Za-z0-9_-]{0,40}$")
+    """Code of the person in the study, never a name; "" outside of studies."""
+    consent: str = Field("", max_length=20_000)
+    """The text that the person agreed to before the start; "" if none was shown."""
+    refine: bool = True
+    """Whether the person may hand the machine to a model."""
     machine: Written
     """The machine at the beginning."""
     began: AwareDatetime = Field(default_factory=lambda: datetime.now(timezone.utc))

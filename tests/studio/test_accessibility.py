@@ -29,6 +29,7 @@ from tests.report.browser import on_phone
 from tests.report.hostile import hostile_run
 from tests.studio.pages import RECORDED, find, open_page, until
 from tests.studio.serving import Served
+from tests.study.example import record
 from tests.training.folders import write_training
 
 pytestmark = pytest.mark.slow
@@ -39,7 +40,9 @@ STUDIO = {
     "pair": "pair?a=throwing&b=again",
     "gallery": "gallery",
     "leaderboard": "leaderboard",
+    "curves": "curves?runs=%5B%22throwing%22%2C%22again%22%5D",
     "sessions": "sessions",
+    "replay": "replay?session=one",
     "build": "build?task=movement&guide=car",
 }
 
@@ -67,6 +70,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("throwing", "again"):
         shutil.copytree(RECORDED, folder / name)
     (folder / "bench").mkdir()
+    record(folder / "sessions" / "one")
     shutil.copy(CARD, folder / "bench" / "card.json")
     return folder
 

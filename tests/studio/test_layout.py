@@ -14,6 +14,7 @@ import agentflow
 from tests.report.browser import complaints, on_phone
 from tests.studio.pages import NASTY, open_page
 from tests.studio.serving import Served
+from tests.study.example import record
 
 CARD = Path(__file__).parents[2] / "docs" / "cards" / "procedural.json"
 WIDTHS = ((1440, 900), (1024, 768), (820, 1180), (390, 844))
@@ -21,7 +22,9 @@ PAGES = {
     "runs": "runs",
     "run": "run?run=throwing",
     "pair": f"pair?a=throwing&b={NASTY}",
+    "curves": "curves?runs=%5B%22throwing%22%5D",
     "sessions": "sessions",
+    "replay": "replay?session=one",
     "gallery": "gallery",
     "leaderboard": "leaderboard",
 }
@@ -58,6 +61,7 @@ def test_the_names_of_the_studio_are_its_own() -> None:
 @pytest.fixture(scope="module")
 def _scorecard(runs: Path) -> None:
     (runs / "bench").mkdir()
+    record(runs / "sessions" / "one")
     shutil.copy(CARD, runs / "bench" / "card.json")
 
 

@@ -74,10 +74,18 @@ def test_a_session_is_recorded_while_a_person_builds(
     Select(find(browser, "select[name=task]")).select_by_value("movement")
     Select(find(browser, "select[name=mode]")).select_by_value("guided")
     find(browser, "input[name=minutes]").send_keys("10")
-    browser.execute_script("arguments[0].value = arguments[1]", find(browser, "textarea"), NASTY)
+    fill(find(browser, "form.begin"), participant="P-07", refine="", consent="All is recorded.")
+    rationale = find(browser, "textarea[name=rationale]")
+    browser.execute_script("arguments[0].value = arguments[1]", rationale, NASTY)
     find(browser, "form.begin button").click()
+    assert "All is recorded." in find(browser, ".ended").text
+    find(browser, ".ended button:not(.play)").click()
+    until(browser, lambda: "has not agreed" in find(browser, "form.begin .problem").text)
+    find(browser, "form.begin button").click()
+    find(browser, ".ended .play").click()
     until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "build")
     assert NASTY in find(browser, ".rationale").text
+    assert "Refine this" not in find(browser, ".more").text
     assert re.fullmatch(r"9:\d\d left", find(browser, ".clock").text)
     microphone = find(browser, ".microphone")
     assert microphone.text == "Microphone off"
@@ -109,9 +117,22 @@ def test_a_session_is_recorded_while_a_person_builds(
     assert (end.text, find(browser, ".ended").is_displayed()) == ("End it for good?", False)
     end.click()
     until(browser, lambda: find(browser, ".ended").is_displayed())
-    find(browser, ".ended a").click()
-    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "sessions")
     [path] = (runs / "sessions").iterdir()
+    find(browser, ".ended a").click()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "replay")
+    assert "participant P-07" in find(browser, ".lede").text
+    notes = browser.find_elements(By.CSS_SELECTOR, ".marks .note")
+    assert [note.get_attribute("title") for note in notes] == [NASTY]
+    find(browser, ".told .trial").click()
+    until(browser, lambda: find(browser, ".player .title").text.startswith("test: "))
+    find(browser, ".replay p > button:last-of-type").click()
+    clock = find(browser, ".player output")
+    until(browser, lambda: clock.text and float(clock.text.removesuffix(" s")) > 0.3)
+    find(browser, ".replay .play").click()
+    last = find(browser, ".told li:last-child button")
+    until(browser, lambda: last.get_attribute("aria-current") == "step")
+    find(browser, "header a").click()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "sessions")
     until(browser, lambda: path.name in find(browser, "table").text)
     found = read_session(path)
     assert (found.start.task, found.start.limit_s, found.start.rationale) == (
@@ -124,7 +145,7 @@ def test_a_session_is_recorded_while_a_person_builds(
     assert [len(action.machine) for action in found.of(Action)] == [2, 2, 1]
     [trial] = found.of(StudioTest)
     assert (trial.status, len(trial.machine)) == ("ok", 2)
-    assert (runs / trial.run / "events.jsonl").is_file()
+    until(browser, (runs / trial.run / "result.json").is_file)  # its run ends with the session
     assert browser.execute_script("return window.owned ?? null") is None
     assert complaints(browser) == []
 

@@ -242,3 +242,40 @@ def test_a_guided_session_needs_a_rationale(browser: Browser) -> None:
     given = {"task": "movement", "machine": ROOT, "mode": "guided", "rationale": " "}
     answer = browser.ask("/api/session/begin", given)
     assert "a guided session shows a rationale" in answer.text
+
+
+STUDY = {"participant": "P-07", "consent": "Clicks are recorded.", "refine": False}
+
+
+def test_a_session_of_a_study_needs_consent_and_says_who_takes_part(
+    browser: Browser, runs: Path
+) -> None:
+    given = {"task": "movement", "machine": ROOT, **STUDY}
+    answer = browser.ask("/api/session/begin", given)
+    assert "once the person has agreed to the consent text" in answer.text
+    assert browser.get("/api/session") is None
+    assert browser.ask("/api/session/begin", {**given, "participant": "A. Name"}).status_code == 400
+    found = browser.post("/api/session/begin", {**given, "agreed": True})
+    assert not found["refine"]
+    browser.post("/api/session/end", {"session": found["session"]})
+    start = read_session(runs / FOLDER / found["session"]).start
+    assert {key: getattr(start, key) for key in STUDY} == STUDY
+
+
+def test_a_session_is_replayed_with_its_machines(browser: Browser, opened: str) -> None:
+    for event in (ADDED, {"kind": "note", "text": "too slow"}):
+        browser.post("/api/session/event", {"session": opened, "event": event})
+    found = browser.get("/api/session/replay", session=opened)
+    assert [(event["kind"], event["text"]) for event in found["events"]] == [
+        ("action", "add 1, Wooden Block"),
+        ("note", "too slow"),
+    ]
+    first, last = found["machine"], found["events"][-1]["machine"]
+    for digest, blocks in ((first, 1), (last, 2)):
+        machine = browser.get("/api/session/machine", session=opened, machine=digest)["machine"]
+        assert (len(machine["solids"]), machine["film"]["samples"]) == (blocks, 1)
+    for name in ("..", "../sessions", "none", ""):
+        answer = browser.client.get("/api/session/replay", params={"session": name})
+        assert answer.status_code == 400
+    unknown = {"session": opened, "machine": "0" * 16}
+    assert browser.client.get("/api/session/machine", params=unknown).status_code == 400

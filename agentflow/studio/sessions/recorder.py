@@ -184,6 +184,19 @@ class SessionRecorder:
                 except AgentflowError as error:
                     yield {"session": path.name, "problem": str(error)}
 
+    def read(self, name: str) -> Session:
+        """A session by name, finished or not.
+
+        Raises:
+            UsageError: It is not the name of one.
+            RunError: It is damaged.
+        """
+        path = self._folder / name
+        plain = re.fullmatch(r"[A-Za-z0-9_-]+", name) and not self._folder.is_symlink()
+        if not plain or path.is_symlink() or not (path / FILE).is_file():
+            raise UsageError(f"there is no session {name[:80]!r}; name one from the list")
+        return read_session(path)
+
     def _current(self) -> _Open | None:
         """The session that is open, unless its time is up."""
         found = self._open
@@ -210,7 +223,7 @@ class SessionRecorder:
 
     @staticmethod
     def _describe(found: _Open) -> dict[str, Any]:
-        start = found.start.model_dump(include={"task", "mode", "rationale"})
+        start = found.start.model_dump(include={"task", "mode", "rationale", "refine"})
         told = {"left_s": found.left, "paused": found.paused_at is not None}
         return {"session": found.name, **start, **told, "machine": found.machine}
 
@@ -233,6 +246,7 @@ def _numbers(session: Session) -> dict[str, Any]:
     return {
         "task": session.start.task,
         "mode": session.start.mode,
+        "participant": session.start.participant,
         "began": session.start.began.timestamp(),
         "seconds": session.seconds,
         "actions": len(session.of(Action)),

@@ -31,7 +31,7 @@ export async function buildPage({ task, run, machine, example, guide }) {
 class BuildPage {
   constructor(editor, start, session) {
     this.editor = editor;
-    this.recorder = session ? new Recorder(editor, session) : null;
+    this.recorder = session ? new Recorder(editor, session, () => this.trials.name && this.trials.finish()) : null;
     this.stage = new Stage(editor);
     this.trials = new Trials(editor, () => this.turnTo(true));
     this.palette = blockPalette(editor);
@@ -40,7 +40,7 @@ class BuildPage {
     document.addEventListener("keydown", this.keys);
     this.stop = () => {};
     this.elements = [el("main", { class: session?.paused ? "build paused" : "build" }, this.recorder?.element ?? "", this.top(start), this.taskCard(), this.earlier(session), this.palette.element, this.view,
-      el("div", { class: "side" }, faceList(editor), blockTree(editor), facts(editor), this.more(start)), this.trials.element), this.recorder?.over];
+      el("div", { class: "side" }, faceList(editor), blockTree(editor), facts(editor), this.more(start, session?.refine ?? true)), this.trials.element), this.recorder?.over];
     editor.on(["busy"], () => this.elements[0].setAttribute("aria-busy", editor.busy));
     editor.on(["state", "spots", "choice"], () => this.turnTo(false)); // whoever edits sees what
     ["state", "trials"].forEach((kind) => editor.addEventListener(kind, () => this.keep()));
@@ -130,7 +130,7 @@ class BuildPage {
     return el("section", { class: "task-card", "aria-label": `Task ${task}` }, el("h1", { class: "unseen" }, `Build for ${task}`), details, el("p", {}, `good from ${formatNumber(good)}${best}`));
   }
 
-  more(start) {
+  more(start, refine) {
     const { editor } = this;
     const file = el("input", { type: "file", accept: ".json,.bsg", "aria-label": "Open a machine file", change: () => this.open(file.files[0]).then(() => (file.value = "")) });
     const save = el("p", { class: "files" });
@@ -139,7 +139,7 @@ class BuildPage {
     const form = designForm(start, () => editor.given, (run) => { editor.record("refine"); this.refined(run, told); });
     return el("div", { class: "more" },
       el("details", {}, el("summary", {}, "Open and save"), file, save, el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build.")),
-      el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Let a model improve this machine, and use the result."), form, told),
+      refine ? el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Let a model improve this machine, and use the result."), form, told) : "",
       el("details", {}, el("summary", {}, "Keys"), el("p", { class: "quiet" }, "B blocks · F faces · T tree · V view · arrows and digits move in lists · Enter chooses · Esc ends · P tests · E film or machine · ",
         Object.keys(this.actions).map((name) => name.split("|").reverse().join(" ").toLowerCase()).join(" · "))));
   }

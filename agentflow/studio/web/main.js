@@ -8,11 +8,12 @@ import { galleryPage, leaderboardPage, resultsPage } from "./boards.js";
 import { buildPage } from "./build.js";
 import { livePage } from "./live.js";
 import { curvesPage, pairPage } from "./pair.js";
+import { replayPage } from "./replay.js";
 import { runsPage } from "./runs.js";
 import { sessionsPage } from "./sessions.js";
 
-const PAGES = { runs: runsPage, run: livePage, pair: pairPage, curves: curvesPage, sweep: resultsPage, gallery: galleryPage, leaderboard: leaderboardPage, build: buildPage, sessions: sessionsPage };
-const UNDER = { run: "runs", pair: "runs", curves: "runs", sweep: "runs" }; // pages that the bar has no entry for
+const PAGES = { runs: runsPage, run: livePage, pair: pairPage, curves: curvesPage, sweep: resultsPage, gallery: galleryPage, leaderboard: leaderboardPage, build: buildPage, sessions: sessionsPage, replay: replayPage };
+const UNDER = { run: "runs", pair: "runs", curves: "runs", replay: "sessions", sweep: "runs" }; // pages that the bar has no entry for
 const BAR = { runs: "Runs", build: "Build", gallery: "Gallery", leaderboard: "Leaderboard", sessions: "Sessions" };
 let close = () => {};
 let asked = 0;

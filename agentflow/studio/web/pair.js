@@ -1,7 +1,7 @@
 // The pages that compare runs: two machines side by side and in step, and the best scores of several runs.
 
 import { comparePage } from "../../report/web/compare.js";
-import { el, formatNumber, table, verifiedText } from "../../report/web/dom.js";
+import { el, formatNumber, table } from "../../report/web/dom.js";
 import { bestCharts } from "../../report/web/sections.js";
 import { address, ask } from "./api.js";
 
@@ -20,8 +20,8 @@ export async function pairPage({ a, b }) {
 export async function curvesPage({ runs }) {
   const names = JSON.parse(runs);
   const found = await Promise.all(names.map((run) => ask("/api/run", { run })));
-  const rows = found.map(({ run }, index) => [el("a", { href: address("run", { run: names[index] }) }, names[index]), run.workflow, run.score, verifiedText(run.verified?.score, run.verified?.fragile)]);
+  const rows = found.map(({ run }, index) => [el("a", { href: address("run", { run: names[index] }) }, names[index]), run.workflow, run.score, run.verified?.score ?? null, run.verified ? `${run.verified.holds} of ${run.verified.scores.length}` : "–"]);
   return { elements: [el("main", { class: "alone" }, el("p", { class: "quiet" }, el("a", { href: "#runs" }, "Runs"), ` / ${formatNumber(names.length)} runs`),
     el("header", {}, el("h1", {}, found[0].run.task), el("p", { class: "lede" }, "How the best scores of these runs grew.")),
-    bestCharts("Best scores", found.map(({ progress }, index) => ({ name: names[index], progress }))) ?? "", table("Runs", ["Run", "Workflow", "Score", "Verified"], rows))] };
+    bestCharts("Best scores", found.map(({ progress }, index) => ({ name: names[index], progress }))) ?? "", table("Runs", ["Run", "Workflow", "Score", "Verified", "Holds in"], rows))] };
 }

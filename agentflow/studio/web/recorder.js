@@ -2,7 +2,7 @@
 // goes to the server, which keeps the time and writes the file.
 
 import { el } from "../../report/web/dom.js";
-import { ask, send } from "./api.js";
+import { address, ask, send } from "./api.js";
 import { Microphone } from "./microphone.js";
 
 const TICK = 500; // milliseconds between two looks at the clock
@@ -10,9 +10,11 @@ const LAST = 60; // seconds from which the time left is red
 
 export class Recorder {
   /** @param editor what the person builds with
-   *  @param session as the server describes it */
-  constructor(editor, session) {
+   *  @param session as the server describes it
+   *  @param finish completes the run of its tests */
+  constructor(editor, session, finish) {
     this.editor = editor;
+    this.finish = finish;
     this.name = session.session;
     this.sending = Promise.resolve();
     this.stopped = session.paused;
@@ -120,7 +122,8 @@ export class Recorder {
   close(words) {
     if (this.over.open) return;
     this.leave();
-    this.over.replaceChildren(el("h2", {}, words), el("p", { class: "quiet" }, `sessions/${this.name}`), el("p", {}, el("a", { class: "button", href: "#sessions" }, "See the sessions")));
+    this.finish();
+    this.over.replaceChildren(el("h2", {}, words), el("p", { class: "quiet" }, `sessions/${this.name}`), el("p", {}, el("a", { class: "button", href: address("replay", { session: this.name }) }, "Replay it"), " ", el("a", { class: "button", href: "#sessions" }, "All sessions")));
     this.over.showModal();
   }
 
