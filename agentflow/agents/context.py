@@ -143,9 +143,9 @@ def _controller_rules(brief: Brief, group: str) -> dict[str, object]:
     if not (brief.limits.senses and group):
         return {"senses": ()}
     from agentflow.machine.controllers.model import QUANTITIES  # needs pydantic
-    from agentflow.machine.controllers.reading import FORM, told
+    from agentflow.machine.controllers.reading import LONGER, told
 
-    example = f'{{"blocks": [...], "controllers": {FORM.replace("thrusters", group)}}}'
+    example = f'{{"blocks": [...], "controllers": {LONGER.replace("thrusters", group)}}}'
     kinds = [f"{kind} ({', '.join(q.axes)})" if q.axes else kind for kind, q in QUANTITIES.items()]
     return {"example": example, "senses": [*map(told, QUANTITIES)], "kinds": kinds}
 

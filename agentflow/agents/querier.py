@@ -55,6 +55,7 @@ class Querier(Role[QuerierInput, Inquiry]):
         return {
             **given.context(given.machine),
             **report_context(given.score, given.feedback),
+            "queries": True,
         }
 
     def parse(self, text: str, given: QuerierInput) -> Parsed[Inquiry]:  # noqa: ARG002

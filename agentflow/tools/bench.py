@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from math import isfinite
 from typing import Any
@@ -47,7 +48,9 @@ TOOLS = (
 WITH_CONTROLLERS = {
     "check": ' It may also have "controllers", which sense; the brief has their form.',
     "edit": " `Controllers JSON` or `Controllers none` writes all controllers, and `Set "
-    "laws.NAME.p NUMBER` changes one number of them by its path.",
+    "laws.NAME.p NUMBER` changes one number of them by its path, such as `outputs.0.scale`.",
+    "query": ' The id "controllers" shows what sensors read and laws gave; properties are then '
+    "their names, or [] for all.",
 }
 """What the descriptions of tools add where machines may sense."""
 TOOL_NAMES = frozenset(tool.spec.name for tool in TOOLS)
@@ -103,6 +106,11 @@ class Bench:
         more = tool.with_controls * controlled
         if self._workspace.host.brief.limits.senses:
             more += WITH_CONTROLLERS.get(spec.name, "")
+            if tool.function is measuring.query:
+                parameters = deepcopy(spec.parameters)
+                item = parameters["properties"]["queries"]["items"]
+                item["properties"]["properties"] = measuring.NAMES
+                spec = replace(spec, parameters=parameters)
         return replace(spec, description=spec.description + more)
 
     @property

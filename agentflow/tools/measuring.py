@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from typing import Annotated, Literal
+from typing import Annotated, Any
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, WithJsonSchema
 
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
@@ -19,6 +19,20 @@ MOST_AT_ONCE = 8
 Trial = Annotated[int, Field(ge=0)]
 MOST_NOTED = 60
 """Most characters of a note or an edit in a table of results."""
+NAMES: dict[str, Any] = {"type": "array", "items": {"type": "string"}, "maxItems": 8}
+"""Schema of properties where some are names of sensors and laws, which a machine brings."""
+_PROPERTIES = (
+    "position",
+    "rotation",
+    "velocity",
+    "angular_velocity",
+    "length",
+    "joint_angle",
+    "joint_speed",
+    "pull",
+    "work",
+    "load",
+)
 
 
 class Query(BaseModel):
@@ -27,21 +41,16 @@ class Query(BaseModel):
     id: int | Annotated[str, Field(max_length=80)]
     duration: Annotated[list[float], Field(min_length=2, max_length=2)]
     properties: Annotated[
-        list[
-            Literal[
-                "position",
-                "rotation",
-                "velocity",
-                "angular_velocity",
-                "length",
-                "joint_angle",
-                "joint_speed",
-                "pull",
-                "work",
-                "load",
-            ]
-        ],
-        Field(min_length=1, max_length=8),
+        list[str],
+        Field(max_length=8),
+        WithJsonSchema(
+            {
+                "type": "array",
+                "items": {"enum": [*_PROPERTIES], "type": "string"},
+                "minItems": 1,
+                "maxItems": 8,
+            }
+        ),
     ]
 
 

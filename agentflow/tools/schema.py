@@ -29,7 +29,7 @@ class BenchTool:
     """A tool, and how to call it."""
 
     spec: ToolSpec
-    _function: ToolFunction
+    function: ToolFunction
     _arguments: type[BaseModel]
     needs: Need
     with_controls: str
@@ -77,7 +77,7 @@ class BenchTool:
 
     async def __call__(self, call: Call, arguments: Mapping[str, Any]) -> ToolResult:
         """Call it with arguments from an agent; refuse those that do not fit the schema."""
-        return await self._function(call, **self.read(arguments))
+        return await self.function(call, **self.read(arguments))
 
     def read(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
         """Typed arguments, with their defaults; refuse those that do not fit the schema."""

@@ -13,7 +13,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine
 from agentflow.machine.controllers.model import QUANTITIES
 from agentflow.machine.tree import Control
-from agentflow.prompts.render import CONTROLS, PromptSet
+from agentflow.prompts.render import CONTROLLERS, CONTROLS, PromptSet
 from tests.env.levels import designed_task
 from tests.machine.builders import CAR
 
@@ -54,11 +54,23 @@ def test_controllers_are_told_with_an_example_only_where_a_level_accepts_them(
     assert found.task_valid, found.problems
     assert all(kind in told for kind in QUANTITIES)
     assert ("Controllers [JSON on one line, or none]" in told) == (name == "refiner")
+    assert '"axis": "z+"' in example
+    assert "outputs.0.scale" in told or name == "designer"
     assert "ontrollers" not in untold
     assert told.find("## Controls") < told.find('"controllers"') < told.find("## Your reply")
 
 
+@pytest.mark.parametrize("prompts", ["default", "compact"])
+def test_who_asks_queries_is_told_how_to_ask_for_controllers(prompts: str) -> None:
+    sensed = get_task("movement/6").brief
+    for name in ("querier", "designer"):
+        role = ROLES[name]()
+        told = PromptSet(prompts).render(name, role.variables(role.sample(sensed, CAR)))[1]
+        assert ('{"id": "controllers", ' in told) == (name == "querier")
+
+
 def test_their_template_changes_no_digest_of_other_tasks() -> None:
+    assert _PROMPTS.digest_for((CONTROLS,)) != _PROMPTS.digest_for((CONTROLS, CONTROLLERS))
     assert _PROMPTS.digest_for(()) != _PROMPTS.digest_for((CONTROLS,))
     assert _PROMPTS.digest_for((CONTROLS,)) == _PROMPTS.digest_for((CONTROLS, "unknown"))
 

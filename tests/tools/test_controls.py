@@ -37,6 +37,28 @@ async def test_agents_write_edit_and_simulate_programs(tmp_path: Path) -> None:
         assert back < ahead
 
 
+@pytest.mark.slow
+async def test_agents_ask_what_controllers_read_and_gave() -> None:
+    machine = Path("tests/machines/movement/stopping_car.json").read_text(encoding="utf-8")
+    async with open_bench("movement/6", rollouts=12) as (bench, _):
+        (spec,) = (spec for spec in bench.tools if spec.name == "query")
+        assert '"controllers"' in spec.description
+        item = spec.parameters["properties"]["queries"]["items"]["properties"]
+        assert item["properties"] == {"type": "array", "items": {"type": "string"}, "maxItems": 8}
+        name = (await bench.call("check", {"machine": machine})).data["machine"]
+        await bench.call("simulate", {"machine": name})
+        names = [*json.loads(machine)["controllers"]["laws"]]
+        asked = [
+            {"id": "controllers", "duration": [0, 2], "properties": properties}
+            for properties in (names, [], ["position"])
+        ]
+        told = await bench.call("query", {"machine": name, "queries": asked})
+        some, whole, refused = told.data["answers"]
+        assert names[0] in some
+        assert {*some} < {*whole}
+        assert "known: " + names[0] in refused["problem"]
+
+
 async def test_other_tasks_say_nothing_about_them() -> None:
     async with open_bench() as (bench, _):
         assert not any("ontrol" in spec.description for spec in bench.tools)

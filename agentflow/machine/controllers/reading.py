@@ -19,6 +19,8 @@ FORM = (
     '"target": 5, "p": 0.5}}, "outputs": [{"group": "thrusters", "law": "lift"}]}'
 )
 """An example, for messages."""
+LONGER = FORM.replace('t"}}', 't"}, "ahead": {"kind": "distance", "block": 0, "axis": "z+"}}')
+"""The example with a sensor that needs an axis, for designers."""
 LAW_KINDS: tuple[str, ...] = tuple(
     get_args(kind.model_fields["kind"].annotation)[0] for kind in get_args(get_args(Law)[0])
 )
