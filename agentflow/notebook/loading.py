@@ -101,7 +101,7 @@ class Card:
     """Shares of each item and family, conditions, cost."""
 
     def __repr__(self) -> str:
-        share = self.content.total.refined.mean
+        share = self.content.total[self.content.ranked].mean
         known = "incomplete" if share is None else f"{share:.3f}"
         return f"Card({str(self.path)!r}, {self.content.model}, {known})"
 
@@ -110,18 +110,16 @@ class Card:
         return [
             {
                 **{key: getattr(item, key) for key in ("item", "family", "task", "full")},
-                "first": item.first_share,
-                "refined": item.refined.share,
-                "score": item.refined.score,
-                "fragile": item.refined.fragile,
-                "outcome": item.refined.outcome,
+                **{part: item.share(part) for part in item.parts},
+                **{key: getattr(best, key) for key in ("score", "fragile", "outcome")},
             }
             for item in self.content.items
+            for best in item.parts[self.content.ranked][:1]
         ]
 
     def to_frame(self) -> pandas.DataFrame:
-        """One row per item: item, family, task, full (score of a share of 1), first and refined
-        (shares), score, fragile, outcome of the refined machine.
+        """One row per item: item, family, task, full (score of a share of 1), the share in each
+        part, and score, fragile, outcome of the best machine of the part that ranks.
 
         Raises:
             ConfigError: pandas is not installed.

@@ -55,11 +55,12 @@ class RunFolder:
 
     def cards(self) -> list[list[Scorecard]]:
         """The scorecards below the folder, best first, those that can be compared together."""
-        found: dict[tuple[str, str], list[Path]] = {}
+        found: dict[tuple[str, ...], list[Path]] = {}
         for path in sorted(self.root.rglob(CARD)):
             if not path.is_symlink():
                 card = read_card(path)
-                found.setdefault((card.digest, str(card.conditions)), []).append(path)
+                key = (card.digest, str(card.conditions), *card.parts)
+                found.setdefault(key, []).append(path)
         return [read_cards(paths) for paths in found.values()]
 
     def _path(self, name: str) -> Path:

@@ -13,10 +13,12 @@ import pytest
 from selenium.webdriver.common.by import By
 
 from agentflow.app.benchmark.card import read_card
+from agentflow.app.benchmark.plan import CALLS
 from agentflow.app.benchmark.run import make_card
 from agentflow.app.sweeps.tables import read_sweep_result
 from agentflow.cli import main
-from tests.app.benchmark.boards import write
+from agentflow.files.folders import hold_folder
+from tests.app.benchmark.boards import SMALL, write
 from tests.report.browser import chromium, complaints
 
 pytestmark = pytest.mark.slow
@@ -38,11 +40,11 @@ def test_the_card_has_every_item_and_its_cost(folder: Path) -> None:
     card = read_card(folder / "small" / "card.json")
     assert (card.complete, card.model) == (True, "procedural (no language model)")
     assert [item.item for item in card.items] == ["gearing-1", "gearing-2"]
-    assert [len(item.first) for item in card.items] == [2, 2]
+    assert [len(item.parts["first"]) for item in card.items] == [2, 2]
     assert (card.cost.calls, card.cost.money) == (2 * (2 + 3), 0.0)
     assert card.cost.rollouts <= 2 * (2 + 3)
     for item in card.items:
-        attempts = [*item.first, item.refined]
+        attempts = [*item.parts["first"], *item.parts["refined"]]
         assert all(attempt.share in (0.0, 1.0) for attempt in attempts)
         assert {attempt.outcome for attempt in attempts} <= {"scored", "invalid"}
         assert item.full == 1.0
@@ -88,10 +90,10 @@ def test_items_without_a_run_are_missing_and_not_worth_nothing(
         log.write('{"run": "refined.gearing-2.seed-0", "state": "failed", "reason": "no answer"}\n')
     card = make_card(read_sweep_result(path))
     assert (card.complete, card.missing) == (False, ("gearing-2",))
-    refined = card.items[1].refined
+    (refined,) = card.items[1].parts["refined"]
     assert (refined.outcome, refined.share) == ("missing", None)
     assert refined.reason == "the run failed; members.jsonl has the reason"
-    assert card.total.refined.mean == card.items[0].refined.share
+    assert card.total["refined"].mean == card.items[0].share("refined")
 
 
 def test_lite_does_one_item_of_each_family(tmp_path: Path, capsys: Captured) -> None:
@@ -108,6 +110,42 @@ def test_cards_are_checked_before_they_are_compared(folder: Path, capsys: Captur
     assert "6 machines have their scores on" in capsys.readouterr().out
     assert main([*words, "benchmark"]) == 2
     assert "cannot be checked with benchmark: its " in capsys.readouterr().err
+
+
+def test_parts_keep_their_budgets_and_their_courses(tmp_path: Path, capsys: Captured) -> None:
+    """A budget of the plan ends a run, and its best machine counts; one of the user does not."""
+    parts = {
+        "first": SMALL["axes"]["part"]["first"],
+        "long": {"workflow": "iterative", "placements": 9, "max_simulations": 9, CALLS: 3},
+    }
+    file = write(tmp_path, axes={"part": parts, "task": SMALL["axes"]["task"]})
+    words = ["benchmark", str(file), "--out", str(tmp_path), "--quiet", "--part", "long"]
+    assert main([*words, "--seeds", "2"]) == 0
+    path = tmp_path / "small-long-2-seeds"
+    card = read_card(path / "card.json")
+    assert (card.complete, card.parts, card.seeds, card.cost.calls) == (True, ("long",), 2, 12)
+    for item in card.items:
+        assert [one.seed for one in item.parts["long"]] == [0, 1]
+        for one in item.parts["long"]:
+            assert one.area is not None
+            assert 0 <= one.area <= 1
+            spent = [point.simulations for point in one.course]
+            assert spent == sorted({*spent})
+            assert all(0 < each <= 3 for each in spent)
+    capsys.readouterr()
+    again = ["leaderboard", str(path), "--check", "--benchmark", str(file)]
+    assert main(again) == 0
+    assert "4 machines have their scores" in capsys.readouterr().out
+    with hold_folder(path):
+        assert main(["benchmark", str(path), "--resume", "--quiet"]) == 2
+    assert f"{path} is in use by another process" in capsys.readouterr().err
+
+    del parts["long"][CALLS]
+    write(tmp_path, axes={"part": parts, "task": SMALL["axes"]["task"]})
+    limited = [*words, "--set", f"{CALLS}=3", "--json"]
+    assert main(limited) == 3
+    (stopped, *_) = json.loads(capsys.readouterr().out)["items"][0]["parts"]["long"]
+    assert (stopped["outcome"], stopped["share"]) == ("stopped", None)
 
 
 def test_a_leaderboard_opens_in_a_browser(

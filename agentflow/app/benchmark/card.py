@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from agentflow.errors import RunError
 from agentflow.files.atomic import os_errors, write_output
@@ -18,7 +18,10 @@ from agentflow.files.lines import parse_object
 from agentflow.metrics.intervals import Interval, bootstrap_mean
 
 NAME = "card.json"
-SCHEMA = 1
+SCHEMA = 2
+"""Cards of schema 1, which has two parts, are read too."""
+FIRST, REFINED, LONG = "first", "refined", "long"
+"""Parts: single replies; the second part of schema 1; the one whose course is kept."""
 DIGITS = 6
 """Decimals of scores and shares in cards."""
 
@@ -53,8 +56,19 @@ class Mean(_Part):
         return cls(mean=round(fmean(known), DIGITS) if known else None, interval=ends)
 
 
+class Point(_Part):
+    """Where the best score of a run rose, and what the run had spent by then."""
+
+    simulations: int
+    tokens: int
+    money: Number | None
+    """None if a model has no price."""
+    share: Number
+    """Of the plain score."""
+
+
 class CountedMachine(_Part):
-    """One machine that counts: a first reply, or the best machine of a refined run."""
+    """One machine that counts: a first reply, or the best machine of a run."""
 
     outcome: Outcome
     score: Number | None
@@ -65,9 +79,15 @@ class CountedMachine(_Part):
     fragile: bool | None = None
     """Of a verified machine: whether it fails under some small change; None if nobody looked."""
     met: tuple[int, int] | None = None
-    """Of a refined run's: how many requirements it meets, of how many; None without any."""
+    """Of a run's best: how many requirements it meets, of how many; None without any."""
     machine: str = ""
     """The machine as JSON text; "" without one, and in cards of old versions."""
+    seed: int = 0
+    """Of its run."""
+    course: tuple[Point, ...] = ()
+    """Of the part `long`."""
+    area: Number | None = None
+    """Of the part `long`: the mean share of the best machine so far, over all simulations."""
 
 
 class ItemResult(_Part):
@@ -79,17 +99,29 @@ class ItemResult(_Part):
     knobs: dict[str, Any]
     full: Number
     """Score that a share of 1 stands for: the greatest possible one, or that of the record."""
-    first: tuple[CountedMachine, ...]
-    """First replies, with plain scores."""
-    refined: CountedMachine
-    """Best machine of the refined run, with its verified score."""
+    parts: dict[str, tuple[CountedMachine, ...]]
+    """First replies, with plain scores; of other parts the best machine of each seed, with its
+    verified score."""
 
-    @property
-    def first_share(self) -> float | None:
-        """Mean share of the first replies; None if any of them does not count."""
-        shares = [attempt.share for attempt in self.first]
+    @model_validator(mode="before")
+    @classmethod
+    def _of_two_parts(cls, content: Any) -> Any:
+        """Read what schema 1 says."""
+        if not isinstance(content, dict) or not {FIRST, REFINED} <= content.keys():
+            return content
+        parts = {FIRST: content[FIRST], REFINED: [content[REFINED]]}
+        return {**{k: v for k, v in content.items() if k not in parts}, "parts": parts}
+
+    def share(self, part: str) -> float | None:
+        """Mean share in a part; None if any machine does not count."""
+        shares = [one.share for one in self.parts[part]]
         known = [share for share in shares if share is not None]
         return fmean(known) if known and len(known) == len(shares) else None
+
+    def area(self, part: str) -> float | None:
+        """Mean area of a part; None unless all are known."""
+        areas = [one.area for one in self.parts[part] if one.area is not None]
+        return fmean(areas) if areas and len(areas) == len(self.parts[part]) else None
 
 
 class Cost(_Part):
@@ -103,11 +135,8 @@ class Cost(_Part):
     rollouts: int
 
 
-class FamilyShares(_Part):
-    """Mean shares over the items of a family, or over all."""
-
-    first: Mean
-    refined: Mean
+Shares = dict[str, Mean]
+"""Mean shares over items by part."""
 
 
 class Scorecard(_Part, populate_by_name=True):
@@ -126,41 +155,81 @@ class Scorecard(_Part, populate_by_name=True):
     """Day, UTC."""
     complete: bool
     """Whether every item has its shares."""
-    total: FamilyShares
-    families: dict[str, FamilyShares]
+    total: Annotated[Shares, Field(min_length=1)]
+    families: dict[str, Shares]
     items: tuple[ItemResult, ...]
     cost: Cost
     isolated: bool | None = None
     """Whether agent programs ran isolated, all of them; None without any."""
 
+    @model_validator(mode="after")
+    def _has_each_part(self) -> Scorecard:
+        places = [item.parts for item in self.items] + [*self.families.values()]
+        if any(tuple(place) != self.parts for place in places):
+            raise ValueError("its items and families have other parts than its total")
+        found = {one.seed for item in self.items for its in item.parts.values() for one in its}
+        if found != set(range(self.seeds)):
+            raise ValueError("its seeds are not 0, 1 and so on")
+        return self
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the parts."""
+        return tuple(self.total)
+
+    @property
+    def ranked(self) -> str:
+        """The part by which cards are ranked: the one after the first replies."""
+        return self.parts[:2][-1]
+
+    @property
+    def seeds(self) -> int:
+        """With how many seeds each part was done."""
+        return len({one.seed for item in self.items for one in item.parts[self.ranked]})
+
     @property
     def fragile(self) -> int | None:
-        """Number of items whose best machine is fragile; None if nobody looked."""
-        known = [item.refined.fragile for item in self.items if item.refined.fragile is not None]
-        return sum(known) if known else None
+        """Number of items with a best machine that is fragile; None if nobody looked."""
+        found = [[one.fragile for one in item.parts[self.ranked]] for item in self.items]
+        known = [each for each in found if each.count(None) < len(each)]
+        return sum(True in each for each in known) if known else None
 
     @property
     def holds_machines(self) -> bool:
         """Whether it can be checked: cards of old versions cannot."""
-        return any(one.machine for item in self.items for one in (*item.first, item.refined))
+        return any(one.machine for item in self.items for its in item.parts.values() for one in its)
 
     @property
     def missing(self) -> tuple[str, ...]:
         """Items without one of their shares."""
         return tuple(item.item for item in self.items if not is_counted(item))
 
+    def only(self, parts: Sequence[str]) -> Scorecard:
+        """The card with these of its parts."""
+        if self.parts == tuple(parts):
+            return self
+
+        def kept(of: Mapping[str, Any]) -> dict[str, Any]:
+            return {part: of[part] for part in parts}
+
+        items = tuple(i.model_copy(update={"parts": kept(i.parts)}) for i in self.items)
+        changed = {
+            "items": items,
+            "total": kept(self.total),
+            "families": {name: kept(of) for name, of in self.families.items()},
+            "complete": all(map(is_counted, items)),
+        }
+        return self.model_copy(update=changed)
+
 
 def is_counted(item: ItemResult) -> bool:
-    """Whether an item has both shares."""
-    return item.first_share is not None and item.refined.share is not None
+    """Whether an item has its share in every part."""
+    return all(item.share(part) is not None for part in item.parts)
 
 
-def summary(items: Sequence[ItemResult]) -> FamilyShares:
-    """Mean shares over items."""
-    return FamilyShares(
-        first=Mean.of(item.first_share for item in items),
-        refined=Mean.of(item.refined.share for item in items),
-    )
+def summary(items: Sequence[ItemResult]) -> Shares:
+    """Mean shares over items; seeds of an item are resampled together."""
+    return {part: Mean.of(item.share(part) for item in items) for part in items[0].parts}
 
 
 def write_card(path: Path, card: Scorecard) -> None:
@@ -184,7 +253,8 @@ def read_card(path: Path) -> Scorecard:
         raise RunError(
             f"{path} is not a scorecard: expected the {NAME} that agentflow benchmark writes"
         )
-    require_schema(path, content, SCHEMA, otherwise=f", or {again}")
+    if content["schema"] != 1:
+        require_schema(path, content, SCHEMA, otherwise=f", or {again}")
     whole = break_seal(content)
     try:
         card = Scorecard.model_validate(content)

@@ -11,20 +11,19 @@ from pathlib import Path
 
 from agentflow.app.benchmark.card import (
     DIGITS,
+    FIRST,
     NAME,
     CountedMachine,
-    FamilyShares,
     Scorecard,
+    Shares,
     is_counted,
     read_card,
     summary,
 )
 from agentflow.app.benchmark.make import MACHINES
 from agentflow.app.benchmark.plan import (
-    FIRST,
     ITEM,
     PART,
-    REFINED,
     Item,
     conditions,
     plan_benchmark,
@@ -154,45 +153,50 @@ async def _check(
 def _attempts(card: Scorecard, path: Path, source: Path) -> list[_Attempt]:
     """The attempts of a card, which must be those of the benchmark."""
     options = {"engine": card.conditions["engine"].partition(" ")[0]}
-    plan = plan_benchmark(source, (), options, lite=card.conditions["lite"])
+    lite, seeds = card.conditions["lite"], card.seeds
+    plan = plan_benchmark(source, (), options, lite=lite, parts=card.parts, seeds=seeds)
     if other := first_difference(card.conditions, conditions(plan.sweep)):
         raise UsageError(
             f"{path} cannot be checked with {source}: its {other.key} is {other.before}, not "
             f"{other.now}; use agentflow {card.agentflow}, and the benchmark that it was made with"
         )
-    configs = {(run.labels[PART], run.labels[ITEM]): run.config for run in plan.runs}
+    configs = {
+        (run.labels[PART], run.labels[ITEM], run.config.seed): run.config for run in plan.runs
+    }
     items = read_items(plan.sweep)
     planned = [(n, i.task.name, i.knobs, i.full) for n, i in items.items()]
     if planned != [(i.item, i.task, i.knobs, i.full) for i in card.items]:
         raise RunError(f"{path} states what is not so: its items are not those of {source}")
     found = []
     for item in card.items:
-        most = configs[FIRST, item.item].settings.trajectories
-        if len(item.first) != most and item.first_share is not None:
-            raise RunError(
-                f"{path} states what is not so: {item.item} has {len(item.first)} first replies in "
-                f"place of {most}"
+        for part, machines in item.parts.items():
+            most = seeds * (
+                configs[part, item.item, 0].settings.trajectories if part == FIRST else 1
             )
-        parts = [*((FIRST, one) for one in item.first), (REFINED, item.refined)]
-        found += [
-            _Attempt(
-                f"{item.item}, {part}",
-                stated,
-                read_machine(stated.machine, tuple(library())).machine,
-                part,
-                items[item.item],
-                configs[part, item.item],
-            )
-            for part, stated in parts
-        ]
+            if len(machines) != most and item.share(part) is not None:
+                raise RunError(
+                    f"{path} states what is not so: {item.item} has {len(machines)} machines of "
+                    f"{part} in place of {most}"
+                )
+            found += [
+                _Attempt(
+                    f"{item.item}, {part}",
+                    stated,
+                    read_machine(stated.machine, tuple(library())).machine,
+                    part,
+                    items[item.item],
+                    configs[part, item.item, stated.seed],
+                )
+                for stated in machines
+            ]
     return found
 
 
 def _wrong_means(card: Scorecard) -> Iterator[str]:
     """Which means are not those of the items."""
 
-    def means(shares: FamilyShares) -> object:
-        return shares.first.mean, shares.refined.mean
+    def means(shares: Shares) -> object:
+        return {part: found.mean for part, found in shares.items()}
 
     of = {name: [i for i in card.items if i.family == name] for name in card.families}
     if means(card.total) != means(summary(card.items)) or card.complete != all(
@@ -211,12 +215,21 @@ def _wrong_runs(card: Scorecard, path: Path) -> Iterator[str]:
     result = read_sweep_result(path)
     now = make_card(result)
     for run in result.finished:
-        spent, most = len(run.numbers.record.machines), run.planned.config.settings.max_simulations
-        if spent != run.result.rollouts or (most is not None and spent > most):
-            yield (
-                f"{run.planned.name} simulated {spent} machines, states {run.result.rollouts}, and "
-                f"has a budget of {most}"
-            )
+        config, record, stated = run.planned.config, run.numbers.record, run.result
+        for did, spent, states, most in (
+            (
+                "simulated machines",
+                len(record.machines),
+                stated.rollouts,
+                config.settings.max_simulations,
+            ),
+            ("made calls", record.calls, stated.calls, config.model.budget.calls),
+        ):
+            if spent != states or (most is not None and spent > most):
+                yield (
+                    f"{run.planned.name} {did}: {spent}, states {states}, and has a budget of "
+                    f"{most}"
+                )
     for key in ("cost", "items"):
         if getattr(card, key) != getattr(now, key):
             yield f"its {key} are not those of its runs"

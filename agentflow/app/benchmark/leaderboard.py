@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from statistics import fmean
 
-from agentflow.app.benchmark.card import NAME, ItemResult, Scorecard, read_card
+from agentflow.app.benchmark.card import FIRST, NAME, ItemResult, Scorecard, read_card
 from agentflow.env.tasks.records import other_recorders
 from agentflow.errors import RunError, UsageError
 from agentflow.metrics.formats import number
@@ -13,12 +14,22 @@ from agentflow.metrics.intervals import Rate, missing_scipy
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
 
 INTERVAL = "95 %"
-ABOUT = (
+COSTS = ("calls", "tokens", "money", "rollouts")
+OF_RECORDS = (
     "Shares are scores divided by the greatest possible score of the item or, if there is none, "
-    "by the record, averaged over items; an invalid machine counts as 0. refined: verified score "
-    "of the best machine of a run with two rounds of feedback; cards are ranked by it. first: "
-    "plain scores of single replies without feedback. Intervals are bootstrap intervals over items."
+    "by the record"
 )
+OF_PARS = (
+    "Shares are 0 at an item's floor and 1 at its par, which the built-in designer and its search "
+    "reach, and never above 1.5"
+)
+ABOUT = (
+    "{of}, averaged over items; an invalid machine counts as 0. {parts}Intervals are bootstrap "
+    "intervals over items, each with all its seeds."
+)
+OF_FIRST = "first: plain scores of single replies without feedback. "
+OF_OTHERS = "{parts}: verified score of the best machine of a run with feedback. "
+OF_AREA = "area: mean share of the best machine so far, by plain score, over all simulations."
 OF_FRAGILE = (
     "fragile: number of items whose best machine fails under some small change of masses, "
     "friction, drives or time step."
@@ -26,11 +37,11 @@ OF_FRAGILE = (
 
 
 def read_cards(paths: Sequence[Path]) -> list[Scorecard]:
-    """Read cards that can be compared, best first.
+    """Read cards that can be compared, best first; parts that not all of them have are left out.
 
     Raises:
         RunError: A file is not a card, is damaged, or was edited.
-        UsageError: The cards are of different versions.
+        UsageError: The cards are of different versions, or have no part in common.
     """
     cards = [read_card(path / NAME if path.is_dir() else path) for path in paths]
     first = cards[0]
@@ -56,7 +67,13 @@ def read_cards(paths: Sequence[Path]) -> list[Scorecard]:
                 f"{path} has other items or families than {paths[0]}, which is of the same "
                 "benchmark; make it again with: agentflow benchmark"
             )
-    return sorted(cards, key=lambda card: (not card.complete, -(card.total.refined.mean or 0.0)))
+    parts = [part for part in first.parts if all(part in card.parts for card in cards)]
+    if not parts:
+        raise UsageError("the cards have no part in common: make them with the same --part")
+    cards = [card.only(parts) for card in cards]
+    return sorted(
+        cards, key=lambda card: (not card.complete, -(card.total[card.ranked].mean or 0.0))
+    )
 
 
 def _contents(card: Scorecard) -> tuple[list[str], list[str]]:
@@ -73,25 +90,36 @@ def format_tables(tables: Sequence[Table], form: str) -> str:
     return ("" if form == "json" else "\n").join(FORMATS[form](table) for table in tables)
 
 
+def shown_parts(card: Scorecard) -> list[str]:
+    """The parts of a card, the one that ranks first."""
+    return sorted(card.parts, key=lambda part: part != card.ranked)
+
+
 def _ranking(cards: Sequence[Scorecard], checked: Sequence[str]) -> Table:
-    columns = (
-        Column("refined", "share", percent=True),
-        Column("refined", INTERVAL, percent=True, digits=1),
-        *[Column("refined", "fragile")] * tell_fragile(cards),
-        Column("first", "share", percent=True),
-        Column("first", INTERVAL, percent=True, digits=1),
-        *(Column("", name) for name in ("calls", "tokens", "money", "rollouts")),
-    )
+    first, fragile = cards[0], tell_fragile(cards)
+    parts = shown_parts(first)
+    areas = [part for part in parts if any(_area(card, part) is not None for card in cards)]
+    seeds = any(card.seeds > 1 for card in cards)
+    columns = [
+        Column(part, name, percent=True, digits=digits)
+        for part in parts
+        for name, digits in (("share", 2), (INTERVAL, 1))
+    ]
+    columns[2:2] = [Column(first.ranked, "fragile")] * fragile
+    columns += [Column(part, "area", percent=True) for part in areas]
+    columns += [Column("", name) for name in ["seeds"] * seeds + [*COSTS]]
     rows = []
     for place, card in enumerate(cards, start=1):
         cost, total = card.cost, card.total
-        values: tuple[Value, ...] = (
-            *(total.refined.mean, total.refined.interval),
-            *[card.fragile] * tell_fragile(cards),
-            *(total.first.mean, total.first.interval),
-            *(cost.calls, cost.prompt_tokens + cost.completion_tokens, cost.money, cost.rollouts),
-        )
-        rows.append(Row((str(place) if card.complete else "-", card.model), values))
+        values: list[Value] = []
+        for part in parts:
+            values += [total[part].mean, total[part].interval]
+        values[2:2] = [card.fragile] * fragile
+        values += [_area(card, part) for part in areas]
+        values += [card.seeds] * seeds
+        values += [cost.calls, cost.prompt_tokens + cost.completion_tokens]
+        values += [cost.money, cost.rollouts]
+        rows.append(Row((str(place) if card.complete else "-", card.model), tuple(values)))
     conditions = cards[0].conditions
     lite = ", lite" if conditions["lite"] else ""
     engine = conditions["engine"]
@@ -107,27 +135,31 @@ def _ranking(cards: Sequence[Scorecard], checked: Sequence[str]) -> Table:
         for card in cards
         if card.isolated is False
     ]
-    others = other_recorders([engine])
+    pars = "pars" in conditions
+    others = "" if pars else other_recorders([engine])
     of_records = f"The records were simulated by {others}." if others else ""
-    about = (ABOUT, *[OF_FRAGILE] * tell_fragile(cards))
+    runs = ", ".join(part for part in parts if part != FIRST)
+    told = OF_OTHERS.format(parts=runs) * bool(runs) + OF_FIRST * (FIRST in parts)
+    about = (
+        ABOUT.format(of=OF_PARS if pars else OF_RECORDS, parts=told),
+        f"Cards are ranked by {first.ranked}.",
+        *[OF_FRAGILE] * fragile,
+        *[OF_AREA] * bool(areas),
+    )
     notes = (*checked, *loose, *incomplete, *about, *filter(None, [of_records, missing_scipy()]))
-    return Table(title, ("rank", "model"), columns, tuple(rows), notes=notes)
+    return Table(title, ("rank", "model"), tuple(columns), tuple(rows), notes=notes)
+
+
+def _area(card: Scorecard, part: str) -> float | None:
+    known = [area for item in card.items if (area := item.area(part)) is not None]
+    return fmean(known) if known else None
 
 
 def _by_family(cards: Sequence[Scorecard]) -> Table:
-    names = list(cards[0].families)
-    columns = tuple(
-        Column(name, part, percent=True) for name in names for part in ("first", "refined")
-    )
+    places = [(name, part) for name in cards[0].families for part in cards[0].parts]
+    columns = tuple(Column(name, part, percent=True) for name, part in places)
     rows = tuple(
-        Row(
-            (card.model,),
-            tuple(
-                mean
-                for name in names
-                for mean in (card.families[name].first.mean, card.families[name].refined.mean)
-            ),
-        )
+        Row((card.model,), tuple(card.families[name][part].mean for name, part in places))
         for card in cards
     )
     return Table("Shares by family", ("model",), columns, rows)
@@ -138,35 +170,41 @@ def tell_fragile(cards: Sequence[Scorecard]) -> bool:
     return any(card.fragile is not None for card in cards)
 
 
+def _met(item: ItemResult, part: str) -> Rate | None:
+    """How many requirements the best machines of all seeds meet; None without any."""
+    found = sum((Rate(*one.met) for one in item.parts[part] if one.met), Rate(0, 0))
+    return found if found.of else None
+
+
 def _tell_met(cards: Sequence[Scorecard]) -> bool:
     """Whether any card knows how many requirements machines meet."""
-    return any(item.refined.met for card in cards for item in card.items)
+    return any(one.met for card in cards for item in card.items for one in item.parts[card.ranked])
 
 
-def _values(item: ItemResult, fragile: bool, met: bool) -> tuple[Value, ...]:
-    """What a card says about an item; `fragile`: also whether its best machine is; `met`: how many
-    requirements that one meets."""
-    told = {True: "yes", False: "no", None: None}[item.refined.fragile]
-    kept = Rate(*item.refined.met) if item.refined.met else None
-    return (item.first_share, item.refined.share, *[told] * fragile, *[kept] * met)
+def _values(item: ItemResult, part: str, fragile: bool, met: bool) -> tuple[Value, ...]:
+    """What a card says about an item; `fragile`: also whether a best machine of `part` is; `met`:
+    how many requirements these meet."""
+    known = [one.fragile for one in item.parts[part] if one.fragile is not None]
+    told = ("yes" if any(known) else "no") if known else None
+    shares = (item.share(name) for name in item.parts)
+    return (*shares, *[told] * fragile, *[_met(item, part)] * met)
 
 
 def _by_item(cards: Sequence[Scorecard]) -> Table:
-    met = _tell_met(cards)
+    fragile, met, ranked = tell_fragile(cards), _tell_met(cards), cards[0].ranked
     columns = tuple(
         column
         for card in cards
         for column in (
-            Column(card.model, "first", percent=True),
-            Column(card.model, "refined", percent=True),
-            *[Column(card.model, "fragile")] * tell_fragile(cards),
+            *(Column(card.model, part, percent=True) for part in card.parts),
+            *[Column(card.model, "fragile")] * fragile,
             *[Column(card.model, "met")] * met,
         )
     )
     rows = tuple(
         Row(
             (of[0].item, of[0].family, number(of[0].full)),
-            tuple(value for item in of for value in _values(item, tell_fragile(cards), met)),
+            tuple(value for item in of for value in _values(item, ranked, fragile, met)),
         )
         for of in zip(*(card.items for card in cards), strict=True)
     )

@@ -106,8 +106,10 @@ def make_benchmark(
     pars = {name: item.par for name, item in drawn.items()}
     document = load_document(find_config(Path("benchmark")))
     document["title"] = f"Benchmark of seed {seed}"
-    document["base"] = set_key(document.get("base", {}), "engine", content()["engine"])
-    document["axes"]["task"] = {name: dict(item.changes) for name, item in drawn.items()}
+    document["about"] = "Single replies without feedback, and the best machines of runs with it."
+    document["base"] = {"engine": content()["engine"]}
+    tasks = {name: dict(item.changes) for name, item in drawn.items()}
+    document["axes"] = {"part": content()["parts"], "task": tasks}
     document["benchmark"] = {
         **document["benchmark"],
         "lowest": [],

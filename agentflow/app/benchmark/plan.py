@@ -1,20 +1,20 @@
 """Plans of benchmarks: sweeps with fixed items and parts, of which users set only the model.
 
-Every item (axis `task`) is done in every part (axis `part`): `first`, single replies without any
-feedback, and `refined`, a short iterative run. Random machines and edits can take the place of a
+Every item (axis `task`) is done in every part (axis `part`) that is chosen: `first`, single replies
+without any feedback, and runs with feedback. Random machines and edits can take the place of a
 model, with as many simulations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.benchmark.card import DIGITS
+from agentflow.app.benchmark.card import DIGITS, FIRST
 from agentflow.app.design.trust import Approve, refuse
 from agentflow.app.sweeps.folder import is_sweep
 from agentflow.app.sweeps.plan import SweepPlan, plan_sweep
@@ -30,7 +30,10 @@ from agentflow.prompts.render import PromptSet
 from agentflow.workflows.registry import WORKFLOWS
 
 PART, ITEM = "part", "task"
-FIRST, REFINED = "first", "refined"
+CALLS = "model.budget.calls"
+"""A part that sets it is over after so many calls, and its best machine counts."""
+VERSION = 2
+"""The greatest version of a benchmark that is known."""
 MOST = 1.5
 """Greatest share of an item with a par."""
 
@@ -42,6 +45,8 @@ def plan_benchmark(
     *,
     lite: bool = False,
     random: bool = False,
+    parts: Sequence[str] = (),
+    seeds: int | None = None,
     approve: Approve = refuse,
 ) -> SweepPlan:
     """Read a benchmark and look everything up.
@@ -52,6 +57,8 @@ def plan_benchmark(
         options: Dotted configuration keys; None means not given.
         lite: Whether to do only the first item of each family.
         random: Whether random machines and edits take the place of the model.
+        parts: Names of parts; by default the first two.
+        seeds: How many seeds; 1 by default.
         approve: Is asked about hosts and key variables that only the file names.
 
     Raises:
@@ -65,12 +72,16 @@ def plan_benchmark(
                 f"a benchmark has a fixed plan, so --set takes only keys of the model such as "
                 f"model.sampling.temperature=0.5, not {setting!r}"
             )
-    if is_sweep(path) and (lite or random):
-        raise UsageError(f"{path} is resumed with its own settings; remove --lite and --random")
-    adapt = partial(_adapt, source=path, lite=lite, random=random)
-    plan = plan_sweep(path, settings, options, approve=approve, adapt=adapt)
+    if is_sweep(path) and (lite or random or parts):
+        raise UsageError(
+            f"{path} is resumed with its own settings; remove --lite, --random and --part"
+        )
+    adapt = partial(_adapt, source=path, lite=lite, random=random, parts=parts)
+    plan = plan_sweep(path, settings, options, seeds, approve=approve, adapt=adapt)
     benchmark_of(plan.sweep)
-    variant = f"{plan.name}{'-lite' * lite}{'-random-dsl' * random}"
+    several = f"-{seeds}-seeds" if (seeds or 1) > 1 else ""
+    names = "".join(f"-{part}" for part in parts)
+    variant = f"{plan.name}{'-lite' * lite}{'-random-dsl' * random}{names}{several}"
     return replace(plan, name=variant)
 
 
@@ -119,7 +130,11 @@ def read_items(sweep: SweepConfig) -> dict[str, Item]:
     """The items by name; raises ConfigError if one has nothing to compare with."""
     found, settings = {}, benchmark_of(sweep)
     for name, config in item_configs(sweep).items():
-        lowest, task = name in settings.lowest, get_task(config.task, config.knobs)
+        lowest = name in settings.lowest
+        try:
+            task = get_task(config.task, config.knobs)
+        except ConfigError as error:
+            raise ConfigError(f"the item {name} cannot be built: {error}") from None
         if settings.pars:
             par = settings.pars.get(name)
             if par is None or par.par <= par.floor:
@@ -149,13 +164,20 @@ def conditions(sweep: SweepConfig) -> dict[str, Any]:
         **physics_conditions(build_config(sweep.base).engine),
         "prompts": PromptSet().digest,
         "records": digest_of({name: [*item.basis] for name, item in items}),
+        **({"pars": True} if settings.pars else {}),  # left out, so that older cards compare
     }
 
 
-def _adapt(sweep: SweepConfig, source: Path, lite: bool, random: bool) -> SweepConfig:
-    """The sweep in the file, checked, reduced if `lite`, and without a model if `random`."""
+def _adapt(
+    sweep: SweepConfig, source: Path, lite: bool, random: bool, parts: Sequence[str]
+) -> SweepConfig:
+    """The sweep in the file, checked, reduced to the chosen parts and items, and without a model if
+    `random`."""
     settings = benchmark_of(sweep)
     _check(sweep, source)
+    known = tuple(sweep.axes[PART])
+    if unknown := [part for part in parts if part not in known]:
+        raise UsageError(f"{source} has no part {unknown[0]}: choose from {', '.join(known)}")
     axes = {part: dict(sweep.axes[part]) for part in (PART, ITEM)}
     if lite:
         configs = reversed(item_configs(sweep).items())
@@ -163,6 +185,8 @@ def _adapt(sweep: SweepConfig, source: Path, lite: bool, random: bool) -> SweepC
         axes[ITEM] = {name: axes[ITEM][name] for name in axes[ITEM] if name in firsts.values()}
     digest = digest_of([sweep.base, axes, settings.lowest])
     settings = settings.model_copy(update={"lite": lite, "plan": digest})
+    chosen = parts or known[:2]
+    axes[PART] = {part: changes for part, changes in axes[PART].items() if part in chosen}
     if random:
         axes = {
             axis: {name: _without_model(changes) for name, changes in values.items()}
@@ -173,13 +197,22 @@ def _adapt(sweep: SweepConfig, source: Path, lite: bool, random: bool) -> SweepC
 
 def _check(sweep: SweepConfig, source: Path) -> None:
     """Raise ConfigError unless axes, seeds and items are those of a benchmark."""
-    if list(sweep.axes) != [PART, ITEM] or set(sweep.axes[PART]) != {FIRST, REFINED}:
+    version = benchmark_of(sweep).version
+    if version > VERSION:
         raise ConfigError(
-            f"{source}: axes: a benchmark has the axis {PART}, with {FIRST} and {REFINED}, and "
-            f"then the axis {ITEM}, with the items"
+            f"{source}: benchmark.version: it is {version}, and this agentflow knows versions up "
+            f"to {VERSION}: use a later one"
+        )
+    if list(sweep.axes) != [PART, ITEM] or [*sweep.axes[PART]][:1] != [FIRST]:
+        raise ConfigError(
+            f"{source}: axes: a benchmark has the axis {PART}, which begins with {FIRST}, and then "
+            f"the axis {ITEM}, with the items"
         )
     if len(sweep.seeds) > 1:
-        raise ConfigError(f"{source}: seeds: a benchmark has one seed, for example seeds: [0]")
+        raise ConfigError(
+            f"{source}: seeds: a benchmark has one seed, for example seeds: [0]; for more, give "
+            "--seeds"
+        )
     for name, changes in sweep.axes[ITEM].items():
         if "task" not in changes:
             raise ConfigError(f"{source}: axes.{ITEM}.{name}: name the level with task")

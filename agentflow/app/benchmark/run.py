@@ -8,20 +8,24 @@ from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from shlex import quote
+from typing import Any
 
 from agentflow.app.benchmark.card import (
     DIGITS,
+    FIRST,
+    LONG,
     NAME,
     Cost,
     CountedMachine,
     ItemResult,
     Outcome,
+    Point,
     Scorecard,
     is_counted,
     summary,
     write_card,
 )
-from agentflow.app.benchmark.plan import FIRST, ITEM, PART, REFINED, Item, conditions, read_items
+from agentflow.app.benchmark.plan import CALLS, ITEM, PART, Item, conditions, read_items
 from agentflow.app.design.results import best_machine
 from agentflow.app.design.trust import trust_option
 from agentflow.app.sweeps.plan import SweepPlan
@@ -33,8 +37,12 @@ from agentflow.errors import EndpointError
 from agentflow.files.documents import digest_of
 from agentflow.machine import Machine
 from agentflow.metrics.machines import recorded_machine
-from agentflow.runs.events import EvaluationEvent, ProgramEvent, read_typed_events
+from agentflow.metrics.usage import spent_on
+from agentflow.models.choices import cost_function
+from agentflow.runs import read_calls
+from agentflow.runs.events import AttemptEvent, EvaluationEvent, ProgramEvent, read_typed_events
 from agentflow.runs.locations import INITIAL
+from agentflow.runs.record import RunRecord
 from agentflow.runs.result import BUDGET
 from agentflow.version import __version__
 from agentflow.workflows.registry import WORKFLOWS
@@ -71,9 +79,7 @@ def run_benchmark(
 def make_card(result: SweepResult) -> Scorecard:
     """The card of the finished runs."""
     sweep = result.sweep
-    done = {
-        tuple(run.planned.labels[axis] for axis in (PART, ITEM)): run for run in result.finished
-    }
+    done = {run.planned.name: run for run in result.finished}
     items = tuple(_result(result, name, item, done) for name, item in read_items(sweep).items())
     families = {item.family: [i for i in items if i.family == item.family] for item in items}
     shared = conditions(sweep)
@@ -113,24 +119,66 @@ def _isolated(runs: Iterable[FinishedRun]) -> bool | None:
 
 
 def _result(
-    result: SweepResult, name: str, item: Item, done: Mapping[tuple[str, ...], FinishedRun]
+    result: SweepResult, name: str, item: Item, done: Mapping[str, FinishedRun]
 ) -> ItemResult:
-    first, refined = done.get((FIRST, name)), done.get((REFINED, name))
+    parts: dict[str, tuple[CountedMachine, ...]] = {}
+    for planned in result.planned:
+        part, of = (planned.labels[axis] for axis in (PART, ITEM))
+        if of == name:
+            run = done.get(planned.name)
+            found = _machines(run, item, result) if run else _missing(result, planned.name)
+            numbered = (one.model_copy(update={"seed": planned.config.seed}) for one in found)
+            parts[part] = (*parts.get(part, ()), *numbered)
     return ItemResult(
         item=name,
         family=item.task.family,
         task=item.task.name,
         knobs=dict(item.knobs),
         full=item.full,
-        first=_replies(first, item) if first else (_missing(result, FIRST, name),),
-        refined=_best(refined, item) if refined else _missing(result, REFINED, name),
+        parts=parts,
     )
+
+
+def _machines(run: FinishedRun, item: Item, result: SweepResult) -> tuple[CountedMachine, ...]:
+    """What counts of a finished run."""
+    part, most = run.planned.labels[PART], run.planned.config.model.budget.calls
+    planned = CALLS in result.sweep.axes[PART][part]  # else it is a limit of the user
+    spent = planned and most is not None and run.result.calls >= most
+    if run.result.stopped == BUDGET and not spent:
+        return (_without_score("stopped", "the budget was used up"),)
+    if part == FIRST:
+        return _replies(run, item)
+    best = _best(run, item)
+    return (best.model_copy(update=_course(run, item)) if part == LONG else best,)
+
+
+def _course(run: FinishedRun, item: Item) -> dict[str, Any]:
+    """Where the best share of a run rose, and its mean over all simulations that it may make."""
+    config, record, points = run.planned.config, RunRecord(), list[Point]()
+    cost = cost_function(config.model)
+    money = {call["request"]["label"]: spent_on(call, cost).money for call in read_calls(run.path)}
+    simulated, spent = set[str](), list[float | None]()
+    for event in read_typed_events(run.path):
+        record.add(event)
+        if isinstance(event, AttemptEvent):
+            spent.append(money.get(event.label))
+        elif isinstance(event, EvaluationEvent) and event.valid:
+            simulated.add(event.machine)
+            share = item.share(record.best or 0.0)
+            if not points or share > points[-1].share:
+                paid = None if None in spent else round(sum(one or 0.0 for one in spent), DIGITS)
+                simulations, tokens = len(simulated), record.tokens
+                points.append(
+                    Point(simulations=simulations, tokens=tokens, money=paid, share=share)
+                )
+    most = config.settings.max_simulations or len(simulated)
+    ends = [*(point.simulations for point in points[1:]), most + 1]
+    area = sum(p.share * (end - p.simulations) for p, end in zip(points, ends, strict=False))
+    return {"course": tuple(points), "area": round(area / max(most, 1), DIGITS)}
 
 
 def _replies(run: FinishedRun, item: Item) -> tuple[CountedMachine, ...]:
     """The first replies of a run, with plain scores."""
-    if run.result.stopped == BUDGET:
-        return (_without_score("stopped", "the budget was used up"),)
     statuses = _statuses(run)
     return tuple(
         _attempt(
@@ -148,8 +196,6 @@ def _replies(run: FinishedRun, item: Item) -> tuple[CountedMachine, ...]:
 def _best(run: FinishedRun, item: Item) -> CountedMachine:
     """The best machine of a run, with its verified score, or the lowest where that counts."""
     result = run.result
-    if result.stopped == BUDGET:
-        return _without_score("stopped", "the budget was used up")
     machine = best_machine(result)
     if machine is None:
         return CountedMachine(outcome="invalid", score=0.0, share=0.0, reason=result.reason)
@@ -177,13 +223,10 @@ def _attempt(
     )
 
 
-def _missing(result: SweepResult, part: str, name: str) -> CountedMachine:
+def _missing(result: SweepResult, run: str) -> tuple[CountedMachine, ...]:
     """What takes the place of a run that is not finished."""
-    run = next(
-        run.name for run in result.planned if (run.labels[PART], run.labels[ITEM]) == (part, name)
-    )
     why = "failed; members.jsonl has the reason" if run in result.failed else "is unfinished"
-    return _without_score("missing", f"the run {why}")
+    return (_without_score("missing", f"the run {why}"),)
 
 
 def _without_score(outcome: Outcome, reason: str) -> CountedMachine:

@@ -35,6 +35,17 @@ def benchmark(
             "--random", help="Random machines and edits in place of a model, as a baseline."
         ),
     ] = False,
+    parts: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--part",
+            help="Part to do, such as first, search, agent or long; repeat it for several "
+            "(default: the first two of the file).",
+        ),
+    ] = None,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Do each part with seeds 0 to N-1 (default: 1 seed).")
+    ] = None,
     jobs: options.Jobs = 2,
     workers: options.SharedWorkers = None,
     out: Annotated[Path, typer.Option(help="Parent directory of the benchmark's directory.")] = (
@@ -49,7 +60,7 @@ def benchmark(
     """Measure a model on fixed tasks and write a scorecard, card.json.
 
     Scores are given as shares of the greatest possible score of each task or, if there is none, of
-    the score of the best known machine.
+    the score of the best known machine; in a new benchmark, from floor to par.
     `agentflow leaderboard` compares scorecards.
     """
     from agentflow.app.benchmark.leaderboard import format_tables, leaderboard
@@ -66,7 +77,16 @@ def benchmark(
         "workers": workers,
     }
     allowed = allow if trust or dry_run else approve
-    plan = plan_benchmark(source, settings or (), keys, lite=lite, random=random, approve=allowed)
+    plan = plan_benchmark(
+        source,
+        settings or (),
+        keys,
+        lite=lite,
+        random=random,
+        parts=parts or (),
+        seeds=seeds,
+        approve=allowed,
+    )
     folder = sweep_folder(plan, source, out)
     if dry_run:
         print_estimate(plan, folder, as_json)

@@ -109,14 +109,14 @@ export function intervalChart(title, unit, rows, mark) {
   }, { height, rows: () => [["name", unit], ...rows.flatMap(({ name, values }) => values.map((value) => [name, value]))] });
 }
 
-/** Shares from 0 to 1 as bars with intervals: {name, bars: [{name, value, low, high}]}. */
+/** Shares from 0 to 1.5 as bars with intervals: {name, bars: [{name, value, low, high}]}. */
 export function shareChart(title, rows) {
   const [bar, head] = [15, 20];
   const tall = head + Math.max(...rows.map(({ bars }) => bars.length)) * bar + 14;
   const height = rows.length * tall + BOTTOM;
   return figure(title, (width) => {
     const most = Math.max(...rows.flatMap(({ bars }) => bars.flatMap(({ value, high }) => [value ?? 0, high ?? 0])), 0.01);
-    const xs = scale([0, Math.min(1, Math.ceil(10 * most) / 10)], [4, width - 130]);
+    const xs = scale([0, Math.min(1.5, Math.ceil(10 * most) / 10)], [4, width - 130]);
     const percent = (value) => (Number.isFinite(value) ? `${formatNumber(100 * value, 1)} %` : "no share");
     return [
       ...ticks(xs.low, xs.high, 5).flatMap((value) => [svg("path", { class: "grid", d: `M${xs(value)} 4V${height - BOTTOM + 4}` }),

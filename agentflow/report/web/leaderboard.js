@@ -1,6 +1,6 @@
 // The page of a leaderboard: models ranked by bars with intervals, families as a heat map, failures, tables.
 
-import { shareChart } from "./charts.js";
+import { lineChart, shareChart } from "./charts.js";
 import { el, formatNumber, section, table } from "./dom.js";
 import { tableSection } from "./sweep.js";
 
@@ -15,34 +15,35 @@ export function leaderboardPage(data) {
 }
 
 /** Everything below the heading. */
-export function leaderboardParts({ cards, tables, notes }) {
+export function leaderboardParts({ cards, parts, tables, notes }) {
+  const lines = cards.filter(({ course }) => course.length).map(({ model, course }) => ({ name: model, points: course }));
   return [
-    section("Ranking", shareChart("Share of the best known scores, with 95 % intervals", cards.map(ranked)), ...notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
-    section("Families", heatMap(cards), el("p", { class: "quiet" }, "Large: the share after two rounds of feedback; small: of first replies without feedback. Stronger colour means a greater share.")),
-    section("How it ended", table("Best machines of refined runs, one per item", ["Model", ...Object.values(OUTCOMES)], outcomes(cards, "refined")),
-      table("Machines of first replies", ["Model", ...Object.values(OUTCOMES)], outcomes(cards, "first"))),
+    section("Ranking", shareChart("Mean shares, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
+    section("Families", heatMap(cards, parts), el("p", { class: "quiet" }, `Large: ${parts[0]}${parts[1] ? `; small: ${parts[1]}` : ""}. Stronger colour means a greater share.`)),
+    lines.length ? section("Share over simulations", lineChart("Mean share of the best machine so far, by plain score", "", "simulations", lines)) : null,
+    section("How it ended", ...parts.map((part) => table(`Machines of the part ${part}`, ["Model", ...Object.values(OUTCOMES)], outcomes(cards, part)))),
     tableSection(tables[0], "All numbers"), ...tables.slice(1).map((item) => el("details", {}, el("summary", {}, item.title), tableSection(item, item.title))),
-  ];
+  ].filter(Boolean);
 }
 
-const ranked = ({ model, complete, total }, index) => ({
+const ranked = ({ model, complete, total }, index, parts) => ({
   name: `${complete ? `${index + 1}. ` : "Incomplete: "}${model}`,
-  bars: [["refined", total.refined], ["first", total.first]].map(([name, { mean, interval }]) => ({ name, value: mean, low: interval?.[0], high: interval?.[1] })),
+  bars: parts.map((part) => ({ name: part, value: total[part].mean, low: total[part].interval?.[0], high: total[part].interval?.[1] })),
 });
 
 /** A row for each model, a column for each family: every family, also where nothing was scored. */
-function heatMap(cards) {
+function heatMap(cards, parts) {
   const families = Object.keys(cards[0].families);
   return el("div", { class: "table", role: "region", tabindex: "0", "aria-label": "Families and models" }, el("table", { class: "heat shares" },
     el("thead", {}, el("tr", {}, el("td", {}), ...families.map((name) => el("th", { scope: "col" }, name)))),
-    el("tbody", {}, ...cards.map(({ model, families: shares }) => el("tr", {}, el("th", { scope: "row" }, model), ...families.map((name) => heatCell(shares[name])))))));
+    el("tbody", {}, ...cards.map(({ model, families: shares }) => el("tr", {}, el("th", { scope: "row" }, model), ...families.map((name) => heatCell(shares[name], parts)))))));
 }
 
-function heatCell({ first, refined }) {
-  const percent = ({ mean }) => (mean === null ? "–" : `${formatNumber(Math.round(100 * mean))} %`);
-  const cell = el("td", {}, el("b", {}, percent(refined)), el("small", {}, percent(first)));
-  cell.style.setProperty("--share", `${Math.round(70 * Math.min(refined.mean ?? 0, 1))}%`);
+function heatCell(shares, [main, lesser]) {
+  const percent = (part) => (shares[part].mean === null ? "–" : `${formatNumber(Math.round(100 * shares[part].mean))} %`);
+  const cell = el("td", {}, el("b", {}, percent(main)), lesser ? el("small", {}, percent(lesser)) : "");
+  cell.style.setProperty("--share", `${Math.round(70 * Math.min(shares[main].mean ?? 0, 1))}%`);
   return cell;
 }
 
-const outcomes = (cards, part) => cards.map((card) => [card.model, ...Object.keys(OUTCOMES).map((name) => card[part][name] ?? 0)]);
+const outcomes = (cards, part) => cards.map((card) => [card.model, ...Object.keys(OUTCOMES).map((name) => card.outcomes[part][name] ?? 0)]);

@@ -120,8 +120,10 @@ def answered(source: Path, machine: Machine) -> Scorecard:
             task=item.task.name,
             knobs=item.knobs,
             full=item.full,
-            first=(first, first),
-            refined=counted(found.score, found.holding.fragile),
+            parts={
+                "first": (first, first),
+                "refined": (counted(found.score, found.holding.fragile),),
+            },
         ),
     )
     return Scorecard(
@@ -149,7 +151,8 @@ def test_an_honest_card_has_its_scores(folder: Path) -> None:
 
 def test_cards_without_machines_are_read_and_not_checkable(tmp_path: Path) -> None:
     card = read_card(SHIPPED / "procedural.json")
-    bare = {"first": (), "refined": card.items[0].refined.model_copy(update={"machine": ""})}
+    best = card.items[0].parts["refined"][0].model_copy(update={"machine": ""})
+    bare = {"parts": {"first": (), "refined": (best,)}}
     old = card.model_copy(update={"items": (card.items[0].model_copy(update=bare),)})
     write_card(tmp_path / "card.json", old)
     (told,) = check(tmp_path / "card.json", ROOT / "configs" / "benchmark.yaml")
@@ -157,7 +160,7 @@ def test_cards_without_machines_are_read_and_not_checkable(tmp_path: Path) -> No
 
 
 def higher(content: dict[str, Any]) -> None:
-    content["items"][0]["refined"].update(score=2.0, share=2.0)
+    content["items"][0]["parts"]["refined"][0].update(score=2.0, share=2.0)
 
 
 def fuller(content: dict[str, Any]) -> None:
@@ -165,15 +168,15 @@ def fuller(content: dict[str, Any]) -> None:
 
 
 def shorter(content: dict[str, Any]) -> None:
-    del content["items"][0]["first"][0]
+    del content["items"][0]["parts"]["first"][0]
 
 
 def empty(content: dict[str, Any]) -> None:
-    content["items"][0]["refined"]["machine"] = ""
+    content["items"][0]["parts"]["refined"][0]["machine"] = ""
 
 
 def excused(content: dict[str, Any]) -> None:
-    content["items"][0]["refined"].update(outcome="invalid", share=1.0)
+    content["items"][0]["parts"]["refined"][0].update(outcome="invalid", share=1.0)
 
 
 def total(content: dict[str, Any]) -> None:
@@ -185,17 +188,19 @@ def family(content: dict[str, Any]) -> None:
 
 
 def swapped(content: dict[str, Any]) -> None:
-    content["items"][0]["refined"]["machine"] = content["items"][1]["refined"]["machine"]
+    content["items"][0]["parts"]["refined"][0]["machine"] = content["items"][1]["parts"]["refined"][
+        0
+    ]["machine"]
 
 
 def sturdy(content: dict[str, Any]) -> None:
-    content["items"][0]["refined"]["fragile"] = True
+    content["items"][0]["parts"]["refined"][0]["fragile"] = True
 
 
 FORGED: dict[Callable[[dict[str, Any]], None], str] = {
     higher: "gearing-1, refined states the score 2 and the share 2.0, but has 1 and 1.0",
     fuller: "its items are not those of",
-    shorter: "gearing-1 has 1 first replies in place of 2",
+    shorter: "gearing-1 has 1 machines of first in place of 2",
     empty: "gearing-1, refined has a score and no machine",
     excused: "gearing-1, refined states a score without one",
     total: "its total is not that of its items",
@@ -249,7 +254,7 @@ def test_writing_into_runs_is_seen(folder: Path) -> None:
     run = folder / "small" / "runs" / "refined.gearing-1.seed-0"
     result = json.loads((run / "result.json").read_text())
     (run / "result.json").write_text(json.dumps({**result, "rollouts": 1}))
-    with pytest.raises(RunError, match=r"simulated \d machines, states 1, and"):
+    with pytest.raises(RunError, match=r"simulated machines: \d, states 1, and"):
         check(folder / "small", folder / "small.yaml")
     (run / "result.json").write_text(json.dumps(result))
     first = folder / "small" / "runs" / "first.gearing-1.seed-0" / "machines"

@@ -12,6 +12,7 @@ from agentflow.app.benchmark.card import (
     Cost,
     CountedMachine,
     ItemResult,
+    Point,
     Scorecard,
     is_counted,
     read_card,
@@ -39,8 +40,7 @@ def item(name: str, firsts: tuple[float, ...], refined: CountedMachine) -> ItemR
         task=name.replace("-", "/"),
         knobs={},
         full=10.0,
-        first=tuple(map(scored, firsts)),
-        refined=refined,
+        parts={"first": tuple(map(scored, firsts)), "refined": (refined,)},
     )
 
 
@@ -88,8 +88,9 @@ rank  model   share            95 %   share          95 %  calls  tokens  money 
 INCOMPLETE: half lacks 1 of 2 items: flying-1.
 Shares are scores divided by the greatest possible score of the item or, if there is none, by the \
 record, averaged over items; an invalid machine counts as 0. refined: verified score of the best \
-machine of a run with two rounds of feedback; cards are ranked by it. first: plain scores of \
-single replies without feedback. Intervals are bootstrap intervals over items.
+machine of a run with feedback. first: plain scores of single replies without feedback. Intervals \
+are bootstrap intervals over items, each with all its seeds.
+Cards are ranked by refined.
 
 Shares by family
 
@@ -123,7 +124,7 @@ def test_a_card_is_read_as_it_was_written(tmp_path: Path) -> None:
 def test_the_page_of_a_leaderboard_has_every_family_and_every_failure() -> None:
     poor, half = leaderboard_data([POOR, HALF])["cards"]
     assert poor["families"]["flying"]["refined"]["mean"] == 0.0
-    assert (half["complete"], half["refined"]) == (False, {"scored": 1, "missing": 1})
+    assert (half["complete"], half["outcomes"]["refined"]) == (False, {"scored": 1, "missing": 1})
 
 
 def test_requirements_are_counted_where_items_have_some() -> None:
@@ -160,9 +161,10 @@ def test_fragile_machines_are_counted_where_somebody_looked(tmp_path: Path) -> N
 
 def test_a_missing_item_counts_neither_as_nothing_nor_as_complete() -> None:
     assert (GOOD.complete, HALF.complete, HALF.missing) == (True, False, ("flying-1",))
-    assert HALF.total.refined.mean == 0.9
-    partly = item("a-1", (), scored(1)).model_copy(update={"first": (scored(1.0), MISSING)})
-    assert partly.first_share is None
+    assert HALF.total["refined"].mean == 0.9
+    parts = {"first": (scored(1.0), MISSING), "refined": (scored(1),)}
+    partly = item("a-1", (), scored(1)).model_copy(update={"parts": parts})
+    assert partly.share("first") is None
 
 
 def test_cards_are_ranked_by_refined_share_and_incomplete_ones_last(tmp_path: Path) -> None:
@@ -224,7 +226,7 @@ def test_damaged_and_edited_cards_say_what_to_change(tmp_path: Path) -> None:
         "[]": "is not a scorecard: expected the card.json that agentflow benchmark writes",
         '{"a": 1}': "is not a scorecard: expected the card.json that agentflow benchmark writes",
         json.dumps({**content, "schema": 9}): (
-            "has schema 9, but this version reads only schema 1: use the agentflow version that "
+            "has schema 9, but this version reads only schema 2: use the agentflow version that "
             f"wrote it, or {again}"
         ),
         json.dumps(sealed(lacking)): f"is damaged: items is missing; {again}",
@@ -245,6 +247,70 @@ def test_damaged_and_edited_cards_say_what_to_change(tmp_path: Path) -> None:
         assert str(caught.value) == f"{path} {message}"
     with pytest.raises(AgentflowError, match=r"cannot read .*nowhere.json: No such file"):
         read_card(tmp_path / "nowhere.json")
+
+
+def more(name: str, share: float, area: float | None, seeds: int = 1) -> ItemResult:
+    """An item with another part."""
+    found = tuple(
+        scored(share).model_copy(
+            update={
+                "seed": seed,
+                "area": area,
+                "course": (
+                    Point(simulations=1, tokens=9, money=None, share=share / 2),
+                    Point(simulations=3, tokens=20, money=None, share=share),
+                ),
+            }
+        )
+        for seed in range(seeds)
+    )
+    old = item(name, (0.5,), scored(share))
+    return old.model_copy(update={"parts": {"first": old.parts["first"], "long": found}})
+
+
+def test_cards_are_compared_by_the_parts_that_all_have(tmp_path: Path) -> None:
+    long = card("long", more("throwing-1", 0.8, 0.6, seeds=2), more("flying-1", 0.4, 0.2))
+    (ranking, *_) = leaderboard([long])
+    columns = [column.full for column in ranking.columns]
+    assert columns[:5] == ["long share", "long 95 %", "first share", "first 95 %", "long area"]
+    assert ranking.rows[0].values[4] == pytest.approx(0.4)
+    assert columns[5] == "seeds"
+    assert any(note.startswith("area: mean share of the best machine") for note in ranking.notes)
+    page = leaderboard_data([long])
+    assert page["parts"] == ["long", "first"]
+    assert page["cards"][0]["course"] == [(1, pytest.approx(1 / 3)), (3, pytest.approx(2 / 3))]
+
+    both = [written(tmp_path, each.model, each) for each in (long, GOOD)]
+    cards = read_cards(both)
+    assert [each.parts for each in cards] == [("first",)] * 2
+    assert [each.model for each in cards] == ["long", "good"], "ranked by what both have"
+    other = card(
+        "other", *(each.model_copy(update={"parts": {"x": (scored(1),)}}) for each in GOOD.items)
+    )
+    with pytest.raises(UsageError, match="have no part in common: make them with the same --part"):
+        read_cards([*both, written(tmp_path, "other", other)])
+
+
+def test_forged_parts_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, "card", GOOD)
+    content = json.loads(path.read_text())
+    parts = content["items"][0]["parts"]
+    parts["first"][0]["seed"] = 7
+    path.write_text(json.dumps(sealed(content)))
+    with pytest.raises(AgentflowError, match="its seeds are not 0, 1 and so on"):
+        read_card(path)
+    del parts["first"]
+    path.write_text(json.dumps(sealed(content)))
+    with pytest.raises(AgentflowError, match="its items and families have other parts than its"):
+        read_card(path)
+
+
+def test_leaderboards_of_sets_with_pars_tell_their_rules() -> None:
+    pars = card("new", *GOOD.items, pars=True)
+    told = "\n".join(leaderboard([pars])[0].notes)
+    assert "Shares are 0 at an item's floor and 1 at its par" in told
+    assert "an invalid machine counts as 0" in told
+    assert "record" not in told
 
 
 def test_the_shipped_cards_are_complete_and_of_all_items() -> None:

@@ -96,13 +96,18 @@ def test_a_new_benchmark_is_continued_and_run(
     for item in card.items:
         par = pars[item.item]
         assert item.full == par.par
-        for one in (*item.first, item.refined):
+        for one in (*item.parts["first"], *item.parts["search"]):
             if one.score is not None:
                 share = (one.score - par.floor) / (par.par - par.floor)
                 assert one.share == pytest.approx(min(1.5, max(0.0, share)), abs=1e-5)
     capsys.readouterr()
+    where = str(next(tmp_path.glob("set*/card.json")).parent)
+    assert main(["leaderboard", where, "--check", "--benchmark", str(out / "set.yaml")]) == 0
+    told = capsys.readouterr().out
+    assert "Shares are 0 at an item's floor and 1 at its par" in told
+    assert "The records were" not in told
     broken = {**load_document(out / "set.yaml")}
     broken["benchmark"]["pars"].pop("movement-1")
-    (tmp_path / "broken.yaml").write_text(yaml.safe_dump(broken))
+    (tmp_path / "broken.yaml").write_text(yaml.safe_dump(broken, sort_keys=False))
     assert main(["benchmark", str(tmp_path / "broken.yaml"), "--dry-run"]) == 2
     assert "movement-1 needs a par above its floor" in capsys.readouterr().err

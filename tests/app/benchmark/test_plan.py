@@ -58,8 +58,19 @@ def test_without_a_model_the_plan_is_the_same(tmp_path: Path) -> None:
             "known_lessons: a benchmark shows no lessons of other runs",
         ),
         ({"benchmark": {"version": 1, "lowest": ["x"]}}, "lowest: there is no item x"),
-        ({"axes": {"task": SMALL["axes"]["task"]}}, "a benchmark has the axis part, with first an"),
-        ({"seeds": [0, 1]}, "seeds: a benchmark has one seed, for example seeds: [0]"),
+        (
+            {"axes": {"task": SMALL["axes"]["task"]}},
+            "a benchmark has the axis part, which begins wi",
+        ),
+        ({"seeds": [0, 1]}, "seeds: a benchmark has one seed, for example seeds: [0]; for more"),
+        (
+            {"benchmark": {"version": 3}},
+            "benchmark.version: it is 3, and this agentflow knows versions up to 2: use a later",
+        ),
+        (
+            {"axes": {**SMALL["axes"], "task": {"a": {"task": "gearing/5", "plate.holes": 900}}}},
+            "the item a cannot be built: ",
+        ),
         (
             {"axes": {**SMALL["axes"], "task": {"a": {"workflow": "placement"}}}},
             "axes.task.a: name the level with task",
@@ -76,6 +87,21 @@ def test_files_that_are_no_benchmark_are_refused(
     with pytest.raises(AgentflowError) as caught:
         plan_benchmark(write(tmp_path, **changes), (), {})
     assert message in str(caught.value)
+
+
+def test_parts_and_seeds_are_chosen_without_another_plan(tmp_path: Path) -> None:
+    axes = {**SMALL["axes"], "part": {**SMALL["axes"]["part"], "third": {"max_simulations": 5}}}
+    file = write(tmp_path, axes=axes)
+    usual = plan_benchmark(file, (), {})
+    assert {run.labels["part"] for run in usual.runs} == {"first", "refined"}, "the first two"
+    more = plan_benchmark(file, (), {}, parts=["third"], seeds=3)
+    assert [run.name for run in more.runs] == [
+        f"third.gearing-{level}.seed-{seed}" for level in (1, 2) for seed in range(3)
+    ]
+    assert more.name == "small-third-3-seeds"
+    assert conditions(more.sweep) == conditions(usual.sweep)
+    with pytest.raises(AgentflowError, match="has no part x: choose from first, refined, third"):
+        plan_benchmark(file, (), {}, parts=["x"])
 
 
 def test_only_the_model_can_be_set(tmp_path: Path) -> None:
