@@ -23,10 +23,11 @@ from shelf import (
 
 from agentflow.config.run import load_document
 from agentflow.config.sweep import list_runs, read_sweep
+from agentflow.env.physics.engine import AUTO
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.records import MACHINES, SCORES
-from agentflow.env.tasks.registry import get_level, get_task, task_names
+from agentflow.env.tasks.records import MACHINES, scores_file
+from agentflow.env.tasks.registry import get_level, get_task, make_task, task_names
 from agentflow.env.verification import verify
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check as check_machine
@@ -43,7 +44,7 @@ to see how far a record can be trusted, and where a sturdier machine is worth lo
 A machine is [fragile](../explanation/scores.md#fragile-machines) if its score holds in some \
 simulations of its verification but not in all. That is so for {of_levels} of the {levels} records \
 of levels, and for {of_items} of the {items} further ones of \
-[the benchmark](../how-to/benchmark.md). \
+[the benchmark](../how-to/benchmark.md); names tell the engine where it is not PyBullet. \
 `python benchmarks/records.py page` writes this page.
 
 | record | verified score | holds in | scores where it fails |
@@ -59,11 +60,18 @@ class Target:
     level: str
     knobs: Mapping[str, Any]
     seed: int = 0
+    engine: str = ""
+    """The other engine that the record is for; "": that of the first records, the default one."""
+
+    @property
+    def file(self) -> str:
+        """Path of its file in the folder of records, without suffix."""
+        return f"{self.engine}/{self.name}" if self.engine else self.name
 
     @property
     def task(self) -> Task:
         """The task."""
-        return get_task(self.level, self.knobs)
+        return make_task(get_level(self.level), self.knobs, self.engine or AUTO)
 
     def score(self, machine: Machine) -> float | None:
         """The plain score; None if the machine is invalid here, or could not be simulated."""
@@ -89,14 +97,15 @@ class Target:
             of=found.holding.of,
             fails={name: round(scores[name], DIGITS) for name in found.holding.fails},
             how=how,
-            platform=here(),
+            platform=here(self.engine or AUTO),
         )
 
 
-def targets() -> dict[str, Target]:
+def targets(engine: str = "") -> dict[str, Target]:
     """All levels, then the items of the benchmark with changed knobs, by name of their file."""
     levels = (
-        Target(f"{get_task(name).family}-{get_task(name).level}", name, {}) for name in task_names()
+        Target(f"{get_task(name).family}-{get_task(name).level}", name, {}, engine=engine)
+        for name in task_names()
     )
     found = {target.name: target for target in levels}
     if BENCHMARK.exists():
@@ -105,7 +114,7 @@ def targets() -> dict[str, Target]:
             # requirements that are only reported change no score
             own = {k: v for k, v in config.knobs.items() if not k.startswith("requirements.")}
             if own:
-                found[name] = Target(name, config.task, own, config.seed)
+                found[name] = Target(name, config.task, own, config.seed, engine)
     return found
 
 
@@ -124,9 +133,14 @@ class Known:
         return self.family == task.family and check_machine(self.machine, task.brief).task_valid
 
 
+def recorders() -> tuple[str, ...]:
+    """The engines that have records, as `Target.engine` names them."""
+    return ("", *(path.name for path in sorted(MACHINES.iterdir()) if path.is_dir()))
+
+
 def own_machines() -> Iterator[Known]:
-    """The machines of records and references."""
-    for record in machine_records().values():
+    """The machines of all records and references."""
+    for record in (one for name in recorders() for one in machine_records(name).values()):
         yield Known(record.machine, get_level(record.task).file.family, record.how)
     for family in families():
         for item in read(family).references:
@@ -146,15 +160,16 @@ def recorded_machines(folders: Iterable[Path]) -> Iterator[Known]:
 
 def stored(target: Target) -> MachineRecord | None:
     """The record in the file."""
-    file = MACHINES / f"{target.name}.json"
+    file = MACHINES / f"{target.file}.json"
     return read_record(file) if file.exists() else None
 
 
 def store(target: Target, record: MachineRecord) -> None:
     """Write the record, and its scores into the package; print it."""
-    MACHINES.mkdir(exist_ok=True)
-    (MACHINES / f"{target.name}.json").write_text(record.to_text(), encoding="utf-8")
-    SCORES.write_text(scores_text(), encoding="utf-8")
+    (MACHINES / target.engine).mkdir(exist_ok=True)
+    file = MACHINES / f"{target.file}.json"
+    file.write_text(record.to_text(), encoding="utf-8")
+    scores_file(target.engine).write_text(scores_text(target.engine), encoding="utf-8")
     print(line(target, record), flush=True)
 
 
@@ -172,15 +187,16 @@ def line(target: Target, record: MachineRecord | None) -> str:
 
 def fragile_page(known: Sequence[Target]) -> str:
     """The page of the records whose machines are fragile."""
+    known = [target for target in known if stored(target)]
     levels = [target for target in known if not target.knobs]
     rows = [
-        f"| `{target.name}` | {record.verified:.2f} | {record.holding.holds} of {record.of} | "
+        f"| `{target.file}` | {record.verified:.2f} | {record.holding.holds} of {record.of} | "
         f"{'; '.join(f'{name}: {score:.2f}' for name, score in record.fails.items())} |"
         for target in known
         if (record := stored(target)) and record.holding.fragile
     ]
-    fragile = {row.split("`")[1] for row in rows}
-    of_levels = sum(target.name in fragile for target in levels)
+    fragile = [record for target in levels if (record := stored(target)) and record.holding.fragile]
+    of_levels = len(fragile)
     of_items, items = len(rows) - of_levels, len(known) - len(levels)
     return HEAD.format(of_levels=of_levels, levels=len(levels), of_items=of_items, items=items) + (
         "\n".join(rows) + "\n"

@@ -20,7 +20,8 @@ verified score is higher, too. An item of the benchmark without a record starts 
 of its family, adapted to the item's budget and block types. `check` simulates the records and fails
 if a score differs from the file. `list` prints the records, and `page` writes which are fragile to
 docs/results/records.md. `scores` writes the scores of all into the package, as `update` and `find`
-do.
+do. `--engine mujoco` means the records of another engine, in a folder with its name, which `update`
+compares with all others as well; `page` has them all.
 """
 
 from __future__ import annotations
@@ -41,13 +42,14 @@ from recordbook import (
     line,
     own_machines,
     recorded_machines,
+    recorders,
     scores_text,
     store,
     stored,
     targets,
 )
 
-from agentflow.env.tasks.records import SCORES
+from agentflow.env.tasks.records import scores_file
 from agentflow.machine.tree import Machine
 
 CLIMB = "hill climbing from "
@@ -68,8 +70,9 @@ def main() -> int:
     parser.add_argument("--machines", type=Path, action="append", default=[])
     parser.add_argument("--seconds", type=float, default=60)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--engine", default="")
     options = parser.parse_args()
-    known = targets()
+    known = targets(options.engine)
     if unknown := [name for name in options.names if name not in known]:
         parser.error(f"unknown record {unknown[0]}; known: {', '.join(known)}")
     chosen = [known[name] for name in options.names or known]
@@ -84,9 +87,10 @@ def main() -> int:
         wrong = [target.name for target in chosen if not holds(target)]
         return 1 if wrong else 0
     elif options.command == "page":
-        PAGE.write_text(fragile_page(list(known.values())), encoding="utf-8")
+        every = [target for engine in recorders() for target in targets(engine).values()]
+        PAGE.write_text(fragile_page(every), encoding="utf-8")
     elif options.command == "scores":
-        SCORES.write_text(scores_text(), encoding="utf-8")
+        scores_file(options.engine).write_text(scores_text(options.engine), encoding="utf-8")
     else:
         for target in chosen:
             print(line(target, stored(target)))

@@ -12,6 +12,8 @@ import yaml
 from pydantic import BaseModel, ConfigDict
 
 from agentflow.diversity.topology import tree_hash
+from agentflow.env.physics.engine import AUTO
+from agentflow.env.physics.engines import choose_engine
 from agentflow.env.tasks.records import MACHINES, TaskRecord
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
@@ -85,14 +87,15 @@ def read_record(file: Path) -> MachineRecord:
     return MachineRecord.build(load_file(file), name=file.stem, **scores)
 
 
-def machine_records() -> dict[str, MachineRecord]:
-    """All records with their machines, by name."""
-    return {file.stem: read_record(file) for file in sorted(MACHINES.glob("*.json"))}
+def machine_records(engine: str = "") -> dict[str, MachineRecord]:
+    """All records with their machines, or those of another engine, by name of the file."""
+    return {file.stem: read_record(file) for file in sorted((MACHINES / engine).glob("*.json"))}
 
 
-def scores_text() -> str:
-    """What the package has of the records: their scores, one record per line."""
-    rows = (f" {json.dumps(n)}: {json.dumps(r.scores())}" for n, r in machine_records().items())
+def scores_text(engine: str = "") -> str:
+    """What the package has of these records: their scores, one record per line."""
+    records = machine_records(engine)
+    rows = (f" {json.dumps(n)}: {json.dumps(r.scores())}" for n, r in records.items())
     return "{\n" + ",\n".join(rows) + "\n}\n"
 
 
@@ -134,9 +137,9 @@ class Shelf(BaseModel):
     cheats: tuple[Cheat, ...] = ()
 
 
-def here() -> str:
+def here(engine: str = AUTO) -> str:
     """Platform and package versions; where they are equal, scores are bitwise equal."""
-    packages = ", ".join(f"{name} {version(name)}" for name in ("pybullet", "numpy"))
+    packages = f"{choose_engine(engine).identity}, numpy {version('numpy')}"
     return f"{platform.system()} {platform.machine()}, {packages}"
 
 

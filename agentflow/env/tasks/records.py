@@ -2,7 +2,8 @@
 
 Their machines solve what models are measured with, so the package has none of them: they are in the
 folder `records` of the repository. `benchmarks/records.py` finds machines and writes `records.json`
-from them. Some levels also have records with changed knobs: those of the benchmark's items.
+from them. Some levels also have records with changed knobs: those of the benchmark's items. Other
+engines than that of these records have their own, in a folder and a file with their name.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ class TaskRecord(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str
+    """Path of its machine in the folder of records, without suffix."""
     task: str
     """Name of the level."""
     knobs: dict[str, Any] = {}
@@ -85,27 +87,44 @@ def record_machine(name: str) -> Machine | None:
     return read_machine(file.read_text(encoding="utf-8"), tuple(library())).machine
 
 
+def scores_file(engine: str = "") -> Path:
+    """The file with what the package knows of all records, or of those of another engine."""
+    return SCORES.with_stem(f"{SCORES.stem}-{engine}") if engine else SCORES
+
+
 @cache
-def read_records() -> Mapping[str, TaskRecord]:
-    """All records by name."""
-    found = json.loads(SCORES.read_bytes())
-    return {name: TaskRecord(name=name, **record) for name, record in found.items()}
+def read_records(engine: str = "") -> Mapping[str, TaskRecord]:
+    """All records by name, or those of another engine, if it has its own."""
+    if not (file := scores_file(engine)).is_file():
+        return {}
+    found = json.loads(file.read_bytes())
+    where = f"{engine}/" if engine else ""
+    return {name: TaskRecord(name=where + name, **record) for name, record in found.items()}
+
+
+def _records_on(engine: str) -> list[TaskRecord]:
+    """Records that count for an engine: its own, then the others."""
+    name = default_engine().name if engine == AUTO else engine
+    return [*read_records(name).values(), *read_records().values()]
 
 
 def other_recorders(engines: Iterable[str]) -> str:
-    """The engines that simulated the records, if one of `engines` is none of them; else "".
+    """The engines that simulated the records of the default engine, if one of `engines` is none of
+    them; else "".
 
     Versions of one engine count as the same.
     """
-    recorders = sorted({record.engine for record in read_records().values()})
+    records = read_records(default_engine().name) or read_records()
+    recorders = sorted({record.engine for record in records.values()})
     names = {engine.partition(" ")[0] for engine in recorders}
     same = all(engine.partition(" ")[0] in names for engine in engines)
     return "" if same else " and ".join(recorders)
 
 
 def record_of(task: Task) -> TaskRecord | None:
-    """The record of a task; None if there is none for this level with these knobs."""
-    return next((item for item in read_records().values() if _fits(item, task)), None)
+    """The record of a task on its engine, else on another one; None if there is none for this level
+    with these knobs."""
+    return next((item for item in _records_on(task.engine) if _fits(item, task)), None)
 
 
 def full_score(task: Task, lowest: bool = False) -> float | None:

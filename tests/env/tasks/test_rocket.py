@@ -59,7 +59,7 @@ def test_height_counts_until_it_leaves_the_corridor() -> None:
     )
 
 
-@pytest.mark.parametrize(("speed", "score"), [(7.5, 40.0), (8.5, 0.0)])
+@pytest.mark.parametrize(("speed", "score"), [(3.5, 40.0), (4.5, 0.0)])
 def test_a_landing_counts_if_it_is_slow(speed: float, score: float) -> None:
     end = 0.6
     verdict = judge(
@@ -72,6 +72,23 @@ def test_a_landing_counts_if_it_is_slow(speed: float, score: float) -> None:
     assert verdict.score == score
     assert verdict.terms["touchdown"] == pytest.approx(speed)
     assert judge("rocket/5", (1.0, at(40.5), False)).terms["touchdown"] is None
+
+
+@pytest.mark.parametrize(("aside", "score"), [(19.0, 40.0), (21.0, 0.0)])
+def test_a_landing_counts_if_it_is_near_the_start(aside: float, score: float) -> None:
+    """Height counts in the same corridor; what happens after the landing is no matter."""
+    there = (0.0, 0.6, aside)
+    verdict = judge(
+        "rocket/5",
+        (1.0, at(40.5), False),
+        (6.0, there, False),
+        (6.5, there, False),
+        (6.6, there, True),
+        (9.0, (0.0, 0.5, 50.0), True),
+    )
+    assert verdict.score == score
+    assert f"at 0.00 m/s, {aside:.2f} m from the start" in str(verdict.terms["result"])
+    assert verdict.terms["left_corridor"] is (aside > 20.0)
 
 
 def test_height_after_the_landing_does_not_count() -> None:
@@ -113,7 +130,8 @@ def test_without_power_no_cannon_fires(power: bool, fired: str) -> None:
 
 @pytest.mark.slow
 def test_a_throttled_rocket_lands_softly() -> None:
-    rollout = simulate(load("rocket/throttled.json"), get_task("rocket/5"))
+    knobs = {"touchdown": 8, "wind.cross": 0}
+    rollout = simulate(load("rocket/throttled.json"), get_task("rocket/5", knobs))
     assert rollout.score is not None
     assert rollout.score > 60.0
     assert rollout.terms["cannons"] == "4, 9 as steam 30.0 s"

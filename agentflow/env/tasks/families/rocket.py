@@ -62,7 +62,7 @@ class RocketKnobs(CommonKnobs):
     )
     engines: int = knob(0, 0, 6, "", "exact number of water cannons, and of torches; 0: any")
     corridor: float = knob(
-        0, 0, 1000, "m", "distance from the vertical up to which height counts; 0: any"
+        0, 0, 1000, "m", "distance from the vertical up to which height and landings count; 0: any"
     )
     touchdown: float = knob(8, 1, 50, "m/s", "greatest speed at which a landing is soft")
     gale: Gale = Gale()
@@ -79,8 +79,8 @@ class Rocket(Family):
     """Score: upward thrust, N; or greatest height of the root's centre above its start, m.
 
     Height counts up to where the root leaves the corridor. With aim `landing` it counts only if the
-    rocket comes back and its first touch of the ground is slower than the limit. In a gale: the
-    number of trials out of ten that land so, near the start.
+    rocket comes back and its first touch of the ground is in the corridor and slower than the
+    limit. In a gale: the number of trials out of ten that land so, near the start.
     """
 
     family: ClassVar[str] = "rocket"
@@ -206,8 +206,8 @@ class RocketReferee:
     def _watch_height(self, time: float, place: tuple[float, float, float]) -> None:
         rise = place[1] - self._start[1]
         aside = hypot(place[0] - self._start[0], place[2] - self._start[2])
-        self._left = self._left or 0.0 < self._knobs.corridor < aside
         down = self._touch is not None and self._knobs.aim == "landing"
+        self._left = self._left or (not down and 0.0 < self._knobs.corridor < aside)
         if self._left or down or rise <= self._best:
             return
         self._best, self._best_time, self._aside = rise, time, aside
@@ -228,6 +228,7 @@ class RocketReferee:
         knobs, thrust = self._knobs, self.thrust
         weight = self._mass * constants()["gravity"]
         soft = self._touch is not None and self._touch <= knobs.touchdown
+        soft = soft and (knobs.corridor == 0.0 or self._apart <= knobs.corridor)
         score = {
             "thrust": thrust,
             "height": self._best,
@@ -270,7 +271,8 @@ class RocketReferee:
             return told
         if self._touch is None:
             return f"{told}; it did not land"
-        return f"{told}; it touched the ground again at {number(self._touch)} m/s"
+        landed = f"{told}; it touched the ground again at {number(self._touch)} m/s"
+        return landed + f", {number(self._apart)} m from the start" * bool(self._knobs.corridor)
 
 
 _OBJECTIVES: dict[Aim, str] = {
@@ -325,8 +327,9 @@ def _score_sentences(knobs: RocketKnobs, window: float) -> Iterator[str]:
             "through its position at t = 0."
         )
     if knobs.aim == "landing":
+        near = f" and at most {knobs.corridor:g} m from that vertical" if knobs.corridor else ""
         yield (
             "The score is 0 unless the machine comes down again and, when any of its blocks first "
-            f"touches the ground, the Starting Block is no faster than {knobs.touchdown:g} m/s. "
-            "Height after that does not count."
+            f"touches the ground, the Starting Block is no faster than {knobs.touchdown:g} m/s"
+            f"{near}. Height after that does not count."
         )
