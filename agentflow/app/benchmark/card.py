@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from statistics import fmean
 from typing import Annotated, Any, Literal
@@ -208,18 +208,9 @@ class Scorecard(_Part, populate_by_name=True):
         """The card with these of its parts."""
         if self.parts == tuple(parts):
             return self
-
-        def kept(of: Mapping[str, Any]) -> dict[str, Any]:
-            return {part: of[part] for part in parts}
-
-        items = tuple(i.model_copy(update={"parts": kept(i.parts)}) for i in self.items)
-        changed = {
-            "items": items,
-            "total": kept(self.total),
-            "families": {name: kept(of) for name, of in self.families.items()},
-            "complete": all(map(is_counted, items)),
-        }
-        return self.model_copy(update=changed)
+        kept = [{"parts": {part: item.parts[part] for part in parts}} for item in self.items]
+        items = tuple(i.model_copy(update=k) for i, k in zip(self.items, kept, strict=True))
+        return self.model_copy(update={"items": items, **summarise(items)})
 
 
 def is_counted(item: ItemResult) -> bool:
@@ -230,6 +221,14 @@ def is_counted(item: ItemResult) -> bool:
 def summary(items: Sequence[ItemResult]) -> Shares:
     """Mean shares over items; seeds of an item are resampled together."""
     return {part: Mean.of(item.share(part) for item in items) for part in items[0].parts}
+
+
+def summarise(items: Sequence[ItemResult]) -> dict[str, Any]:
+    """What a card says of its items as a whole: `complete`, `total` and `families`."""
+    of = {item.family: [i for i in items if i.family == item.family] for item in items}
+    families = {name: summary(its) for name, its in of.items()}
+    complete = all(map(is_counted, items))
+    return {"complete": complete, "total": summary(items), "families": families}
 
 
 def write_card(path: Path, card: Scorecard) -> None:

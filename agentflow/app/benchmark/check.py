@@ -16,9 +16,8 @@ from agentflow.app.benchmark.card import (
     CountedMachine,
     Scorecard,
     Shares,
-    is_counted,
     read_card,
-    summary,
+    summarise,
 )
 from agentflow.app.benchmark.make import MACHINES
 from agentflow.app.benchmark.plan import (
@@ -198,13 +197,11 @@ def _wrong_means(card: Scorecard) -> Iterator[str]:
     def means(shares: Shares) -> object:
         return {part: found.mean for part, found in shares.items()}
 
-    of = {name: [i for i in card.items if i.family == name] for name in card.families}
-    if means(card.total) != means(summary(card.items)) or card.complete != all(
-        map(is_counted, card.items)
-    ):
+    now = summarise(card.items)
+    if means(card.total) != means(now["total"]) or card.complete != now["complete"]:
         yield "its total is not that of its items"
     for name, shares in card.families.items():
-        if means(shares) != means(summary(of[name])):
+        if name not in now["families"] or means(shares) != means(now["families"][name]):
             yield f"the mean of {name} is not that of its items"
 
 

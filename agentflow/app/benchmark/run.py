@@ -21,8 +21,7 @@ from agentflow.app.benchmark.card import (
     Outcome,
     Point,
     Scorecard,
-    is_counted,
-    summary,
+    summarise,
     write_card,
 )
 from agentflow.app.benchmark.plan import CALLS, ITEM, PART, Item, conditions, read_items
@@ -81,7 +80,6 @@ def make_card(result: SweepResult) -> Scorecard:
     sweep = result.sweep
     done = {run.planned.name: run for run in result.finished}
     items = tuple(_result(result, name, item, done) for name, item in read_items(sweep).items())
-    families = {item.family: [i for i in items if i.family == item.family] for item in items}
     shared = conditions(sweep)
     spent = total_usage(result.finished).total
     return Scorecard(
@@ -91,9 +89,7 @@ def make_card(result: SweepResult) -> Scorecard:
         model=result.finished[0].result.model,
         sampling=build_config(sweep.base).model.sampling.model_dump(mode="json"),
         made=datetime.now(timezone.utc).date().isoformat(),
-        complete=all(map(is_counted, items)),
-        total=summary(items),
-        families={name: summary(of) for name, of in families.items()},
+        **summarise(items),
         items=items,
         cost=Cost(
             calls=spent.calls,

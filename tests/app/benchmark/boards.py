@@ -44,5 +44,5 @@ SMALL: dict[str, Any] = {
 def write(folder: Path, **changes: Any) -> Path:
     """The file of the small benchmark, with changed keys."""
     file = folder / "small.yaml"
-    file.write_text(yaml.safe_dump({**SMALL, **changes}))
+    file.write_text(yaml.safe_dump({**SMALL, **changes}, sort_keys=False))
     return file

@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
+from agentflow.app.benchmark.make import content
 from agentflow.app.benchmark.plan import conditions, plan_benchmark
+from agentflow.config.run import DesignConfig
 from agentflow.errors import AgentflowError
 from agentflow.workflows.registry import WORKFLOWS
 from tests.app.benchmark.boards import SMALL, write
@@ -102,6 +104,19 @@ def test_parts_and_seeds_are_chosen_without_another_plan(tmp_path: Path) -> None
     assert conditions(more.sweep) == conditions(usual.sweep)
     with pytest.raises(AgentflowError, match="has no part x: choose from first, refined, third"):
         plan_benchmark(file, (), {}, parts=["x"])
+
+
+@pytest.mark.parametrize("random", [False, True])
+def test_all_parts_of_a_new_benchmark_can_be_planned(tmp_path: Path, random: bool) -> None:
+    """With the budgets that the documentation names."""
+    parts = content()["parts"]
+    file = write(tmp_path, axes={"part": parts, "task": {"a": {"task": "throwing"}}})
+    plan = plan_benchmark(file, (), {}, parts=[*parts], random=random)
+    found = {run.labels["part"]: run.config for run in plan.runs}
+    most = {name: config.settings.max_simulations for name, config in found.items()}
+    assert most == {"first": 4, "search": 64, "agent": 24, "long": 200}
+    assert found["search"].model.budget.calls == 24
+    assert found["search"].settings.search.strategy == DesignConfig().settings.search.strategy
 
 
 def test_only_the_model_can_be_set(tmp_path: Path) -> None:
