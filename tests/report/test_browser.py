@@ -365,13 +365,18 @@ def test_the_shown_machine_can_be_downloaded(opened: webdriver.Chrome, tmp_path:
     opened.execute_cdp_cmd(
         "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)}
     )
+    made = opened.find_elements(By.CSS_SELECTOR, ".files button")[4]
+    assert made.text == "instructions"  # of the best machine
+    made.click()
+    until(opened, lambda: list(tmp_path.glob("*.html")))
+    assert "Step 1 of" in next(tmp_path.glob("*.html")).read_text(encoding="utf-8")
     node(opened, "env_feedback/traj-1/node-1").click()
     until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
     digest = find(opened, ".chosen p").text.split(" · ")[-1]
     buttons = opened.find_elements(By.CSS_SELECTOR, ".files button")
-    assert [button.text for button in buttons] == [".json", ".bsg", ".glb", ".csv"]
-    for button in buttons:
-        name = f"machine-{digest}{button.text}"
+    assert [button.text for button in buttons] == [".json", ".bsg", ".glb", "parts list"]
+    for button, suffix in zip(buttons, (".json", ".bsg", ".glb", ".csv"), strict=True):
+        name = f"machine-{digest}{suffix}"
         button.click()
         until(opened, (tmp_path / name).exists)
     tree = read_one(str(tmp_path / f"machine-{digest}.json"))

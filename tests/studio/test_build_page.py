@@ -18,6 +18,7 @@ from selenium.webdriver.support.ui import Select
 from agentflow.app.inspect.overview import run_list
 from agentflow.app.machines.files import read_one
 from agentflow.app.tasks import task_info
+from agentflow.extras import is_installed
 from tests.machine.builders import CAR, build
 from tests.report.browser import complaints
 from tests.studio.pages import (
@@ -219,11 +220,18 @@ def test_a_car_is_built_by_mouse_or_touch_saved_and_reopened(
     find(browser, ".top .tab").click()
     details = browser.find_elements(By.CSS_SELECTOR, ".more summary")
     next(item for item in details if item.text == "Open and save").click()
-    for button in browser.find_elements(By.CSS_SELECTOR, ".more .files button"):
+    for button in browser.find_elements(By.CSS_SELECTOR, ".more .files button[title]"):
         name = button.get_attribute("title")
         assert name
         button.click()
         until(browser, (tmp_path / name).exists)
+    guide, step, _ = browser.find_elements(By.CSS_SELECTOR, ".more .files button:not([title])")
+    guide.click()
+    said(browser, "Saved as machine.html")
+    until(browser, (tmp_path / "machine.html").exists)
+    assert "Step 1 of 2" in (tmp_path / "machine.html").read_text(encoding="utf-8")
+    step.click()
+    said(browser, "Saved as machine.step" if is_installed("OCP") else "OCP is not installed")
     saved = next(tmp_path.glob("*.json"))
     assert read_one(str(next(tmp_path.glob("*.bsg")))).count(2) == 4
     open_page(browser, served, "build?task=movement")

@@ -1,20 +1,25 @@
-"""Parts lists and instructions of machines."""
+"""Parts lists and instructions of machines, and the files that one makes them from."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from agentflow.app.machines.files import read_one
+from agentflow.app.machines.formats import FORMATS, Wishes
 from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
-from agentflow.machine import Problem, place, spatial_problems
+from agentflow.machine import Machine, Problem, place, spatial_problems
 from agentflow.machine.build_order import build_order
 from agentflow.making.bill import COLUMNS, bill, bill_csv
 from agentflow.making.guide import guide, steps_of
 from agentflow.metrics.tables import Column, Row, Table, markdown
 
 HEADS, NUMBERS = COLUMNS[:3], COLUMNS[3:]
+GUIDE = ".html"
+MADE: Mapping[str, str] = {GUIDE: "", ".step": "OCP", ".3mf": "trimesh"}
+"""Suffix -> the library that it needs beside agentflow, or ""."""
 
 
 def list_parts(source: str, out: Path | None = None) -> dict[str, Any]:
@@ -61,13 +66,32 @@ def write_guide(source: str, out: Path) -> dict[str, Any]:
     if out.suffix.lower() != ".html":
         raise UsageError(f"cannot write {out}: instructions are an .html file")
     machine = read_one(source)
-    geometry = place(machine)
-    for problem in spatial_problems(geometry):
-        raise UsageError(f"{source} is not a valid machine: {problem.message}")
-    order = build_order(geometry)
-    if isinstance(order, Problem):
-        raise UsageError(f"{source}: {order.message}")
+    order = _order(machine, source)
     page = guide(machine, order, Path(source).stem if source != "-" else "machine")
     with write_output(out) as part:
         part.write_text(page, encoding="utf-8")
     return {"out": str(out), "blocks": len(machine), "steps": list(map(list, steps_of(order)))}
+
+
+def made_file(machine: Machine, suffix: str) -> bytes:
+    """The file of a machine for those who make it: one of `MADE`.
+
+    Raises:
+        UsageError: The machine is not valid; for instructions, it cannot be built in any order.
+        ConfigError: The libraries that write it are not installed.
+    """
+    order = _order(machine, "the machine", suffix == GUIDE)
+    if suffix == GUIDE:
+        return guide(machine, order, f"machine {machine.digest}").encode()
+    return FORMATS[suffix].write(machine, Wishes())[0]
+
+
+def _order(machine: Machine, name: str, in_order: bool = True) -> tuple[int, ...]:
+    """The order in which a valid machine is built; () unless it is asked for."""
+    geometry = place(machine)
+    for problem in spatial_problems(geometry):
+        raise UsageError(f"{name} is not a valid machine: {problem.message}")
+    order = build_order(geometry) if in_order else ()
+    if isinstance(order, Problem):
+        raise UsageError(f"{name}: {order.message}")
+    return order

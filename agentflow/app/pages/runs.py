@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from agentflow.app.design.plan import level_note, level_of_run, task_of_run
 from agentflow.app.design.results import best_machine
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import later_note
+from agentflow.app.machines.making import MADE, made_file
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.robustness import kept_figure
 from agentflow.config.run import build_config
@@ -26,6 +27,7 @@ from agentflow.env.simulation.trials import SHOWN_TRIAL, combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_json
 from agentflow.errors import UsageError
+from agentflow.extras import is_installed
 from agentflow.machine import Brief, Machine
 from agentflow.metrics.machines import recorded_machine
 from agentflow.models.choices import cost_function
@@ -112,6 +114,8 @@ async def run_page(
     shapes = Shapes()
     chosen = _machines_to_report(path, story, films)
     machines = await film_machines(chosen, shapes, workers, say)
+    for digest in list(chosen)[:1]:  # the best one
+        machines[digest]["files"] |= _files_to_make(chosen[digest].machine, shapes)
     classes = story.classes({digest: item["mechanism"] for digest, item in machines.items()})
     data |= {
         "machines": machines,
@@ -119,6 +123,18 @@ async def run_page(
         **shapes.data,
     }
     return f"{data['run']['task']} · agentflow", data
+
+
+def _files_to_make(machine: Machine, shapes: Shapes) -> dict[str, tuple[int, int]]:
+    """Name -> place of instructions and CAD files, as far as the machine and what is installed
+    allow: one that cannot be built in any order has no instructions."""
+    found = {}
+    for suffix, library in MADE.items():
+        if not library or is_installed(library):
+            with suppress(UsageError):
+                name = f"machine-{machine.digest}{suffix}"
+                found[name] = shapes.attach(made_file(machine, suffix))
+    return found
 
 
 def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:

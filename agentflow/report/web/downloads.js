@@ -3,10 +3,14 @@
 import { el } from "./dom.js";
 import { inflate } from "./film.js";
 
+const NAMES = { ".csv": "parts list", ".html": "instructions" };
+/** What a file is called on its button. */
+export const fileName = (name) => NAMES[name.slice(name.lastIndexOf("."))] ?? name.slice(name.lastIndexOf("."));
+
 /** A button for each file: name -> where its content begins and ends in what `packed` gives. */
 export function downloads(files, packed) {
   return Object.entries(files).map(([name, place]) =>
-    el("button", { title: name, click: async () => save(name, (await inflate(packed())).slice(...place)) }, name.slice(name.lastIndexOf("."))));
+    el("button", { title: name, click: async () => save(name, (await inflate(packed())).slice(...place)) }, fileName(name)));
 }
 
 /** Save content as a file. */

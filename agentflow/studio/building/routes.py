@@ -7,10 +7,12 @@ from functools import partial
 from typing import Any, Literal
 
 from pydantic import Field
+from starlette.responses import Response
 from starlette.routing import BaseRoute
 
 from agentflow.app.design.plan import task_of_run
 from agentflow.app.machines.files import read_one
+from agentflow.app.machines.making import made_file
 from agentflow.app.pages.blocks import block_card
 from agentflow.app.pages.films import solid_row
 from agentflow.app.pages.runs import FINE, ReportedMachine
@@ -90,6 +92,12 @@ class AtFace(Asked):
     end: list[int] = Field(min_length=2, max_length=2)
 
 
+class Made(MachineForTask):
+    """A file for those who make the machine."""
+
+    suffix: Literal[".html", ".step", ".3mf"]
+
+
 class Edited(MachineForTask):
     """A change."""
 
@@ -147,6 +155,7 @@ class Building:
             post("/api/build/ghost", AtFace, self.ghost),
             post("/api/build/edit", Edited, self.edit),
             post("/api/build/open", Opened, self.open),
+            post("/api/build/made", Made, self.made),
             post("/api/build/test", Tested, self.test),
             post("/api/build/film", MachineForTask, self.film),
             post("/api/build/finish", Finished, self.finish),
@@ -214,6 +223,11 @@ class Building:
             given.level, given.text, is_bsg=given.name.lower().endswith(".bsg")
         )
         return await asyncio.to_thread(describe_state, machine, given.level.brief)
+
+    async def made(self, given: Made) -> Response:
+        """Instructions, or a file for CAD programs or printers."""
+        content = await asyncio.to_thread(made_file, given.read()[0], given.suffix)
+        return Response(content, media_type="application/octet-stream")
 
     async def test(self, given: Tested) -> dict[str, Any]:
         """Simulate a machine, and record it."""

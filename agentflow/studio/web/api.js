@@ -10,6 +10,13 @@ export function send(path, data) {
   return answered(fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(data) }));
 }
 
+/** The answer to POST as a file; what is refused becomes an Error. */
+export async function fetchFile(path, data) {
+  const response = await fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(data) });
+  if (!response.ok) throw new Error((await response.json()).problem);
+  return response.blob();
+}
+
 const SILENT = "The studio does not answer; its process may have ended.";
 
 async function answered(coming) {

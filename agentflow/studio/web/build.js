@@ -9,6 +9,7 @@ import { Draft, draftsOf, lastTask } from "./drafts.js";
 import { Editor } from "./editor.js";
 import { EXAMPLE } from "./example.js";
 import { carGuide } from "./guide.js";
+import { making } from "./making.js";
 import { blockPalette, blockTree, faceList, facts } from "./panel.js";
 import { Recorder } from "./recorder.js";
 import { Stage } from "./stage.js";
@@ -133,12 +134,12 @@ class BuildPage {
   more(start, refine) {
     const { editor } = this;
     const file = el("input", { type: "file", accept: ".json,.bsg", "aria-label": "Open a machine file", change: () => this.open(file.files[0]).then(() => (file.value = "")) });
-    const save = el("p", { class: "files" });
-    editor.on(["state"], () => save.replaceChildren("Save as ", ...downloads(editor.state.picture.files, () => editor.state.files)));
+    const saved = el("p", { class: "files" });
+    editor.on(["state"], () => saved.replaceChildren("Save as ", ...downloads(editor.state.picture.files, () => editor.state.files)));
     const told = el("p", { role: "status" });
     const form = designForm(start, () => editor.given, (run) => { editor.record("refine"); this.refined(run, told); });
     return el("div", { class: "more" },
-      el("details", {}, el("summary", {}, "Open and save"), file, save, el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build.")),
+      el("details", {}, el("summary", {}, "Open and save"), file, saved, el("p", { class: "files" }, "To make it ", ...making(() => editor.given, (text, bad) => editor.say(text, bad))), el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build.")),
       refine ? el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Let a model improve this machine, and use the result."), form, told) : "",
       el("details", {}, el("summary", {}, "Keys"), el("p", { class: "quiet" }, "B blocks · F faces · T tree · V view · arrows and digits move in lists · Enter chooses · Esc ends · P tests · E film or machine · ",
         Object.keys(this.actions).map((name) => name.split("|").reverse().join(" ").toLowerCase()).join(" · "))));

@@ -4,6 +4,7 @@ import { el, formatNumber } from "../../report/web/dom.js";
 import { RunView } from "../../report/web/run.js";
 import { problem } from "../../report/web/text.js";
 import { address, ask, follow, send } from "./api.js";
+import { making } from "./making.js";
 
 const PAUSE = 1500; // least milliseconds between two readings of the record
 
@@ -20,8 +21,10 @@ export async function livePage({ run }) {
   } catch (error) {
     return { elements: [await lost(run, error)] };
   }
+  const told = el("span", { class: "quiet", role: "status" });
   const view = new RunView(film, ({ machine }) => (machine ? [
-    el("a", { class: "button", href: address("build", { run, machine }) }, "Edit in Build"),
+    el("a", { class: "button", href: address("build", { run, machine }) }, "Edit in Build"), " To make it ",
+    ...making(() => ask("/api/build/from", { run, machine }), (text) => (told.textContent = text)), told,
   ] : []));
   const live = new Live(run, view);
   view.main.prepend(live.element);
