@@ -32,11 +32,12 @@ Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Written = Annotated[MachineJson, Field(min_length=1, max_length=1000)]
 """A machine as `Machine.to_json` writes it."""
 Operation = Literal[
-    "add", "remove", "move", "turn", "copy", "mirror", "undo", "redo", "open", "new", "refine",
-    "watch", "ask",
+    "add", "remove", "move", "turn", "copy", "mirror", "control", "undo", "redo", "open", "new",
+    "refine", "watch", "ask",
 ]  # fmt: skip
-"""What an action does. `open` takes the machine of a file, a trial or a run, `refine` asks a model
-for one. `watch` looks at a trial and `ask` looks something up; both leave the machine as it is."""
+"""What an action does. `control` changes what controls the machine, `open` takes the machine of a
+file, a trial or a run, `refine` asks a model for one. `watch` looks at a trial and `ask` looks
+something up; both leave the machine as it is."""
 
 
 class _Line(BaseModel, frozen=True, extra="forbid"):

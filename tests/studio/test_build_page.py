@@ -19,6 +19,7 @@ from agentflow.app.inspect.overview import run_list
 from agentflow.app.machines.files import read_one
 from agentflow.app.tasks import task_info
 from agentflow.extras import is_installed
+from benchmarks.controllers import STOPPING
 from tests.machine.builders import CAR, build
 from tests.report.browser import complaints
 from tests.studio.pages import (
@@ -384,4 +385,56 @@ def test_a_model_refines_a_machine_and_its_answer_can_be_undone(
     assert len(tree(browser)) >= 7
     find(browser, ".top button").click()
     until(browser, lambda: tree(browser) == before)
+    assert complaints(browser) == []
+
+
+def test_control_is_edited_checked_and_shown_as_curves_under_the_film(
+    browser: webdriver.Chrome, served: Served, tmp_path: Path
+) -> None:
+    (tmp_path / "stops.json").write_text(STOPPING.sensing().to_text(), encoding="utf-8")
+    open_page(browser, served, f"build?task={STOPPING.task}")
+    browser.execute_script(
+        "document.querySelectorAll('.more details').forEach((e) => (e.open = 1))"
+    )
+    find(browser, "input[type=file]").send_keys(str(tmp_path / "stops.json"))
+    blocks(browser, 7)
+    text, apply = find(browser, ".control textarea"), find(browser, ".control .play")
+    written = str(text.get_property("value"))
+    assert '"approach": {"kind":"pd","sensor":"ahead","target":2,"p":-0.1}' in written
+    assert not apply.is_enabled()
+
+    def write(content: str) -> None:
+        script = "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input'))"
+        browser.execute_script(script, text, content)
+
+    def told() -> list[str]:
+        return [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".control li")]
+
+    write(written.replace(',"p":-0.1', ""))
+    until(browser, lambda: told() == ["controllers: laws.approach.p is missing Show"])
+    assert not apply.is_enabled()
+    find(browser, ".control li button").click()
+    marked = (
+        "return arguments[0].value.slice(arguments[0].selectionStart, arguments[0].selectionEnd)"
+    )
+    assert browser.execute_script(marked, text) == '"approach"'
+    write(written[:-1])
+    until(browser, lambda: told() and told()[0].startswith("this is not JSON: "))
+    write(written.replace("-0.1", "-0.2"))
+    until(browser, lambda: told() == [] and apply.is_enabled())
+    Select(find(browser, ".control select")).select_by_value("sensors tilt")
+    until(browser, lambda: "tilt" in str(text.get_property("value")) and apply.is_enabled())
+    apply.click()
+    said(browser, "The machine has this control now")
+    assert not apply.is_enabled()
+    find(browser, ".test").click()
+    said(browser, "Trial 1: score")
+    until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".player .lanes li")) == 3)
+    lanes = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".player .lanes li span")]
+    assert lanes[-1].startswith("law approach (target 2)")
+    find(browser, ".top .tab").click()
+    keys(browser, Keys.CONTROL, "z", Keys.NULL)
+    until(browser, lambda: text.get_property("value") == written)
+    open_page(browser, served, "build?task=movement")
+    assert not browser.find_elements(By.CSS_SELECTOR, ".control textarea")
     assert complaints(browser) == []

@@ -29,6 +29,7 @@ from agentflow.machine.formats.detect import read_for
 from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_document
 from agentflow.studio.answers import Arguments, get, post
+from agentflow.studio.building.control import control_parts, controlled
 from agentflow.studio.building.person_runs import PersonRuns
 from agentflow.studio.building.state import (
     describe_block,
@@ -90,6 +91,12 @@ class AtFace(Asked):
     """A block at a face where it may not fit."""
 
     end: list[int] = Field(min_length=2, max_length=2)
+
+
+class Controlled(MachineForTask):
+    """What is to control the machine, as in a machine file: `controls` and `controllers`."""
+
+    text: str = Field(max_length=100_000)
 
 
 class Made(MachineForTask):
@@ -155,6 +162,7 @@ class Building:
             post("/api/build/ghost", AtFace, self.ghost),
             post("/api/build/edit", Edited, self.edit),
             post("/api/build/open", Opened, self.open),
+            post("/api/build/control", Controlled, self.control),
             post("/api/build/made", Made, self.made),
             post("/api/build/test", Tested, self.test),
             post("/api/build/film", MachineForTask, self.film),
@@ -178,6 +186,7 @@ class Building:
             "objective": info.objective,
             "score": list(info.score),
             "scene": [*info.scene, *info.schedule],
+            **control_parts(brief),
             "good": info.good,
             "record": info.record,
             "level": [solid_row(item) for item in scene.objects],
@@ -223,6 +232,14 @@ class Building:
             given.level, given.text, is_bsg=given.name.lower().endswith(".bsg")
         )
         return await asyncio.to_thread(describe_state, machine, given.level.brief)
+
+    async def control(self, given: Controlled) -> dict[str, Any]:
+        """The machine with other controls, or everything that is wrong with them."""
+        machine, rules = given.read()
+        changed = controlled(machine, given.text, rules.brief)
+        if not isinstance(changed, Machine):
+            return {"problems": changed}
+        return {"state": await asyncio.to_thread(describe_state, changed, rules.brief)}
 
     async def made(self, given: Made) -> Response:
         """Instructions, or a file for CAD programs or printers."""

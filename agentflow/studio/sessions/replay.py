@@ -8,6 +8,7 @@ from agentflow.machine import library
 from agentflow.study.session import Action, Audio, Event, Note, Pause, Session, StudioTest
 
 _DONE = {
+    "control": "changed the control",
     "open": "opened a machine",
     "new": "started over",
     "refine": "asked a model",

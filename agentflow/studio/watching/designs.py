@@ -41,6 +41,10 @@ START_S, STOP_S = 120.0, 15.0
 """Seconds that a design has to create its run, and to end after it was interrupted."""
 MOST = 8
 """Most designs at a time."""
+RETRYING = "; retrying in "
+"""What a line about a call that is tried again holds."""
+SPOKEN = "\nagentflow: "
+"""How a message on stderr begins."""
 KEPT = 4000
 """Characters of a process's last words that are kept."""
 THIS_COMPUTER = ("127.0.0.1", "localhost", "::1")
@@ -126,6 +130,10 @@ class _Started:
     form: NewDesign | None = None
     """None for a run that was resumed."""
     said: str = ""
+    retries: int = 0
+    """Calls that were tried again."""
+    retry: str = ""
+    """Why the last of them was, and how long it waits."""
     stopped: bool = False
     """Whether somebody has stopped it."""
     begun: float = field(default_factory=time)
@@ -142,7 +150,15 @@ class _Started:
         """Why it failed; "" if it did not, or not yet."""
         if self.running or self.stopped or not self.process.returncode:
             return ""
-        return self.said.strip().removeprefix("agentflow: ") or "the process ended without a word"
+        return self.said.rpartition(SPOKEN)[2].strip() or "the process ended without a word"
+
+    def hear(self, line: str) -> None:
+        """Take in a line of what the process says, without its key."""
+        told = for_page(line)
+        if RETRYING in told:
+            self.retries, self.retry = self.retries + 1, told.removeprefix(SPOKEN.strip() + " ")
+        else:
+            self.said = f"{self.said}\n{told}"[-KEPT:]
 
 
 class Designs:
@@ -203,6 +219,11 @@ class Designs:
         """Why a design failed; "" if it did not, or if this studio has not started it."""
         return self._started[name].problem if name in self._started else ""
 
+    def retries(self, name: str) -> dict[str, Any]:
+        """How many calls of a design were tried again, and why the last one was."""
+        known = self._started.get(name)
+        return {"count": known.retries, "last": known.retry} if known else {"count": 0, "last": ""}
+
     async def end_of(self, name: str) -> str:
         """The same once its process has ended, which it does soon after its run is gone."""
         if name in self._started:
@@ -255,7 +276,7 @@ class Designs:
                 f"this run {what}, which the studio does not do unasked: continue it in a terminal "
                 f"with agentflow design --resume {path}"
             )
-        options = ["--quiet", f"--resume={path}", "--trust"]
+        options = [f"--resume={path}", "--trust"]
         self._started[name] = _Started(await _begin_process(options), form)
 
     async def stop(self, name: str) -> None:
@@ -278,7 +299,7 @@ class Designs:
         await started.listening
 
     async def _spawn(self, name: str, form: NewDesign) -> _Started:
-        options = ["--quiet", f"--out={self._folder.root}", f"--name={name}"]
+        options = [f"--out={self._folder.root}", f"--name={name}"]
         given = form.options.items()
         options += (f"--set={key}={json.dumps(value, ensure_ascii=False)}" for key, value in given)
         if form.machine is not None:
@@ -300,11 +321,14 @@ async def _begin_process(options: list[str]) -> Process:
 
 
 async def _listen(started: _Started) -> None:
-    """Keep the end of what a process says, without its key, until it has ended."""
+    """Keep the end of what a process says until it has ended."""
     assert started.process.stderr is not None
+    rest = ""
     while said := await started.process.stderr.read(4096):
-        text = started.said + said.decode("utf-8", "replace")
-        started.said = for_page(text)[-KEPT:]
+        *lines, rest = (rest + said.decode("utf-8", "replace")).split("\n")
+        for line in lines:
+            started.hear(line)
+    started.hear(rest)
     await started.process.wait()
 
 

@@ -230,6 +230,7 @@ async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[N
             "calls": record.calls,
             "refused": record.calls - record.valid_calls,
             "simulations": record.evaluations,
+            "retries": designs.retries(name),
             "seconds": follower.at,
             "planned": planned,
         }

@@ -4,6 +4,7 @@ import { el, formatNumber } from "../../report/web/dom.js";
 import { downloads } from "../../report/web/downloads.js";
 import { taskDetails } from "../../report/web/text.js";
 import { address, ask, follow, send } from "./api.js";
+import { controlEditor } from "./control.js";
 import { designForm } from "./design.js";
 import { Draft, draftsOf, lastTask } from "./drafts.js";
 import { Editor } from "./editor.js";
@@ -139,6 +140,7 @@ class BuildPage {
     const told = el("p", { role: "status" });
     const form = designForm(start, () => editor.given, (run) => { editor.record("refine"); this.refined(run, told); });
     return el("div", { class: "more" },
+      controlEditor(editor),
       el("details", {}, el("summary", {}, "Open and save"), file, saved, el("p", { class: "files" }, "To make it ", ...making(() => editor.given, (text, bad) => editor.say(text, bad))), el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build.")),
       refine ? el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Let a model improve this machine, and use the result."), form, told) : "",
       el("details", {}, el("summary", {}, "Keys"), el("p", { class: "quiet" }, "B blocks · F faces · T tree · V view · arrows and digits move in lists · Enter chooses · Esc ends · P tests · E film or machine · ",

@@ -82,8 +82,9 @@ class Live {
     this.resume = this.action("Resume", "resume", "Resuming …");
     this.again = el("span", {});
     this.told = el("p", { class: "problem", role: "alert" });
+    this.waiting = el("p", { class: "waiting", role: "status" });
     this.element = el("div", { class: "live" }, el("p", { role: "status" }, this.state, this.stage, this.spent),
-      this.clock, this.following, this.stop, this.resume, this.again, this.meter, this.told);
+      this.clock, this.following, this.stop, this.resume, this.again, this.meter, this.waiting, this.told);
     this.timer = setInterval(() => this.tick(), 1000);
   }
 
@@ -113,10 +114,12 @@ class Live {
     this.state.className = `state ${state}`;
     this.fail(why ? (state === "failed" ? `Failed: ${why}` : why) : "");
     if (news.calls === undefined) return null;
-    const { planned, calls, refused, simulations, stage } = news;
+    const { planned, calls, refused, retries, simulations, stage } = news;
+    if (retries.count > (this.tried?.count ?? 0)) this.tried = { count: retries.count, calls };
+    this.waiting.textContent = this.tried?.calls === calls && state === "running" ? `Waiting for the endpoint: ${retries.last}` : "";
     const of = (count, about, name) => `${formatNumber(count)}${state !== "done" && about > count ? ` of about ${formatNumber(about)}` : ""} ${name}`;
     this.stage.textContent = stage && state !== "done" ? `stage ${stage.replaceAll("_", " ")}` : "";
-    this.spent.textContent = [of(calls, planned.calls, "calls"), refused ? `${formatNumber(refused)} rejected and asked again` : "", of(simulations, planned.simulations, "simulations")].filter(Boolean).join(" · ");
+    this.spent.textContent = [of(calls, planned.calls, "calls"), refused ? `${formatNumber(refused)} rejected and asked again` : "", retries.count ? `${formatNumber(retries.count)} tried again` : "", of(simulations, planned.simulations, "simulations")].filter(Boolean).join(" · ");
     this.meter.hidden = state === "done" || !planned.simulations;
     Object.assign(this.meter, { max: planned.simulations || 1, value: Math.min(simulations, planned.simulations || 1) });
     this.heard = { at: performance.now(), seconds: news.seconds, running: state === "running" };

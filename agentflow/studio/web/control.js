@@ -1,0 +1,132 @@
+// The editor of what controls a machine: JSON as in a machine file, checked while it is written.
+
+import { el } from "../../report/web/dom.js";
+import { send } from "./api.js";
+
+const WAIT = 400; // milliseconds after the last key until it is checked
+const LAWS = {
+  constant: { level: 1 },
+  schedule: { points: [[0, 1], [2, 0]] },
+  pd: { sensor: "", target: 0, p: 0.1, d: 0 },
+  switch: { sensor: "", over: 1, under: 0, on: 1, off: 0 },
+  sum: { terms: [{ law: "", weight: 1 }] },
+  states: { states: [{ name: "first", law: "", leave: [{ sensor: "", above: 1, to: "second" }] }, { name: "second", law: "" }] },
+};
+
+export function controlEditor(editor) {
+  const { designed, senses, sensors } = editor.start;
+  const text = el("textarea", { rows: 12, spellcheck: "false", "aria-label": "Control as JSON", input: () => changed() });
+  const problems = el("ul", { class: "problems", "aria-live": "polite" });
+  const apply = el("button", { class: "play", disabled: "", click: () => take() }, "Apply");
+  const back = el("button", { disabled: "", click: () => show() }, "Discard");
+  const option = (value, words, title) => el("option", { value, title }, words);
+  const parts = el("select", { "aria-label": "Insert", change: () => insert(parts.value) }, option("", "Insert …"),
+    ...(senses ? [el("optgroup", { label: "Sensor" }, ...Object.entries(sensors).map(([kind, { text: about, unit }]) => option(`sensors ${kind}`, kind, `${about}${unit ? `, ${unit}` : ""}`))),
+      el("optgroup", { label: "Law" }, ...Object.keys(LAWS).map((kind) => option(`laws ${kind}`, kind))),
+      el("optgroup", { label: "Output" }, option("outputs blocks", "blocks that follow a law"), option("outputs group", "a group that follows a law"))] : []),
+    option("controls", "a level from one time to another"));
+  const element = el("details", { class: "control" }, el("summary", {}, "Control"),
+    el("p", { class: "quiet" }, designed ? `Machines of this task bring their own control: ${senses ? "controllers (sensors, laws, outputs) and " : ""}controls, levels of blocks over time. Films show them as curves.`
+      : "This task switches all blocks by its own schedule; machines of it bring no control."),
+    ...(designed ? [parts, text, el("p", {}, apply, " ", back), problems] : []));
+  let timer = null;
+
+  const own = () => {
+    const { machine } = editor.state;
+    return Array.isArray(machine) ? {} : { controls: machine.controls, controllers: machine.controllers };
+  };
+  function show() {
+    text.value = spell(own());
+    clearTimeout(timer);
+    apply.disabled = back.disabled = true;
+    problems.replaceChildren();
+  }
+  function changed() {
+    apply.disabled = back.disabled = false;
+    clearTimeout(timer);
+    timer = setTimeout(check, WAIT);
+  }
+  async function check() {
+    const asked = text.value;
+    try {
+      const found = await send("/api/build/control", { ...editor.given, text: asked });
+      if (asked === text.value) tell(found.problems ?? []);
+      return found;
+    } catch (error) {
+      tell([error.message]);
+      return {};
+    }
+  }
+  function tell(found) {
+    apply.disabled = found.length > 0;
+    problems.replaceChildren(...found.map((message) => el("li", { class: "bad" }, message, " ",
+      place(message) ? el("button", { click: () => mark(place(message)) }, "Show") : "")));
+  }
+  /** Where in the text a problem is: [begin, end]; null if it is not known. */
+  function place(message) {
+    const at = message.match(/\(char (\d+)\)/);
+    if (at) return [Number(at[1]), Number(at[1]) + 1];
+    const [, name] = message.match(/^controllers: \w+\.(\w+)/) ?? message.match(/^(?:sensor|law) (\w+)/) ?? [];
+    const begin = name === undefined ? -1 : text.value.indexOf(`"${name}":`);
+    return begin < 0 ? null : [begin, begin + name.length + 2];
+  }
+  function mark([begin, end]) {
+    text.focus();
+    text.setSelectionRange(begin, end);
+    text.scrollTop = text.scrollHeight * (text.value.slice(0, begin).split("\n").length / text.value.split("\n").length) - text.clientHeight / 2;
+  }
+  function insert(what) {
+    parts.value = "";
+    let data;
+    try {
+      data = JSON.parse(text.value || "{}");
+    } catch {
+      return void check(); // says where it is no JSON
+    }
+    const [place, kind] = what.split(" ");
+    const chosen = editor.chosen;
+    if (place === "controls") (data.controls ??= []).push({ blocks: [chosen], at: 0, for: 1, level: 1 });
+    else {
+      const held = (data.controllers ??= { sensors: {}, laws: {}, outputs: [] });
+      const last = (names) => Object.keys(held[names] ?? {}).at(-1) ?? "";
+      if (place === "outputs") (held.outputs ??= []).push({ ...(kind === "group" ? { group: "motors" } : { blocks: [chosen] }), law: last("laws") });
+      else {
+        const made = place === "laws" ? { kind, ...JSON.parse(JSON.stringify(LAWS[kind]).replaceAll('"sensor":""', `"sensor":"${last("sensors")}"`).replaceAll('"law":""', `"law":"${last("laws")}"`)) }
+          : { kind, ...(kind === "time" ? {} : { block: chosen }), ...(sensors[kind].axes.length ? { axis: sensors[kind].axes[0] } : {}) };
+        held[place] ??= {};
+        held[place][free(kind, held[place])] = made;
+      }
+    }
+    text.value = spell(data);
+    changed();
+    text.focus();
+  }
+  function take() {
+    return editor.queue(async () => {
+      const { state } = await check();
+      if (!state) return;
+      await editor.take(state, "control", editor.chosen);
+      show();
+      editor.say("The machine has this control now; undo brings the one before back.");
+    });
+  }
+  if (designed) editor.on(["state"], () => { if (back.disabled) show(); else check(); });
+  return element;
+}
+
+/** A name that is not taken yet. */
+function free(kind, taken) {
+  for (let number = 1; ; number++) {
+    const name = number === 1 ? kind : `${kind}_${number}`;
+    if (!(name in taken)) return name;
+  }
+}
+
+/** JSON with an entry a line. */
+function spell(data, depth = 0) {
+  const list = Array.isArray(data);
+  const entries = data && typeof data === "object" ? Object.entries(data).filter(([, value]) => value !== undefined) : [];
+  if (depth > 2 || !entries.length) return JSON.stringify(data);
+  const lines = entries.map(([key, value]) => `${" ".repeat(depth + 1)}${list ? "" : `${JSON.stringify(key)}: `}${spell(value, list ? 3 : depth + 1)}`);
+  return `${list ? "[" : "{"}\n${lines.join(",\n")}\n${" ".repeat(depth)}${list ? "]" : "}"}`;
+}
