@@ -52,6 +52,8 @@ class Elsewhere:
     """Of other trajectories, the best first."""
     lessons: tuple[str, ...] = ()
     """What edits of this run did to scores, one line each, the most telling first."""
+    analysed: bool = False
+    """Whether an analyst has written these lessons."""
     book: tuple[str, ...] = ()
     """What other runs found out."""
     avoid: tuple[str, ...] = ()
@@ -68,7 +70,13 @@ class Elsewhere:
             for other in self.machines
         ]
         lessons, book = within(self.lessons, MOST_TOKENS), within(self.book, MOST_TOKENS)
-        data = {"machines": machines, "lessons": lessons, "book": book, "avoid": self.avoid}
+        data = {
+            "machines": machines,
+            "lessons": lessons,
+            "analysed": self.analysed,
+            "book": book,
+            "avoid": self.avoid,
+        }
         return {"elsewhere": data} if self != Elsewhere() else {}
 
 

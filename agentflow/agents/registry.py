@@ -20,6 +20,7 @@ ROLES: Registry[type[Role[Any, Any]]] = Registry(
         "inspector": "agentflow.agents.inspector:Inspector",
         "querier": "agentflow.agents.querier:Querier",
         "refiner": "agentflow.agents.refiner:Refiner",
+        "analyst": "agentflow.agents.analyst:Analyst",
         "placer": "agentflow.agents.placer:Placer",
         "agent": "agentflow.agents.tool_agent:Agent",
     },
@@ -48,3 +49,14 @@ def stage_of(role: str, purpose: str = "") -> str:
     "other" if the role is not installed, as in runs from another machine.
     """
     return ROLES[role].stage_for(purpose) if role in ROLES else "other"
+
+
+def with_model(role: str, model: str = "") -> str:
+    """The name under which a role is asked of a certain model; see `settings.models`."""
+    return f"{role} ({model})" if model else role
+
+
+def split_model(name: str) -> tuple[str, str]:
+    """The role and the model in what `with_model` has named."""
+    role, _, model = name.partition(" (")
+    return role, model.removesuffix(")")

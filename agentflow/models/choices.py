@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from agentflow.agents.registry import model_roles
+from agentflow.agents.registry import model_roles, with_model
 from agentflow.config.run import PROCEDURAL, ModelConfig, RoleModel
 from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.llm.endpoint.address import DEFAULT_BASE_URL, Endpoint
@@ -55,8 +55,8 @@ class ModelChoice:
         return Endpoint(self.model, self.base_url or DEFAULT_BASE_URL, key, variable)
 
 
-def choose_models(model: ModelConfig) -> dict[str, ModelChoice]:
-    """The model of each role.
+def choose_models(model: ModelConfig, arms: Sequence[str] = ()) -> dict[str, ModelChoice]:
+    """The model of each role, and of each role that is asked of one of `arms`, other models.
 
     A role with its own base URL gets a key only if it names a variable: keys are never sent to an
     endpoint that they were not meant for.
@@ -70,6 +70,12 @@ def choose_models(model: ModelConfig) -> dict[str, ModelChoice]:
         if role not in roles:
             raise UnknownNameError("role in model.roles", role, roles)
     choices = {role: _choose_model(model, model.roles.get(role)) for role in roles}
+    for name in arms:
+        own = None if name == model.name else RoleModel(name=name)
+        choices |= {
+            with_model(role, name): _choose_model(model, model.roles.get(role, own))
+            for role in roles
+        }
     for choice in choices.values():
         priced = choice.local or choice.model in model.prices
         if model.budget.money is not None and not priced:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from agentflow.agents.registry import scripts
+from agentflow.agents.registry import scripts, split_model
 from agentflow.config.run import DesignConfig, ModelConfig
 from agentflow.llm.build import open_client, wrap
 from agentflow.llm.client import Client
@@ -31,7 +31,7 @@ class Models:
         """The name of these roles in results: one model, or each model with its roles."""
         roles_of: dict[str, list[str]] = {}
         for role in roles:
-            roles_of.setdefault(self.clients[role].name, []).append(role)
+            roles_of.setdefault(self.clients[role].name, []).append(split_model(role)[0])
         if len(roles_of) == 1:
             return next(iter(roles_of))
         return "; ".join(f"{name} ({', '.join(own)})" for name, own in roles_of.items())
@@ -55,7 +55,8 @@ def open_models(
     same `limiters` share them; by default, these models have their own.
     """
     model, limiters = config.model, limiters or LocalLimiters()
-    choices, budget = choose_models(model), _charge_budget(model, call_log)
+    choices = choose_models(model, config.settings.models)
+    budget = _charge_budget(model, call_log)
 
     def record(inner: Client, price: Price | None) -> Client:
         return wrap(inner, call_log=call_log, budget=budget, price=price)
@@ -103,7 +104,7 @@ def _local_client(choice: ModelChoice, seed: int) -> Client:
 
 def replay_models(config: DesignConfig, call_log: CallLog, *, budget_spent: bool) -> Models:
     """The configured models, answering from a call log only; see `ReplayClient`."""
-    choices = choose_models(config.model)
+    choices = choose_models(config.model, config.settings.models)
     clients = {
         role: ReplayClient(call_log, choice.display_name, budget_spent=budget_spent)
         for role, choice in choices.items()

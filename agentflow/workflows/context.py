@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import random
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
+from agentflow.agents.analyst import Analyst
 from agentflow.agents.base import AskContext, Role, RoleAttempt, RoleOutcome, ask
+from agentflow.agents.context import Elsewhere
 from agentflow.agents.refiner import Refinement
-from agentflow.agents.registry import ROLES
+from agentflow.agents.registry import ROLES, with_model
 from agentflow.agents.tool_agent import Agent, AgentInput, take_turn
 from agentflow.errors import BudgetSpentError, DamagedError
 from agentflow.llm.messages import Message, Tool
@@ -18,6 +21,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
+from agentflow.machine.twins import likeness
 from agentflow.runs.events import (
     AttemptEvent,
     CandidateEvent,
@@ -29,7 +33,7 @@ from agentflow.runs.events import (
     StageEvent,
     ToolEvent,
 )
-from agentflow.runs.locations import Location, StageName
+from agentflow.runs.locations import FEEDBACK, Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
 from agentflow.search.strategies import searches_whole_run
@@ -98,8 +102,11 @@ class WorkflowContext:
         self._opened = settings.trajectories
         self._tried: dict[int, set[Machine]] = {}
         """Trajectory -> the machines that were simulated in it."""
-        self.memory = Memory(settings, self.note)
+        self.memory = Memory(brief, settings, self.note)
         """What the trajectories see of each other."""
+        self.models: dict[int, str] = {}
+        """Trajectory -> the model that is asked for it, where a search chooses that."""
+        self._analysing = asyncio.Lock()
         self._counts: dict[str, _Count] = {}
         """By stage name; trajectories may be in different stages at the same time."""
 
@@ -146,7 +153,8 @@ class WorkflowContext:
             model_role: Role whose model and sampling to use, if not its own.
             once: Make only one attempt, as searches do.
         """
-        used = self._context(model_role or role.model_role or role.name, stage)
+        own = with_model(role.model_role or role.name, self.models.get(location.trajectory, ""))
+        used = self._context(model_role or own, stage)
         used = replace(used, max_retry=1) if once else used
         try:
             with ROLES.blaming(role.name):
@@ -154,6 +162,20 @@ class WorkflowContext:
         except BudgetSpentError as spent:
             self.spent = spent
             return None
+
+    async def elsewhere(self, trajectory: int) -> Elsewhere:
+        """What a role of a trajectory is shown of the others; an analyst may have written it."""
+        async with self._analysing:
+            given = self.memory.to_analyse
+            if given is not None:
+                at = Location(Analyst.name, round=self.memory.revealed)
+                outcome = await self.ask(Analyst(), given, at, stage=FEEDBACK)
+                self.memory.analysed((outcome and outcome.output) or ())
+        return self.memory.for_trajectory(trajectory)
+
+    def likeness(self, machine: Machine) -> str:
+        """The same text for machines of which only one is worth a simulation."""
+        return likeness(machine, self.brief) if self.settings.novelty else machine.digest
 
     async def take_turn(
         self,

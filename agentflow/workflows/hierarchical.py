@@ -87,7 +87,7 @@ class _Plans:
 async def _plan(run: WorkflowContext, trajectory: int = 0) -> tuple[Blueprint | None, str]:
     """The blueprint of the run, or another one for a trajectory; or why there is none."""
     detailed = run.settings.meta_designer == "detailed"
-    given = MetaDesignerInput(run.brief, detailed, run.memory.for_trajectory(trajectory))
+    given = MetaDesignerInput(run.brief, detailed, await run.elsewhere(trajectory))
     location = Location(MetaDesigner.name, trajectory=trajectory)
     outcome = await run.ask(MetaDesigner(), given, location, stage=INITIAL)
     if outcome is None or outcome.output is None:

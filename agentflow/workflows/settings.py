@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -11,6 +11,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.search.settings import INDEPENDENT, SearchSettings
+from agentflow.search.strategies import searches_whole_run
 
 Emitter = Literal["edit", "crossover", "refiner"]
 """What makes new machines from others."""
@@ -159,6 +160,21 @@ class WorkflowSettings(BaseModel):
         description="show designers and refiners what edits in all trajectories did to the score, "
         "in at most 300 tokens (hierarchical, iterative, single)",
     )
+    analyst: bool = Field(
+        False,
+        description="with lessons: let an analyst write them anew, from what edits did, whenever "
+        "that has changed",
+    )
+    novelty: bool = Field(
+        True,
+        description="refuse machines that differ from simulated ones only in the numbers of their "
+        "blocks, or are their mirror images; false: simulate them",
+    )
+    models: tuple[Annotated[str, Field(min_length=1)], ...] = Field(
+        (),
+        description="models at the run's endpoint, among which a search over the whole run chooses "
+        "who designs and who refines next; default: the model of these roles",
+    )
     another_mechanism: bool = Field(
         False,
         description="when a search over the whole run prefers a new design to refining, ask for "
@@ -231,6 +247,16 @@ class WorkflowSettings(BaseModel):
         if self.search.strategy == INDEPENDENT:
             return ()
         return tuple(dict.fromkeys(self.emitters)) or ("refiner", "edit")
+
+    @property
+    def model_arms(self) -> tuple[str, ...]:
+        """The models among which the search chooses; none unless it is over the whole run."""
+        return tuple(dict.fromkeys(self.models)) if searches_whole_run(self.search) else ()
+
+    @property
+    def asks_analyst(self) -> bool:
+        """Whether an analyst writes the lessons that are shown."""
+        return self.analyst and self.lessons
 
     @property
     def asks_querier(self) -> bool:

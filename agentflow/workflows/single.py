@@ -16,7 +16,7 @@ from agentflow.workflows.stages.designs import (
     try_machines,
 )
 from agentflow.workflows.stages.feedback import feedback_loop
-from agentflow.workflows.stages.refinement import within_limit
+from agentflow.workflows.stages.refinement import count_analyses, within_limit
 from agentflow.workflows.workflow import Workflow
 
 
@@ -50,7 +50,8 @@ def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
 
 def _calls(settings: WorkflowSettings) -> dict[str, int]:
     revised = settings.trajectories * settings.search.rounds
-    return {**count_designs(settings), Refiner.name: revised}
+    analysed = count_analyses(settings, settings.search.rounds)
+    return {**count_designs(settings), Refiner.name: revised, **analysed}
 
 
 def _rollouts(settings: WorkflowSettings) -> int:

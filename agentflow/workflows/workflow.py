@@ -5,22 +5,29 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 
+from agentflow.agents.analyst import Analyst
 from agentflow.agents.refiner import Refiner
 from agentflow.errors import ConfigError
 from agentflow.machine.brief import LONE_ROOT, Brief
+from agentflow.search.settings import INDEPENDENT, MAP_ELITES
 from agentflow.search.strategies import deals_budget
 from agentflow.workflows.base import AskContexts, Evaluator, Record, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 
 STRATEGY = "search.strategy"
-SEARCHING: tuple[str, ...] = ("local_trials", "inspirations", "lessons", "another_mechanism")
+POOLED: tuple[str, ...] = ("another_mechanism", "models")
+"""Settings of searches over the whole run."""
+MACHINES: tuple[str, ...] = ("emitters", "novelty")
+"""Settings of searches that `explore` has, too."""
+SEARCHING: tuple[str, ...] = ("local_trials", "inspirations", "lessons", *POOLED, *MACHINES)
 """Settings of searches besides those of their strategies."""
 SWITCHES: Mapping[str, tuple[str, object]] = {
     "inspector": ("inspector", True),
     "querier": ("querier", True),
     "meta_designer": ("meta_designer", "structures"),
     "drafts": ("drafter", True),
+    "analyst": (Analyst.name, True),
 }
 """Setting -> the role that it switches, and a value with which the role is asked."""
 RANDOM_EDITS = "none (random edits)"
@@ -88,9 +95,11 @@ class Workflow:
         nothing here."""
         usual, strategy = WorkflowSettings(), settings.search.strategy
         uses = self.adapt(settings if self.searches else usual).search.strategy
-        used = SEARCHING if self.searches else ()
-        if not deals_budget(uses):
-            used = tuple(key for key in used if key != "another_mechanism")
+        used = set(SEARCHING if self.searches else MACHINES if uses == MAP_ELITES else ())
+        if self.searches and not deals_budget(uses):
+            used -= {*POOLED, "emitters"}
+        if uses == INDEPENDENT:
+            used -= {"emitters", "local_trials"}
         found = [
             key
             for key in SEARCHING

@@ -37,7 +37,9 @@ def test_every_role_is_complete(name: str) -> None:
 
 def test_by_name() -> None:
     assert ROLES["placer"].model_role == "designer"
-    assert " ".join(model_roles()) == "meta_designer designer inspector querier refiner agent"
+    assert (
+        " ".join(model_roles()) == "meta_designer designer inspector querier refiner analyst agent"
+    )
     with pytest.raises(UnknownNameError, match=r"^unknown role 'refine'; known: refiner, "):
         ROLES["refine"]
 

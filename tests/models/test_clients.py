@@ -113,6 +113,7 @@ def test_a_cost_limit_needs_a_price_for_every_model_but_the_procedural_one() -> 
         "inspector": "m",
         "querier": "procedural (no language model)",
         "refiner": "big",
+        "analyst": "m",
         "agent": "m",
     }
 
@@ -126,7 +127,7 @@ async def test_roles_with_the_same_model_share_its_client(tmp_path: Path) -> Non
         await models.aclose()
     assert len({id(client) for client in models.clients.values()}) == 2
     assert models.name_of(models.clients) == (
-        "m (meta_designer, designer, inspector, querier, agent); big (refiner)"
+        "m (meta_designer, designer, inspector, querier, analyst, agent); big (refiner)"
     )
     assert models.choices["refiner"].sampling.temperature == 0.1
     assert models.choices["designer"].sampling.temperature == 0.7

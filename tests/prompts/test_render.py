@@ -13,7 +13,7 @@ from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.prompts.render import PromptSet, block_functions
 
 ROLES = (
-    *("agent", "designer", "drafter", "inspector", "meta_designer", "placer", "querier"),
+    *("agent", "analyst", "designer", "drafter", "inspector", "meta_designer", "placer", "querier"),
     "refiner",
 )
 

@@ -151,6 +151,10 @@ class Author:
     def inspector(self, _prompt: str, _chance: random.Random) -> str:
         return CRITIQUE
 
+    def analyst(self, prompt: str, _chance: random.Random) -> str:
+        edits = prompt.partition("## What edits did\n")[2].partition("\n\n")[0].splitlines()
+        return f"<Lessons>\nOf {len(edits) - 1} edits: {edits[1]}\n</Lessons>"
+
     def querier(self, _prompt: str, _chance: random.Random) -> str:
         return INQUIRY
 

@@ -111,8 +111,9 @@ async def test_a_perfect_trial_ends_the_search_without_a_refiner() -> None:
     assert not [label for label in run.labels if label.startswith("refiner/feedback")]
 
 
-async def test_a_machine_in_another_order_is_not_simulated() -> None:
-    """A refiner that only renumbers blocks is told so, and asked again."""
+@pytest.mark.parametrize("novelty", [True, False])
+async def test_a_machine_in_another_order_is_not_simulated(novelty: bool) -> None:
+    """A refiner that only renumbers blocks is told so, and asked again, unless that is off."""
     first = fenced(steps((1, 0, 0), (1, 0, 1), (2, 0, 2)))
     twin = edit(fenced(steps((2, 0, 2), (1, 0, 1), (1, 0, 0))))
 
@@ -122,9 +123,11 @@ async def test_a_machine_in_another_order_is_not_simulated() -> None:
         return Script({request.label: text})(request)
 
     settings = {"trajectories": 1, "inspector": False, "querier": False, "search": SEARCH}
-    run = Run(answer, settings)
+    run = Run(answer, settings | {"novelty": novelty})
     await run("iterative")
-    assert len(set(run.shelf.tried)) == 1
+    assert len(set(run.shelf.tried)) == 1 + (not novelty)
+    if not novelty:
+        return
     (expanded,) = [d for label, d in run.notes.of("expand").items() if label.endswith("round-1")]
     assert "only in the numbers of its blocks" in expanded["attempts"][0]["note"]
     again = run.prompt(REFINER.replace("try-1", "try-3"))

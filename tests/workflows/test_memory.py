@@ -101,6 +101,39 @@ async def test_a_new_design_is_asked_for_another_mechanism() -> None:
     assert "traj-1" not in asked
 
 
+@pytest.mark.parametrize("strategy", ["mcts", "halving"])
+@pytest.mark.parametrize("name", ["hierarchical", "iterative", "single"])
+async def test_an_analyst_writes_lessons_anew_whatever_the_order_of_answers(
+    name: str, strategy: str
+) -> None:
+    seen = []
+    for seed in range(2):
+        delays = random.Random(seed)
+        settings = with_strategy(strategy, analyst=True)
+        run = Run(Author(seed=5), settings, shelf=Classified(delays=delays), delays=delays)
+        result = await run(name)
+        prompts = {request.label: request.messages for request in run.client.requests}
+        seen.append((result, run.notes.events, prompts))
+    assert all(item == seen[0] for item in seen)
+    asked = [label for label, _ in _prompts(seen[0]) if label.startswith("analyst/round-")]
+    assert asked
+    shown = [text for label, text in _prompts(seen[0]) if label.startswith("refiner/feedback")]
+    assert any("Written by an analyst" in text and "> Of " in text for text in shown)
+
+
+async def test_lessons_by_rule_are_shown_where_an_analyst_fails() -> None:
+    class Silent(Author):
+        def analyst(self, _prompt: str, _chance: random.Random) -> str:
+            return "I do not know."
+
+    run = Run(Silent(seed=5), with_strategy("halving", analyst=True), shelf=Classified())
+    await run("iterative")
+    assert any(label.startswith("analyst/") for label in run.labels)
+    shown = [run.prompt(label) for label in run.labels if label.startswith("refiner/feedback")]
+    assert any(SECTIONS[1] in text for text in shown)
+    assert not any("Written by an analyst" in text for text in shown)
+
+
 async def test_nothing_is_shown_by_default() -> None:
     run = Run(Author(seed=4), {"trajectories": 3, "search": SEARCH}, shelf=Classified())
     await run("hierarchical")

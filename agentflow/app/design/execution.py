@@ -7,8 +7,11 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
+from agentflow.agents.analyst import Analyst
 from agentflow.agents.base import AskContext
-from agentflow.agents.registry import ROLES
+from agentflow.agents.designer import Designer
+from agentflow.agents.refiner import Refiner
+from agentflow.agents.registry import ROLES, with_model
 from agentflow.app.design.evaluator import PhysicsEvaluator
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import DesignConfig
@@ -97,7 +100,15 @@ def verification_event(machine: Machine, verification: Verification) -> Verifica
 
 def model_name(config: DesignConfig, models: Models, workflow: Workflow) -> str:
     """The models' name in results, or that of who designs in their place."""
-    alone = {role for role in models.clients if ROLES[role].replies == "calls"}
+    settings = workflow.adapt(config.settings)
+    asked = [role for role in models.clients if role in ROLES]
+    if not settings.asks_analyst:
+        asked.remove(Analyst.name)
+    alone = {role for role in asked if ROLES[role].replies == "calls"}
     works_alone = bool(alone.intersection(workflow.calls(config.settings)))
-    roles = [role for role in models.clients if (role in alone) == works_alone]
+    roles = [role for role in asked if (role in alone) == works_alone]
+    if arms := settings.model_arms:  # they take the place of the run's model
+        makers = (Designer.name, Refiner.name)
+        roles = [role for role in roles if role not in makers]
+        roles += [with_model(role, model) for model in arms for role in makers]
     return workflow.author(config.settings) or models.name_of(roles)

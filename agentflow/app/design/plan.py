@@ -125,7 +125,7 @@ class RunPlan:
         """
         _check_options(config.settings.search)
         WORKFLOWS[config.workflow]  # a known name
-        choose_models(config.model)
+        choose_models(config.model, config.settings.models)
         engine = choose_engine(config.engine)
         try:
             level = level or get_level(config.task)

@@ -8,7 +8,7 @@ from agentflow.workflows.registry import WORKFLOWS
 UNREAD = frozenset(
     {
         *("prompts", "rationales", "history", "spatial", "vision", "feedback", "querier"),
-        *("inspirations", "lessons", "known_lessons", "brief"),
+        *("inspirations", "lessons", "known_lessons", "analyst", "brief"),
         *("representation", "refinement", "drafts", "simulate_first"),
         *(f"model.sampling.{name}" for name in ("temperature", "top_p", "max_tokens")),
     }

@@ -1,4 +1,4 @@
-"""Answers of the inspector (geometric checks) and the querier (queries on a rollout)."""
+"""Answers of the inspector (geometry), the querier (queries on a rollout) and the analyst."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from agentflow.llm.procedural.reading import PromptContent
 from agentflow.machine import Geometry, place
 from agentflow.machine.geometry.balance import centre_of_mass, stands, support_polygon
 
+_QUOTED = re.compile(r"^> (.+)$", re.MULTILINE)
 _NUMBER = r"(-?\d{1,6}\.?\d{0,6})"
 _BROKEN = re.compile(rf"block (\d{{1,6}}) \([^()\n]*\) off block (\d{{1,6}}) at {_NUMBER} s")
 
@@ -87,3 +88,9 @@ def query(prompt: PromptContent, rng: random.Random) -> str:
     thought = "The broken connection is the weak point." if broken else "No breakage is reported."
     template = str(load_data("replies.yaml")["inquiry"])
     return template.format(thought=thought, queries=json.dumps(queries))
+
+
+def analyse(prompt: PromptContent, rng: random.Random) -> str:  # noqa: ARG001
+    """Repeat what edits did, which is all that it knows."""
+    lines = _QUOTED.findall(prompt.sections["What edits did"])
+    return "<Lessons>\n" + "\n".join(lines) + "\n</Lessons>"

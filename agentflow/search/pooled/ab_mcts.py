@@ -65,21 +65,21 @@ class AdaptiveBranching(PooledStrategy):
         begun = [scores.of_branch(branch) for branch in pool.branches]
         wider = self._goes_wider([own for own, _ in begun], [deep for _, deep in begun], rng)
         if wider and not pool.is_full:
-            return Choice(self._arm(scores, pool.openers, rng))
+            return Choice(draw_arm(scores, pool.openers, rng))
         drawn = [Posterior.given([own, *deep]).draw(rng) for own, deep in begun]
         branch = pool.branches[drawn.index(max(drawn))]
         if branch.tree is None or not pool.arms:
-            return None if pool.is_full else Choice(self._arm(scores, pool.openers, rng))
+            return None if pool.is_full else Choice(draw_arm(scores, pool.openers, rng))
         node = branch.tree.nodes[0]
         while node.children:
             children = [branch.tree.nodes[id_] for id_ in node.children]
             found = [(scores.of(child), scores.below(branch, child)) for child in children]
             if self._goes_wider([own for own, _ in found], [deep for _, deep in found], rng):
-                return Choice(self._arm(scores, pool.arms, rng), branch.number, node.id)
+                return Choice(draw_arm(scores, pool.arms, rng), branch.number, node.id)
             drawn = [Posterior.given([own, *deep]).draw(rng) for own, deep in found]
             node = children[drawn.index(max(drawn))]
         self._goes_wider([], [], rng)  # the reference draws here as well
-        return Choice(self._arm(scores, pool.arms, rng), branch.number, node.id)
+        return Choice(draw_arm(scores, pool.arms, rng), branch.number, node.id)
 
     def _goes_wider(
         self, children: Sequence[float], deeper: Iterable[Sequence[float]], rng: Random
@@ -87,13 +87,6 @@ class AdaptiveBranching(PooledStrategy):
         wider = Posterior.given(children).draw(rng)
         beyond = Posterior.given([score for scores in deeper for score in scores]).draw(rng)
         return wider >= beyond or not children
-
-    def _arm(self, scores: Scores, arms: Sequence[str], rng: Random) -> str:
-        """Who makes a child; drawn by the scores of all that each has made."""
-        if len(arms) == 1:
-            return arms[0]
-        drawn = [Posterior.given(scores.by_arm.get(arm, ())).draw(rng) for arm in arms]
-        return arms[drawn.index(max(drawn))]
 
 
 class Scores:
@@ -131,3 +124,11 @@ class Scores:
             return 0.0, []
         root = branch.tree.nodes[0]
         return self.of(root), self.below(branch, root)
+
+
+def draw_arm(scores: Scores, arms: Sequence[str], rng: Random) -> str:
+    """Who makes a child; drawn by the scores of all that each has made."""
+    if len(arms) == 1:
+        return arms[0]
+    drawn = [Posterior.given(scores.by_arm.get(arm, ())).draw(rng) for arm in arms]
+    return arms[drawn.index(max(drawn))]

@@ -15,6 +15,7 @@ from random import Random
 from typing import Any
 
 from agentflow.search.node import Node
+from agentflow.search.pooled.ab_mcts import Scores, draw_arm
 from agentflow.search.pooled.pool import Branch, Choice, Pool, PooledStrategy, worth
 
 BEGINNING = 0.5
@@ -46,7 +47,7 @@ class Halving(PooledStrategy):
 
     def choose(self, pool: Pool[Any], rng: Random) -> Choice | None:
         """A new branch, or a child of the best node of a branch that goes on."""
-        opening = None if pool.is_full else Choice(rng.choice(pool.openers))
+        opening = None if pool.is_full else Choice(_opener(pool, rng))
         lines = sorted((line for line in pool.branches if line.tree), key=_reward, reverse=True)
         if not lines or not pool.arms or (opening and self._begins(pool, lines)):
             return opening
@@ -111,6 +112,12 @@ def tail(pool: Pool[Any]) -> float:
     many = math.isqrt(len(firsts))
     # Rounding can put the mean of equal ones below them.
     return max(0.0, sum(firsts[:many]) / many - firsts[min(many, len(firsts) - 1)])
+
+
+def _opener(pool: Pool[Any], rng: Random) -> str:
+    """Who makes a first candidate, by the scores of all that each has made."""
+    only = rng.choice(pool.openers)  # drawn in any case: later draws are then those of one opener
+    return only if len(pool.openers) == 1 else draw_arm(Scores(pool), pool.openers, rng)
 
 
 def _draw(rng: Random, successes: int, failures: int) -> float:

@@ -105,7 +105,7 @@ async def _build_structure(
         machine=slot.machine,
         last=number == len(blueprint.structures),
         rationale=run.settings.rationale(place),
-        elsewhere=run.memory.for_trajectory(place),
+        elsewhere=await run.elsewhere(place),
     )
 
     async def design(index: int) -> Slot:

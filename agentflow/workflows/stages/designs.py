@@ -99,7 +99,7 @@ async def design_machine(run: WorkflowContext, trajectory: int) -> Candidate:
     given = DesignerInput(
         **run.role_input,
         rationale=run.settings.rationale(trajectory),
-        elsewhere=run.memory.for_trajectory(trajectory),
+        elsewhere=await run.elsewhere(trajectory),
     )
     location = Location(Designer.name, trajectory=trajectory)
     return candidate_of(trajectory, await ask_designer(run, given, location))

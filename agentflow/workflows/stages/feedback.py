@@ -16,7 +16,6 @@ from agentflow.errors import BudgetSpentError, PluginError
 from agentflow.machine.edits.local import local_edits
 from agentflow.machine.edits.renumbering import matching_ids, renumbering
 from agentflow.machine.tree import Machine
-from agentflow.machine.twins import likeness
 from agentflow.runs.events import FirstAttempt
 from agentflow.runs.locations import FEEDBACK, Location
 from agentflow.search.concurrency import run_concurrently
@@ -123,6 +122,8 @@ class Trajectory:
         """The task as refiners see it; a search may set an aim of its own."""
         self._run, self._blueprint, self._model_role = run, blueprint, model_role
         self._number = number
+        self.asked: dict[str, str] = {}
+        """Label of an attempt -> role whose model makes it, where a search chooses that."""
         self._queried: dict[int, str] = {}
         """Node id -> answers to its querier's queries."""
         self._tried: dict[str, list[Attempt[Revision]]] = {}
@@ -181,7 +182,7 @@ class Trajectory:
                 gained = [Attempt(gain.label, self._adopted(node, gain), gain.edit)]
             if gain is not None and gain.evaluation.perfect:
                 return [replace(gained[0], label=label) for label in labels]
-        given = self._given(node, earlier)
+        given = await self._given(node, earlier)
         answers = await run_concurrently(self._refine(node, given, label) for label in labels)
         attempts = [answer for answer in answers if answer is not None]
         if not attempts and not gained:
@@ -219,7 +220,7 @@ class Trajectory:
             left: How many machines the trials may simulate at most.
         """
         run, machine = self._run, node.candidate.machine
-        self._known[machine] = likeness(machine, run.brief)
+        self._known[machine] = run.likeness(machine)
         edited = self._draw_edits(node, left)
         shown = self._shown[node.id] = _Shown(self._history_of(node), dict(self._known))
         await run_concurrently((self._query(node), self._explore(node, edited)))
@@ -257,7 +258,7 @@ class Trajectory:
     def _is_new(self, machine: Machine) -> bool:
         """Whether a machine differs from known ones in more than its ids and sides; then it is
         known."""
-        form = likeness(machine, self._run.brief)
+        form = self._run.likeness(machine)
         if form in self._known.values():
             return False
         self._known[machine] = form
@@ -279,7 +280,7 @@ class Trajectory:
         for attempt in (*earlier, *attempts):
             machine = attempt.candidate.machine if attempt.candidate else None
             if machine is not None and machine not in known:
-                form = likeness(machine, self._run.brief)
+                form = self._run.likeness(machine)
                 if form in known.values():
                     attempt = Attempt(attempt.label, None, TWIN)
                 else:
@@ -292,7 +293,12 @@ class Trajectory:
     ) -> Attempt[Revision] | None:
         location = self._location("refiner/feedback", label)
         outcome = await self._run.ask(
-            Refiner(), given, location, stage=FEEDBACK, model_role=self._model_role, once=True
+            Refiner(),
+            given,
+            location,
+            stage=FEEDBACK,
+            model_role=self.asked.get(label, self._model_role),
+            once=True,
         )
         if outcome is None:
             return None
@@ -308,7 +314,9 @@ class Trajectory:
         """Turn a label of the search into a location in this trajectory."""
         return replace(Location.parse(label), name=name, trajectory=self._number)
 
-    def _given(self, node: Node[Revision], earlier: Sequence[Attempt[Revision]]) -> RefinerInput:
+    async def _given(
+        self, node: Node[Revision], earlier: Sequence[Attempt[Revision]]
+    ) -> RefinerInput:
         settings, shown = self._run.settings, self._shown[node.id]
         told = "" if settings.feedback == "score_only" else _feedback(node)
         return RefinerInput(
@@ -323,7 +331,7 @@ class Trajectory:
             earlier=tuple(_verdict(attempt) for attempt in earlier),
             format=settings.refinement,
             images=shown.views,
-            elsewhere=self._run.memory.for_trajectory(self._number),
+            elsewhere=await self._run.elsewhere(self._number),
         )
 
     def _history_of(self, node: Node[Revision]) -> History:

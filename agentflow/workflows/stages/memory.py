@@ -15,8 +15,10 @@ from dataclasses import dataclass
 from itertools import islice, zip_longest
 from typing import Any, TypeVar
 
+from agentflow.agents.analyst import AnalystInput
 from agentflow.agents.context import Elsewhere, OtherMachine
 from agentflow.machine.blocks.library import library
+from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import MemoryEvent, RememberedMachine, RememberedMechanism, RunEvent
 from agentflow.runs.locations import FEEDBACK, Location
@@ -79,19 +81,24 @@ class Snapshot:
 class Memory:
     """The memory of one run."""
 
-    def __init__(self, settings: WorkflowSettings, note: Callable[[RunEvent], None]) -> None:
+    def __init__(
+        self, brief: Brief, settings: WorkflowSettings, note: Callable[[RunEvent], None]
+    ) -> None:
         """Begin empty; `note` records what is shown from now on."""
         self.shown = Snapshot()
         self.edits: list[Lesson] = []
         """What every edit did, in order."""
-        self._settings, self._note = settings, note
-        self._revealed = 0
+        self._brief, self._settings, self._note = brief, settings, note
+        self.revealed = 0
+        """How often what is shown has changed."""
         self._best: dict[int, Known] = {}
         self._scores: dict[str, list[float]] = {}
         self._members: set[int] = set()
         self._waiting: set[int] = set()
         self._released = asyncio.Event()
         self._avoiding: dict[int, tuple[str, ...]] = {}
+        self._analysed: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+        """Lessons that an analyst has been given, and what it wrote; nothing if it failed."""
 
     @property
     def is_shared(self) -> bool:
@@ -125,13 +132,35 @@ class Memory:
         shown = Snapshot(self._ranked, lessons_of(self.edits), tuple(classes))
         if shown != self.shown:
             self.shown = shown
-            self._revealed += 1
+            self.revealed += 1
             best = tuple(
                 RememberedMachine(number, it.machine.digest, it.evaluation.score, it.mechanism)
                 for number, it in shown.best
             )
-            at = Location(FEEDBACK, round=self._revealed)
+            at = Location(FEEDBACK, round=self.revealed)
             self._note(MemoryEvent(at, best, shown.lessons, shown.mechanisms))
+
+    @property
+    def to_analyse(self) -> AnalystInput | None:
+        """What an analyst is to be asked now; None for nothing."""
+        given, written = self._analysed
+        lessons = self.shown.lessons
+        if not self._settings.asks_analyst or lessons == given:
+            return None
+        return AnalystInput(self._brief, lessons=lessons, mechanisms=self._told, earlier=written)
+
+    def analysed(self, written: tuple[str, ...]) -> None:
+        """Show what an analyst has made of the lessons, until they change."""
+        self._analysed = (self.shown.lessons, written)
+
+    @property
+    def _told(self) -> tuple[str, ...]:
+        """The mechanisms shown, a line each."""
+        return tuple(
+            f"{it.mechanism}: {it.count} machine{'s' * (it.count > 1)}, best score {it.best:.2f}"
+            for it in self.shown.mechanisms
+            if it.mechanism != UNKNOWN
+        )
 
     @property
     def _ranked(self) -> tuple[tuple[int, Known], ...]:
@@ -148,17 +177,13 @@ class Memory:
         counts = Counter(library()[step.type].name for step in best.machine.steps[1:])
         blocks = ", ".join(f"{count} {name}" for name, count in counts.most_common())
         told = f"A machine scored {best.evaluation.score:.2f}: {best.mechanism}; {blocks}"
-        return (told, *lessons_of(self.edits)[:MOST_FOUND])
+        lessons = self._analysed[1] or lessons_of(self.edits)
+        return (told, *lessons[:MOST_FOUND])
 
     def avoid(self, trajectory: int) -> tuple[str, ...]:
         """Ask the first design of a trajectory for another mechanism than those shown now."""
-        told = tuple(
-            f"{it.mechanism}: {it.count} machine{'s' * (it.count > 1)}, best score {it.best:.2f}"
-            for it in self.shown.mechanisms
-            if it.mechanism != UNKNOWN
-        )
-        self._avoiding[trajectory] = told
-        return told
+        self._avoiding[trajectory] = self._told
+        return self._told
 
     def for_trajectory(self, trajectory: int) -> Elsewhere:
         """What a role of a trajectory is shown."""
@@ -167,9 +192,11 @@ class Memory:
             OtherMachine(known.machine, known.evaluation.score, known.mechanism)
             for known in others[: self._settings.inspirations]
         )
-        lessons = self.shown.lessons if self._settings.lessons else ()
+        written = self._analysed[1]
+        lessons = written or self.shown.lessons if self._settings.lessons else ()
         avoided = self._avoiding.get(trajectory, ())
-        return Elsewhere(machines, lessons, self._settings.known_lessons, avoided)
+        book = self._settings.known_lessons
+        return Elsewhere(machines, lessons, bool(written), book, avoided)
 
     def in_step(
         self, jobs: Iterable[tuple[int, Coroutine[Any, Any, T]]]

@@ -8,9 +8,9 @@ from dataclasses import replace
 from agentflow.agents.designer import Designer
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.refiner import Refiner
+from agentflow.agents.registry import split_model, with_model
 from agentflow.machine.edits.local import local_edit
 from agentflow.machine.tree import Machine
-from agentflow.machine.twins import likeness
 from agentflow.runs.events import FLAWLESS, AnotherMechanismEvent
 from agentflow.runs.locations import FEEDBACK, INITIAL, Location
 from agentflow.search.node import Attempt, Node
@@ -41,7 +41,14 @@ class PooledSearch:
         self._trajectories: dict[int, Trajectory] = {}
         self._recorders: dict[int, SearchRecorder] = {}
         most = 1 if run.settings.start else None  # a start machine takes the place of designs
-        self._pool = Pool[Revision]([Designer.name], run.settings.arms, most, "local trial")
+        models = run.settings.model_arms or ("",)
+        openers = [with_model(Designer.name, model) for model in models]
+        arms = [
+            with_model(arm, model)
+            for arm in run.settings.arms
+            for model in (models if arm == Refiner.name else ("",))
+        ]
+        self._pool = Pool[Revision](openers, arms, most, "local trial")
         self._refined: dict[tuple[int, int], set[str]] = {}
         """(branch, node) -> labels of the attempts that refiners made."""
         self._proposed = set[str]()
@@ -86,7 +93,7 @@ class PooledSearch:
         for machine in [node.candidate.machine for _, node in self._pool.nodes]:
             if machine not in self._compared:
                 self._compared.add(machine)
-                self._simulated.setdefault(likeness(machine, self._run.brief), machine)
+                self._simulated.setdefault(self._run.likeness(machine), machine)
         return 0 if self._run.spent else self._run.simulations_left
 
     def _ask_for_another(self, number: int) -> None:
@@ -103,16 +110,17 @@ class PooledSearch:
 
     async def _open(self, branch: Branch[Revision]) -> SearchTree[Revision] | None:
         run, number = self._run, branch.number
+        run.models[number] = split_model(branch.arm)[1]
         self._ask_for_another(number)
         designed = await self._design(number)
         if designed.machine is not None:  # one that is known but for ids and sides counts as that
-            same = self._simulated.get(likeness(designed.machine, run.brief))
+            same = self._simulated.get(run.likeness(designed.machine))
             designed = replace(designed, machine=same or designed.machine)
         (candidate,) = await try_machines(run, INITIAL, [designed])
         self.initial.append(candidate)
         if not candidate.valid or candidate.machine is None or candidate.evaluation is None:
             return None
-        self._proposed.add(likeness(candidate.machine, run.brief))
+        self._proposed.add(run.likeness(candidate.machine))
         trajectory = Trajectory(run, number, self._blueprint_of(number))
         trajectory.granted = {}
         place = Location(FEEDBACK, trajectory=number)
@@ -131,7 +139,7 @@ class PooledSearch:
 
     def _grant(self, choice: Choice, left: int) -> int:
         """Local trials of a machine before its refiner is asked: how many of what is left."""
-        if choice.arm != Refiner.name:
+        if not _refines(choice.arm):
             return 0
         return self._trajectories[choice.branch].grant(choice.node, left)
 
@@ -143,14 +151,15 @@ class PooledSearch:
         earlier: Sequence[Attempt[Revision]],
     ) -> Sequence[Attempt[Revision]]:
         attempts = [
-            self._draw(branch, node, label, arm) for label, arm in asked if arm != Refiner.name
+            self._draw(branch, node, label, arm) for label, arm in asked if not _refines(arm)
         ]
-        refined = [label for label, arm in asked if arm == Refiner.name]
+        refined = {label: arm for label, arm in asked if _refines(arm)}
         if refined:
+            self._trajectories[branch.number].asked.update(refined)
             tried = self._refined.setdefault((branch.number, node.id), set())
             before = [attempt for attempt in earlier if attempt.label in tried]
             tried.update(refined)
-            attempts += await self._trajectories[branch.number].expand(node, refined, before)
+            attempts += await self._trajectories[branch.number].expand(node, [*refined], before)
         order = {label: number for number, (label, _) in enumerate(asked)}
         return sorted(attempts, key=lambda attempt: order.get(attempt.label, -1))
 
@@ -166,10 +175,10 @@ class PooledSearch:
             self._run.stream(f"search/traj-{branch.number}/{label}"),
             brief,
             lambda machine, rng: local_edit(machine, rng, brief)[1],
-            lambda made: likeness(made, brief) not in self._proposed,
+            lambda made: self._run.likeness(made) not in self._proposed,
         )
         if made.candidate is not None:
-            self._proposed.add(likeness(made.candidate.machine, brief))
+            self._proposed.add(self._run.likeness(made.candidate.machine))
         return made
 
     def _finish(self, branch: Branch[Revision]) -> Candidate:
@@ -179,6 +188,11 @@ class PooledSearch:
         self._recorders[branch.number].finish(found)
         trajectory = self._trajectories[branch.number]
         return trajectory.finish(found, trajectory.first or FLAWLESS)
+
+
+def _refines(arm: str) -> bool:
+    """Whether a refiner is asked, of whatever model."""
+    return split_model(arm)[0] == Refiner.name
 
 
 async def search_all(

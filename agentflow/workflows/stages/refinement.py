@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 
+from agentflow.agents.analyst import Analyst
 from agentflow.agents.inspector import Inspector
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.querier import Querier
@@ -97,6 +99,7 @@ def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
         Inspector.name: many * settings.inspector * blind,
         Querier.name: many * search.rounds * settings.asks_querier,
         Refiner.name: many * (blind + search.rounds * search.children),
+        **count_analyses(settings, search.rounds),
     }
 
 
@@ -113,7 +116,13 @@ def _count_pooled_calls(settings: WorkflowSettings, designs: int) -> dict[str, i
         **count_designs(first, designs),
         Querier.name: refined * settings.asks_querier,
         Refiner.name: refined,
+        **count_analyses(settings, math.ceil((total - begun) / settings.trajectories)),
     }
+
+
+def count_analyses(settings: WorkflowSettings, rounds: int) -> dict[str, int]:
+    """Those of analysts in so many rounds: after each but the last."""
+    return {Analyst.name: max(0, rounds - 1)} if settings.asks_analyst else {}
 
 
 def count_tried(settings: WorkflowSettings) -> int:
