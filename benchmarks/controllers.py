@@ -79,6 +79,11 @@ def _entry(group: str, at: float, lasts: float, level: float) -> dict[str, Any]:
     return {"group": group, "at": at, "for": lasts, "level": level}
 
 
+def _controllers_of(machine: str) -> Any:
+    path = HERE.parent / "tests" / "machines" / machine
+    return json.loads(path.read_text(encoding="utf-8"))["controllers"]
+
+
 STOPPING = Comparison(
     "Stop before a wall",
     "A car must stop 1 m before a wall that stands somewhere between z = 20 and 40 m. The "
@@ -138,8 +143,41 @@ LANDING = Comparison(
         for percent in range(40, 49, 2)
     ),
 )
-COMPARISONS = (STOPPING, LANDING)
-FIRST = ("transport", "rocket/5", "rocket/6", "movement/6")
+CARRYING = Comparison(
+    "Carry a cargo that falls at an unknown moment",
+    "A cargo is held above the machine, falls at a moment between 1 and 10 s, and must be 10 m "
+    "ahead 5 s later. The controller has two sensors: it waits until the cargo is near above a "
+    "block, and then drives more slowly the nearer the target is. Programs wait for 1.5 to 9.5 s "
+    "and then drive at half speed for 2 s or 2.2 s.",
+    "transport/6",
+    "transport/waiting_carrier.json",
+    _controllers_of("transport/waiting_carrier.json"),
+    tuple(
+        (_entry("motors", halves / 2, lasts, 0.5),)
+        for halves in range(3, 20)
+        for lasts in (2.0, 2.2)
+    ),
+)
+BALANCING = Comparison(
+    "Stay upright on two wheels when pushed",
+    "A machine on two wheels with one axle, whose centre of mass is 3 m above the ground, must "
+    "stay upright for 10 s, in which a gust of up to 3 m/s pushes it once, forward or back. The "
+    "controller has two sensors: the wheels turn as fast as the machine moves, and faster the way "
+    "in which it leans. Programs hold the wheels still, or turn them for half a second once.",
+    "movement/7",
+    "movement/upright.json",
+    _controllers_of("movement/upright.json"),
+    (
+        (_entry("motors", 0, 10, 0),),
+        *(
+            (_entry("motors", halves / 2, 0.5, level),)
+            for halves in range(2, 13)
+            for level in (-0.4, -0.2, 0.2, 0.4)
+        ),
+    ),
+)
+COMPARISONS = (STOPPING, LANDING, CARRYING, BALANCING)
+FIRST = ("transport", "rocket/5", "rocket/6", "movement/6", "transport/6", "movement/7")
 SAMPLES = 64
 FIRST_HEAD = f"""\
 ## First machines of the procedural model

@@ -52,6 +52,11 @@ not a language model; for gearing, how many of {rollouts} attempts pass |
 | random-placement | for gearing instead of random-dsl: how many of {rollouts} random placements \
 of cogs pass |"""
 
+SENSED = """\
+## Levels where machines sense
+
+Scores are successful trials out of ten."""
+
 
 class Cells:
     """Saved results, one JSON line each; the key names everything the result depends on."""
@@ -105,14 +110,17 @@ def best_of_designs(level: str, workflow: str, seed: int) -> dict[str, Any]:
     return {"best": result.score, "passes": passes}
 
 
-def rows(family: str, cells: Cells, seed: int) -> list[list[str]]:
-    """Rows of a family's table, the header first."""
+def rows(family: str, cells: Cells, seed: int, *, senses: bool = False) -> list[list[str]]:
+    """Rows of a family's table, the header first: of the levels where machines sense, or of the
+    others; [] if there are none."""
     tasks = {name: get_task(name) for name in task_names()}
     levels = [
         name
         for name, task in tasks.items()
-        if task.family == family and not task.brief.limits.senses
+        if task.family == family and task.brief.limits.senses == senses
     ]
+    if not levels:
+        return []
     placed = get_task(levels[0]).brief.given != LONE_ROOT
     table = [
         ["machine", *levels],
@@ -177,11 +185,16 @@ def main() -> None:
     parts = [
         "# Difficulty of the levels",
         INTRO.format(rollouts=ROLLOUTS),
-        "`python benchmarks/difficulty.py` generates this page. movement/6 and rocket/6 are on "
-        "another one, [Machines that sense](controllers.md).",
+        "`python benchmarks/difficulty.py` generates this page. Levels for machines that sense "
+        "come last; [Machines that sense](controllers.md) has more about them.",
     ]
-    for family in options.families or families():
+    chosen = options.families or families()
+    for family in chosen:
         parts += [f"## {family}", markdown(rows(family, cells, options.seed))]
+    parts.append(SENSED)
+    for family in chosen:
+        if found := rows(family, cells, options.seed, senses=True):
+            parts.append(markdown(found))
     options.out.parent.mkdir(parents=True, exist_ok=True)
     options.out.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     print(options.out)

@@ -57,6 +57,8 @@ class SceneObject:
     balance: Vec3 = (0.0, 0.0, 0.0)
     """From its centre to its centre of mass, along its own axes, m. If not 0, its inertia about its
     centre of mass is that of a uniform box of its size about the middle."""
+    held: bool = False
+    """Whether it is held where it is until the schedule's entry `holds` is at 1."""
     color: tuple[float, float, float, float] = (0.55, 0.57, 0.6, 1.0)
     """Red, green, blue and opacity, each from 0 to 1."""
 
@@ -123,6 +125,8 @@ class Scene:
     """Of the ground; None: the value of the physical constants."""
     target: Vec3 = (0.0, 0.0, 0.0)
     """Where sensors of the target point, m."""
+    machine_held: bool = False
+    """Whether every block of the machine is held until the entry `holds` is at 1."""
 
     @property
     def moving(self) -> tuple[SceneObject, ...]:

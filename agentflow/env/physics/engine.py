@@ -94,9 +94,10 @@ class World(Protocol):
 
         Args:
             entry: `motors` (thrusters too), `steering_hinges`, `springs`, `winches`, `grabbers`,
-                `wind` or `loads`; or the id of a block, if the machine has controls. Grabbers and
-                wind are on from the start, and grabbers release at 0; the others are at 0. Gusts
-                count the time for which the wind has been on.
+                `wind`, `loads` or `holds`; or the id of a block, if the machine has controls.
+                Grabbers and wind are on from the start, and grabbers release at 0; the others are
+                at 0. Gusts count the time for which the wind has been on. What is held is let go
+                as `holds` comes to 1.
             level: Share of the full speed, thrust or load.
         """
 

@@ -16,6 +16,7 @@ from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.physics.grips import Grips
 from agentflow.env.physics.laws.air import GustClock
 from agentflow.env.physics.laws.forces import Entry
+from agentflow.env.physics.laws.holding import HoldForce
 from agentflow.env.physics.laws.ledger import Ledger
 from agentflow.env.physics.laws.select import Forces, Law, device_laws, wind_laws
 from agentflow.env.physics.laws.tension import SpringForce, WinchForce
@@ -95,6 +96,10 @@ class BaseWorld(ABC, Generic[Own]):
         self._springs = SpringForce(assembly.devices.springs, self._levels, self._interval)
         self._winches = WinchForce(assembly.devices.winches, self._levels, self._interval)
         self._wind = GustClock(scene, self._levels, self._interval)
+        held = {i: part.mass for i, part in enumerate(assembly.parts) if scene.machine_held}
+        for number, item in enumerate(scene.moving, len(assembly.parts)):
+            held |= {number: item.mass} if item.held else {}
+        self._held = HoldForce(held, physics["gravity"], self._levels) if held else None
         self._ledger = Ledger(self._wind)
         self._works_of_joints: list[Array] = []
         """Results of `_take_works` at earlier splits."""
@@ -167,10 +172,11 @@ class BaseWorld(ABC, Generic[Own]):
         return skeleton(len(self._assembly.parts), self._assembly.joints, self._broken)
 
     def _laws(self, layout: RowLayout) -> list[Law]:
-        """Laws of the devices and of the wind."""
+        """Laws of the devices, of the wind, and of what is held."""
         assembly, drag = self._assembly, self._physics["wind_drag"]
         laws = device_laws(assembly, layout.locations, self._levels, self._springs, self._winches)
-        return laws + wind_laws(assembly, layout, self._scene, drag, self._wind)
+        laws += wind_laws(assembly, layout, self._scene, drag, self._wind)
+        return [*laws, self._held.locate(layout.all_locations)] if self._held else laws
 
     # --- observation ------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ from agentflow.env.feedback.stalls import stalled_motors
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
 from agentflow.env.physics.laws.forces import Entry
+from agentflow.env.physics.laws.holding import HOLDS
 from agentflow.env.physics.loads import NEAR, Loads
 from agentflow.env.physics.stepping import Stepping
 from agentflow.env.rollout import (
@@ -196,10 +197,10 @@ class Trial:
             self._world.drive(changes, pilot.sudden)
 
     def _schedule(self) -> list[tuple[int, Entry, float]]:
-        """Step since t = 0, entry and level of each switch, in order; none with power off."""
-        if not self._power:
-            return []
-        return [(round(time * self._rate), entry, level) for time, entry, level in self._switches]
+        """Step since t = 0, entry and level of each switch, in order; with power off, only of
+        what lets go of what is held."""
+        due = (item for item in self._switches if self._power or item[1] == HOLDS)
+        return [(round(time * self._rate), entry, level) for time, entry, level in due]
 
     def _switch(self, entry: Entry, level: float) -> None:
         """Apply a switch; decouplers release their parents, once and for all."""

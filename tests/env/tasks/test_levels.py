@@ -110,16 +110,18 @@ def test_knobs_out_of_range_and_unknown_ones_are_refused(name: str) -> None:
         get_task(name, {"wind.speeed": 1})
 
 
-def test_every_family_has_its_five_levels_and_some_one_for_machines_that_sense() -> None:
+def test_every_family_has_its_five_levels_and_some_more_for_machines_that_sense() -> None:
     for family in FAMILIES:
-        last = 6 if family in ("movement", "rocket") else 5
+        last = {"movement": 7, "rocket": 6, "transport": 6}.get(family, 5)
         assert [name for name in NAMES if get_task(name).family == family] == [
             family,
             *(f"{family}/{number}" for number in range(2, last + 1)),
         ]
     assert [name for name in NAMES if get_task(name).brief.limits.senses] == [
         "movement/6",
+        "movement/7",
         "rocket/6",
+        "transport/6",
     ]
 
 
@@ -162,7 +164,7 @@ def test_greatest_possible_scores() -> None:
         **{name: 10.0 for name in NAMES if name.startswith(("jumping", "lifting"))},
         **{name: 1.0 for name in NAMES if name.startswith("gearing")},
         **{name: 20.0 for name in NAMES if name.startswith("transport")},
-        **dict.fromkeys(("movement/6", "rocket/6"), 10.0),
+        **dict.fromkeys(("movement/6", "movement/7", "rocket/6", "transport/6"), 10.0),
         "bridge": 6000.0,
         "bridge/2": 6000.0,
         "bridge/3": 6000.0,

@@ -65,14 +65,9 @@ def wind_laws(
     """
     if not any(scene.wind):
         return []
-    locations = layout.locations
     boxes = [part.extents for part in assembly.parts] + [item.size for item in scene.moving]
-    rows = np.arange(layout.object_rows.start, layout.object_rows.stop, dtype=np.intp)
     wind = WindForce(
-        PartLocations(
-            np.concatenate([locations.row, rows]),
-            np.concatenate([locations.offset, layout.object_arms]),
-        ),
+        layout.all_locations,
         swap_all(np.array(boxes)),
         np.array(swap(scene.wind)),
         drag,

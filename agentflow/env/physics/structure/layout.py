@@ -36,6 +36,15 @@ class RowLayout:
         """Rows of the moving objects."""
         return slice(len(self.leading), len(self.leading) + len(self.objects))
 
+    @property
+    def all_locations(self) -> PartLocations:
+        """Of parts, then of moving objects."""
+        rows = np.arange(self.object_rows.start, self.object_rows.stop, dtype=np.intp)
+        return PartLocations(
+            np.concatenate([self.locations.row, rows]),
+            np.concatenate([self.locations.offset, self.object_arms]),
+        )
+
 
 def lay_out(assembly: Assembly, plan: Skeleton, moving: Sequence[SceneObject]) -> RowLayout:
     """Assign a row to every cluster and every moving object."""

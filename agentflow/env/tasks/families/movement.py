@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import model_validator
 
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import series
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject
+from agentflow.env.tasks.balancing import WHEEL, Balance, BalanceReferee
 from agentflow.env.tasks.base import Parameters, Referee, Task, WorldView
 from agentflow.env.tasks.descriptors import ON_WHEELS, Descriptor
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
@@ -58,13 +60,25 @@ class MovementKnobs(CommonKnobs):
     roughness: Roughness = Roughness()
     obstacles: Stones = Stones()
     stop: Stop = Stop()
+    balance: Balance = Balance()
+
+    @model_validator(mode="after")
+    def _one_aim(self) -> MovementKnobs:
+        if self.stop.gap and self.balance.height:
+            raise ValueError("stop.gap and balance.height exclude each other: set one of them to 0")
+        return self
+
+    @property
+    def trials(self) -> int:
+        """How many there are; 1 unless something is drawn for them."""
+        return TRIALS if self.stop.gap or self.balance.height else 1
 
 
 @dataclass(frozen=True)
 class Movement(Family):
     """Score: greatest distance of the root block's centre along z+ (along the centre line of a
-    road that turns) from its position at t = 0, m; with a wall ahead, the number of trials out of
-    ten in which the machine stops before it."""
+    road that turns) from its position at t = 0, m; with a wall ahead or a balance to keep, the
+    number of trials out of ten in which the machine stops before it, or keeps it."""
 
     family: ClassVar[str] = "movement"
     knobs: ClassVar[type[CommonKnobs]] = MovementKnobs
@@ -76,18 +90,31 @@ class Movement(Family):
     descriptors: ClassVar[tuple[Descriptor, ...]] = ON_WHEELS
     parameters: MovementKnobs
     trial: int = 0
-    """Number of this trial, from 1, of those with a wall ahead; 0 is the whole task."""
+    """Number of this trial, from 1; 0 is the whole task."""
     wall: float = 0.0
     """z of the near face of the wall in this trial, m."""
 
     def trials(self, seed: int) -> tuple[Task, ...]:
-        """The trials of this seed, the same for every machine; one if there is no wall ahead."""
-        stop = self.parameters.stop
-        if self.trial or not stop.gap:
+        """The trials of this seed, the same for every machine; one if nothing is drawn for them."""
+        knobs = self.parameters
+        if self.trial or knobs.trials == 1:
             return (self,)
         rng = random.Random(f"{seed}/trials/{self.family}")
         numbers = range(1, TRIALS + 1)
-        return tuple(replace(self, trial=number, wall=stop.draw(rng)) for number in numbers)
+        if knobs.balance.height:
+            return tuple(self._pushed(number, *knobs.balance.draw(rng)) for number in numbers)
+        return tuple(replace(self, trial=number, wall=knobs.stop.draw(rng)) for number in numbers)
+
+    def _pushed(self, trial: int, at: float, speed: float) -> Movement:
+        """A trial with a gust from a time (s) on."""
+        knobs = self.parameters
+        wind = knobs.wind.model_copy(update={"speed": speed})
+        return replace(
+            self,
+            trial=trial,
+            parameters=knobs.model_copy(update={"wind": wind}),
+            schedule=replace(self.schedule, more=knobs.balance.switches(at)),
+        )
 
     @property
     def _wall(self) -> float:
@@ -97,13 +124,25 @@ class Movement(Family):
     @property
     def brief(self) -> Brief:
         knobs, way = self.parameters, scoring_direction(self.parameters.curve)
-        stop = knobs.stop
+        stop, balance = knobs.stop, knobs.balance
+        objective = f"Build a machine that drives its Starting Block as far as possible {way}."
+        score: tuple[str, ...] = (
+            f"Score: the greatest distance in metres of the Starting Block's centre {way} "
+            f"from its position at t = 0, within {self.window:g} s.",
+            "Sideways, backward and upward motion, and motion before t = 0, do not count.",
+        )
+        if balance.height:
+            objective = "Build a machine that stays upright on two wheels when a gust pushes it."
+            score = balance.score_sentences(TRIALS, self.window)
+        elif stop.gap:
+            objective = (
+                "Build a machine that drives along the road and stops "
+                f"{stop.gap:g} m before the wall ahead."
+            )
+            score = stop.score_sentences(self.window)
         brief = self.describe(
             BLOCKS + CURVE_BLOCKS if knobs.curve.angle else BLOCKS,
-            objective="Build a machine that drives along the road and stops "
-            f"{stop.gap:g} m before the wall ahead."
-            if stop.gap
-            else f"Build a machine that drives its Starting Block as far as possible {way}.",
+            objective=objective,
             scene=(
                 *GROUND,
                 *road_sentences(knobs.road, knobs.curve),
@@ -112,17 +151,14 @@ class Movement(Family):
                 *knobs.roughness.sentences(),
                 *knobs.obstacles.sentences(),
                 *stop.scene_sentences(),
+                *balance.scene_sentences(TRIALS),
                 *knobs.wind.sentences(),
             ),
-            score=stop.score_sentences(self.window)
-            if stop.gap
-            else (
-                f"Score: the greatest distance in metres of the Starting Block's centre {way} "
-                f"from its position at t = 0, within {self.window:g} s.",
-                "Sideways, backward and upward motion, and motion before t = 0, do not count.",
-            ),
+            score=score,
         )
-        return replace(brief, greatest=float(TRIALS)) if stop.gap else brief
+        needed = {WHEEL: 2} if balance.height else {}
+        greatest = float(TRIALS) if knobs.trials > 1 else None
+        return replace(brief, required=needed, greatest=greatest)
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, obstacles and wind."""
@@ -136,9 +172,13 @@ class Movement(Family):
             *knobs.stop.objects(self._wall, width),
         )
         target = (0.0, 0.0, self._wall if knobs.stop.gap else 0.0)
-        return Scene(objects, knobs.wind.velocity, target=target)
+        held = bool(knobs.balance.height)
+        return Scene(objects, knobs.wind.velocity, target=target, machine_held=held)
 
     def referee(self, machine: Machine) -> Referee:
+        if self.parameters.balance.height:
+            around = tuple(item.name for item in self.scene().objects)
+            return BalanceReferee(machine, self.parameters.balance, around)
         if self.parameters.stop.gap:
             return StopReferee(machine, self.parameters.stop, self._wall)
         return MovementReferee(centre_line(self.parameters.road, self.parameters.curve))
@@ -156,8 +196,10 @@ class Movement(Family):
             "mean_speed_per_second": means,
         }
         told = "Mean speed in each second (m/s): " + ", ".join(f"{mean:.2f}" for mean in means)
-        if self.parameters.stop.gap:
-            result = f"Result: {verdict.terms['outcome']}; its near face is at z = {self._wall:g} m"
+        if self.parameters.trials > 1:
+            result = f"Result: {verdict.terms['outcome']}"
+            if not self.parameters.balance.height:
+                result += f"; its near face is at z = {self._wall:g} m"
             return compose(machine, trace, broken, verdict, "", (result, told), data, (path,))
         distance = float(verdict.terms["distance"] or 0.0)
         lines = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -13,7 +14,7 @@ from agentflow.env.feedback.steering import steering_angles
 from agentflow.env.feedback.text import number, object_label, series, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Body, Scene, SceneObject, objects_among
-from agentflow.env.tasks.base import Parameters, WorldView
+from agentflow.env.tasks.base import Parameters, Task, WorldView
 from agentflow.env.tasks.descriptors import ON_WHEELS, Descriptor
 from agentflow.env.tasks.family import ANY_START, GROUND, CommonKnobs, Family, joint_sentences, wall
 from agentflow.env.tasks.features.journey import (
@@ -37,6 +38,9 @@ THICK = 0.5
 """Thickness of the wall, m."""
 WIDE = 48.0
 """Extent of uneven ground along x, m."""
+TRIALS = 10
+FIRST = 1.0
+"""Earliest moment at which the cargo of a trial falls, s."""
 COLOR = (0.75, 0.35, 0.2, 1.0)
 
 
@@ -48,6 +52,10 @@ class Cargo(Parameters):
     length: float = knob(2.5, 0.5, 8, "m", "size along z")
     height: float = knob(1.5, 0.5, 5, "m", "height")
     drop: float = knob(3.5, 0, 9, "m", "height above the ground from which it falls")
+    falls: float = knob(
+        0, 0, 30, "s", "latest moment at which it falls, drawn for ten trials; 0: before t = 0"
+    )
+    within: float = knob(6, 1, 30, "s", "time after the fall at which such a trial ends")
 
 
 class Wall(Parameters):
@@ -75,6 +83,11 @@ class TransportKnobs(CommonKnobs):
     wall: Wall = Wall()
     ground: UnevenGround = UnevenGround()
 
+    @property
+    def trials(self) -> int:
+        """How many there are; 1 unless the moment at which the cargo falls is drawn."""
+        return TRIALS if self.cargo.mass and self.cargo.falls else 1
+
 
 @dataclass(frozen=True)
 class Transport(Family):
@@ -83,13 +96,33 @@ class Transport(Family):
 
     The distance freezes when the cargo first touches anything but the machine. On a way there and
     back, half of the distance left counts. A part of the way on which some block stayed where it
-    was does not count, so that arms and catapults earn nothing.
+    was does not count, so that arms and catapults earn nothing. If the cargo falls at a moment that
+    is not told: the number of trials out of ten in which it arrives.
     """
 
     family: ClassVar[str] = "transport"
     knobs: ClassVar[type[CommonKnobs]] = TransportKnobs
     descriptors: ClassVar[tuple[Descriptor, ...]] = ON_WHEELS
     parameters: TransportKnobs
+    trial: int = 0
+    """Number of this trial, from 1; 0 is the whole task."""
+
+    def trials(self, seed: int) -> tuple[Task, ...]:
+        """The trials of this seed, the same for every machine; one if nothing is drawn for them."""
+        knobs = self.parameters
+        if self.trial or knobs.trials == 1:
+            return (self,)
+        rng = random.Random(f"{seed}/trials/{self.family}")
+        moments = [round(rng.uniform(FIRST, knobs.cargo.falls), 2) for _ in range(TRIALS)]
+        return tuple(
+            replace(
+                self,
+                trial=number,
+                window=min(self.window, round(moment + knobs.cargo.within, 2)),
+                schedule=replace(self.schedule, more=((moment, "holds", 1.0),)),
+            )
+            for number, moment in enumerate(moments, start=1)
+        )
 
     @property
     def limits(self) -> Limits:
@@ -112,7 +145,7 @@ class Transport(Family):
                 *((ANY_START, *joint_sentences(self.allow(BLOCKS))) if knobs.cargo.mass else ()),
                 "Blocks with a joint or wheel between them collide, so moving parts need room; a "
                 "joint or wheel never collides with its own parent.",
-                *_cargo_sentences(knobs.cargo),
+                *_cargo_sentences(knobs),
                 target_sentence(knobs.target, _moved(knobs)),
                 *_wall_sentences(knobs.wall),
                 *knobs.ground.sentences(),
@@ -120,7 +153,7 @@ class Transport(Family):
             ),
             score=tuple(_score_sentences(knobs)),
         )
-        return replace(brief, greatest=2 * POINTS)
+        return replace(brief, greatest=2 * POINTS if knobs.trials == 1 else float(TRIALS))
 
     def scene(self, machine: Machine | None = None) -> Scene:
         """Cargo, above the machine if there is one, wall, uneven ground, target and wind."""
@@ -159,7 +192,7 @@ class TransportReferee:
 
     def __init__(self, knobs: TransportKnobs) -> None:
         self._journey = Journey(knobs.target)
-        self._cargo = bool(knobs.cargo.mass)
+        self._cargo, self._trials = bool(knobs.cargo.mass), knobs.trials
         self._body: Body = CARGO if self._cargo else ROOT_BLOCK
         self._lost: tuple[float, str] | None = None
         """When (s) the cargo first touched something else, and what."""
@@ -191,6 +224,7 @@ class TransportReferee:
         success = journey.arrived is not None and not stayed and self._lost is None
         intact = bool(trace.alive[-1].all()) and not np.isnan(trace.utilisation[-1]).any()
         score = max(0.0, POINTS - distance) + (POINTS if success and intact else 0.0)
+        result = self._result(success, stayed, intact)
         terms: dict[str, float | bool | str | None] = {
             "distance": distance,
             "success": success,
@@ -199,8 +233,13 @@ class TransportReferee:
             "time": journey.arrived if success else None,
             "turned": journey.turned,
             "lost_at": None if self._lost is None else self._lost[0],
-            "result": self._result(success, stayed, intact),
+            "result": result,
         }
+        if self._trials > 1:
+            success = success and intact
+            score = float(success)
+            miss = None if success else max(0.0, distance - journey.target.reach) or None
+            terms |= {"success": success, "outcome": result, "miss": miss}
         moment = None if self._lost is None else Moment(self._lost[0], "the cargo's loss", CARGO)
         return Verdict(score, terms, tuple(self._events()), moment)
 
@@ -247,7 +286,9 @@ def _cargo_objects(cargo: Cargo, machine: Machine | None) -> Iterator[SceneObjec
         base = highest_point_under(machine, 0.0, 0.0, reach) if machine else 0.0
         y = max(base, cargo.drop) + cargo.height / 2
         size = (cargo.width, cargo.height, cargo.length)
-        yield SceneObject(CARGO, "box", size, (0.0, y, 0.0), mass=cargo.mass, color=COLOR)
+        yield SceneObject(
+            CARGO, "box", size, (0.0, y, 0.0), mass=cargo.mass, held=bool(cargo.falls), color=COLOR
+        )
 
 
 def _wall_objects(knobs: Wall) -> Iterator[SceneObject]:
@@ -262,13 +303,20 @@ def _objective(knobs: TransportKnobs) -> str:
     return f"Build a machine that {what} to a target ahead{back}."
 
 
-def _cargo_sentences(cargo: Cargo) -> Iterator[str]:
+def _cargo_sentences(knobs: TransportKnobs) -> Iterator[str]:
+    cargo = knobs.cargo
     if cargo.mass:
+        falls = (
+            "Before t = 0 it falls onto the machine"
+            if knobs.trials == 1
+            else f"It is held up until it falls, in each of the {TRIALS} trials at another moment "
+            f"that is not told, from t = {FIRST:g} to {cargo.falls:g} s"
+        )
         yield (
             f"The cargo is a box {cargo.width:g} m wide (x), {cargo.length:g} m long (z) and "
-            f"{cargo.height:g} m high, of mass {cargo.mass:g} kg. Before t = 0 it falls onto the "
-            f"machine: it starts above x = z = 0 with its underside {cargo.drop:g} m above the "
-            "ground, or on the highest part of the machine below it if that is higher."
+            f"{cargo.height:g} m high, of mass {cargo.mass:g} kg. {falls}: it starts above "
+            f"x = z = 0 with its underside {cargo.drop:g} m above the ground, or on the highest "
+            "part of the machine below it if that is higher."
         )
 
 
@@ -283,7 +331,14 @@ def _wall_sentences(wall: Wall) -> Iterator[str]:
 
 def _score_sentences(knobs: TransportKnobs) -> Iterator[str]:
     what, target = _moved(knobs), knobs.target
-    if target.back:
+    if knobs.trials > 1:
+        end = "start, after the target," if target.back else "target"
+        yield (
+            f"Score: the number of successful trials out of {TRIALS}. Each ends "
+            f"{knobs.cargo.within:g} s after the cargo falls. It succeeds if {what} is then within "
+            f"{target.reach:g} m of the {end} and no connection has broken."
+        )
+    elif target.back:
         yield (
             f"{what[0].upper()}{what[1:]} must come within {target.reach:g} m of the target, even "
             "just in passing, and then back to where it was at t = 0. Score: 10 minus half the "
@@ -295,7 +350,8 @@ def _score_sentences(knobs: TransportKnobs) -> Iterator[str]:
             f"Score: 10 minus the distance in metres of {what} from the target after "
             f"{knobs.window:g} s, never less than 0."
         )
-    yield f"10 more if it ends within {target.reach:g} m and no connection breaks."
+    if knobs.trials == 1:
+        yield f"10 more if it ends within {target.reach:g} m and no connection breaks."
     if knobs.cargo.mass:
         yield (
             "Once the cargo touches the ground or anything but the machine, its position is final."

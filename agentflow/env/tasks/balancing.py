@@ -1,0 +1,118 @@
+"""A machine on two wheels that must not fall over when a gust pushes it."""
+
+from __future__ import annotations
+
+import random
+
+from agentflow.env.feedback.text import number, object_label
+from agentflow.env.rollout import Trace, Verdict
+from agentflow.env.scene import blocks_among
+from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
+from agentflow.env.tasks.knobs import knob
+from agentflow.machine.blocks.library import library
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.tree import Machine
+
+WHEEL = 2
+FIRST, LASTS = 1.0, 0.5
+"""Earliest time of a gust, and how long it lasts, s."""
+EVERY = 0.1
+"""Time between looks at the machine's centre of mass, s."""
+
+
+class Balance(Parameters):
+    """How high a machine on two wheels must stay, and what pushes it."""
+
+    height: float = knob(
+        0, 0, 9, "m", "least height of the machine's centre of mass, on two wheels; 0: any"
+    )
+    gust: float = knob(3, 0.5, 20, "m/s", "greatest wind that pushes such a machine")
+    until: float = knob(6, 1, 50, "s", "latest time of the gust")
+
+    def draw(self, rng: random.Random) -> tuple[float, float]:
+        """Time (s) and wind towards z- (m/s) of the gust in a trial."""
+        speed = rng.uniform(0.5, 1.0) * self.gust * rng.choice((-1, 1))
+        return round(rng.uniform(FIRST, self.until), 2), round(speed, 2)
+
+    def switches(self, at: float) -> tuple[tuple[float, str, float], ...]:
+        """What lets the machine go, and the gust at this time."""
+        return (0.0, "holds", 1.0), (0.0, "wind", 0.0), (at, "wind", 1.0), (at + LASTS, "wind", 0.0)
+
+    def scene_sentences(self, trials: int) -> tuple[str, ...]:
+        """Description for designers; () where nothing is to be balanced."""
+        if not self.height:
+            return ()
+        return (
+            "Until t = 0 every block is held where it was built; then the machine is let go.",
+            f"In each of the {trials} trials a gust that is not told blows for {LASTS:g} s, from a "
+            f"moment from t = {FIRST:g} to {self.until:g} s on, towards z+ or z-, at "
+            f"{self.gust / 2:g} to {self.gust:g} m/s.",
+        )
+
+    def score_sentences(self, trials: int, window: float) -> tuple[str, ...]:
+        """How trials are scored."""
+        return (
+            f"Score: the number of successful trials out of {trials}, {window:g} s each.",
+            "The two powered wheels turn about the same axis, along x. A trial succeeds if from "
+            f"t = 0 on the machine's centre of mass is always {self.height:g} m or more above the "
+            "ground, no block but these wheels touches anything, and nothing breaks. It ends with "
+            "the first failure.",
+        )
+
+
+class BalanceReferee:
+    """Watches the centre of mass, and what touches the ground or an object of the scene."""
+
+    def __init__(self, machine: Machine, balance: Balance, around: tuple[str, ...]) -> None:
+        self._least, self._around = balance.height, ("ground", *around)
+        self._masses = [(step.id, library()[step.type].mass) for step in machine]
+        placed = place(machine)
+        self._wheels = [step.id for step in machine if step.type == WHEEL]
+        axles = {(placed[b].facing[0], *map(_rounded, placed[b].center[1:])) for b in self._wheels}
+        self._rolls = len(axles) == 1 and axles.pop()[0] == "x"
+        """Whether the wheels have one axis, along x."""
+        self._due = 0.0
+        self._fallen: tuple[float, str] | None = None
+        """When it failed, s, and how."""
+
+    def start(self, world: WorldView) -> None:
+        """Look whether it stands as it must."""
+        if not self._rolls:
+            self._fallen = 0.0, "its wheels do not turn about one axis along x"
+        self.watch(world)
+
+    def watch(self, world: WorldView) -> bool:
+        """Look for the first failure, which ends the trial."""
+        for name in self._around:
+            others = {*blocks_among(world.touching(name))}.difference(self._wheels)
+            if self._fallen is None and others:
+                where = "the ground" if name == "ground" else object_label(name)
+                self._fallen = world.time, f"block {min(others)} touched {where}"
+        if self._fallen is None and world.time >= self._due - ROUNDING:
+            self._due = world.time + EVERY
+            total = sum(mass for _, mass in self._masses)
+            high = sum(mass * world.centre(block)[1] for block, mass in self._masses) / total
+            if high < self._least:
+                told = f"its centre of mass was {number(high)} m above the ground"
+                self._fallen = world.time, told
+        return self._fallen is not None
+
+    def verdict(self, trace: Trace) -> Verdict:
+        """Score 1 or 0 and terms: success, outcome, and when it failed, s."""
+        fallen = self._fallen
+        if fallen is None and not trace.alive[-1].all():
+            fallen = float(trace.times[-1]), "something had broken"
+        outcome = (
+            "upright to the end" if fallen is None else f"{fallen[1]} at {number(fallen[0])} s"
+        )
+        terms: dict[str, float | bool | str | None] = {
+            "success": fallen is None,
+            "outcome": outcome,
+            "miss": None,
+            "time": fallen and fallen[0],
+        }
+        return Verdict(float(fallen is None), terms)
+
+
+def _rounded(value: float) -> float:
+    return round(value, 3)
