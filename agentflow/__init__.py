@@ -1,8 +1,8 @@
 """Language models design machines; physics decides whether they work.
 
 The functions `design`, `simulate`, `verify` and `check` match the commands of the same name and
-share their defaults; `design_prompt` and `reward` are for training. Every name is imported on
-first use.
+share their defaults; `design_prompt`, `reward` and `evaluator` are for training and for programs
+that evolve texts. Every name is imported on first use.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from agentflow.env.rollout import Rollout as Rollout
     from agentflow.env.verification import Verification as Verification
     from agentflow.errors import AgentflowError as AgentflowError
+    from agentflow.integrations.evolution import evaluator as evaluator
     from agentflow.llm.function import ModelFunction as ModelFunction
     from agentflow.llm.messages import Message as Message
     from agentflow.llm.messages import Reply as Reply
@@ -72,6 +73,7 @@ _MODULES = {
     "agentflow.env.rollout": "Rollout",
     "agentflow.env.verification": "Verification",
     "agentflow.errors": "AgentflowError",
+    "agentflow.integrations.evolution": "evaluator",
     "agentflow.llm.function": "ModelFunction",
     "agentflow.llm.messages": "Message Reply Request Usage",
     "agentflow.machine": "BlockType Machine Problem Report",

@@ -194,7 +194,7 @@ def test_files_that_are_shown_are_those_of_the_repository(page: str) -> None:
             assert text in (ROOT / name).read_text(), name
 
 
-FOREIGN = ("docs/how-to/libraries.md", "docs/how-to/mcp.md")
+FOREIGN = ("docs/how-to/mcp.md", *(page for page in PAGES if "/integrations/" in page))
 """Their code needs other libraries or programs; the tests in tests/integrations run it."""
 
 

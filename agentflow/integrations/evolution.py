@@ -6,14 +6,15 @@ It needs nothing but agentflow itself. Candidates are machines as text, never pr
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import check, read_machine
-from agentflow.rewards import Reward
+from agentflow.rewards import Reward, reward_async
 from agentflow.rewards.scoring import Sample, require_score, shared_scorer
 
 Candidate = str | Mapping[str, str]
@@ -44,9 +45,9 @@ class Evaluator:
         Raises:
             UsageError: The task, a knob or the engine does not exist.
         """
-        self._brief = get_task(task, knobs, engine).brief
-        self._sample = (task, seed, knobs, engine)
+        self._level = get_task(task, knobs, engine)
         self._workers = workers
+        self._sample = Sample(task, "", seed, knobs, engine)
 
     def __call__(
         self, candidate: Candidate, *_example: object, **_options: object
@@ -56,13 +57,26 @@ class Evaluator:
         Raises:
             NoScoreError: The simulation timed out or crashed, which says nothing about the machine.
         """
-        reward = self._reward(_text_of(candidate))
-        score = require_score(reward, self._sample[0])
-        return score, {"scores": {"score": score}, "Feedback": _feedback(reward)}
+        return self.batch([(candidate, None)])[0]
+
+    def batch(
+        self, pairs: Sequence[tuple[Candidate, object]], **_options: object
+    ) -> list[tuple[float, dict[str, Any]]]:
+        """The same for many candidates, simulated side by side: GEPA's `batch_evaluator`.
+
+        Raises:
+            NoScoreError: A simulation timed out or crashed.
+        """
+        found = self._rewards([_text_of(candidate) for candidate, _ in pairs])
+        scores = [require_score(reward, self._sample.task) for reward in found]
+        return [
+            (score, {"scores": {"score": score}, "Feedback": _feedback(reward)})
+            for score, reward in zip(scores, found, strict=True)
+        ]
 
     def check(self, path: str | Path) -> dict[str, Any]:
         """The validity of a machine file without a simulation, as a first stage of a cascade."""
-        brief = self._brief
+        brief = self._level.brief
         report = check(read_machine(_read(path), brief.blocks, brief.given), brief)
         words = "\n".join(problem.message for problem in report.lasting_problems)
         return {"metrics": {"valid": float(not words)}, "artifacts": {"feedback": words}}
@@ -73,10 +87,17 @@ class Evaluator:
         Raises:
             NoScoreError: The simulation timed out or crashed.
         """
-        reward = self._reward(_read(path))
-        score = require_score(reward, self._sample[0])
-        metrics = {"combined_score": score, "valid": float(reward.valid)}
-        return {"metrics": metrics, "artifacts": {"feedback": _feedback(reward)}}
+        return self._judged(self._rewards([_read(path)])[0])
+
+    def first_trial(self, path: str | Path) -> dict[str, Any]:
+        """As `evaluate`, by the first trial alone where a task has several: a second stage.
+
+        Raises:
+            NoScoreError: The simulation timed out or crashed.
+        """
+        scorer, trial = shared_scorer(self._workers), self._level.trials(self._sample.seed)[0]
+        work = reward_async(trial, _read(path), scorer.pool, self._sample.seed)
+        return self._judged(scorer.wait_for(work))
 
     def write(self, path: str | Path, folder: str | Path) -> None:
         """Evaluate a machine file, and write the `metrics.json` and `correct.json` that
@@ -84,7 +105,7 @@ class Evaluator:
 
         A machine without a score is not correct: its generation is left out.
         """
-        reward = self._reward(_read(path))
+        [reward] = self._rewards([_read(path)])
         words = _feedback(reward)
         correct = reward.valid and reward.value is not None
         metrics = {"combined_score": reward.value, "text_feedback": words} if correct else {}
@@ -92,9 +113,14 @@ class Evaluator:
         for name, data in (("metrics", metrics), ("correct", told)):
             (Path(folder) / f"{name}.json").write_text(json.dumps(data), encoding="utf-8")
 
-    def _reward(self, text: str) -> Reward:
-        task, seed, knobs, engine = self._sample
-        return shared_scorer(self._workers).rewards([Sample(task, text, seed, knobs, engine)])[0]
+    def _rewards(self, texts: Sequence[str]) -> list[Reward]:
+        samples = [replace(self._sample, text=text) for text in texts]
+        return shared_scorer(self._workers).rewards(samples)
+
+    def _judged(self, reward: Reward) -> dict[str, Any]:
+        score = require_score(reward, self._sample.task)
+        metrics = {"combined_score": score, "valid": float(reward.valid)}
+        return {"metrics": metrics, "artifacts": {"feedback": _feedback(reward)}}
 
 
 def _read(path: str | Path) -> str:
@@ -107,3 +133,7 @@ def _text_of(candidate: Candidate) -> str:
 
 def _feedback(reward: Reward) -> str:
     return reward.rollout.feedback.text
+
+
+evaluator = Evaluator
+"""The name that `agentflow` offers."""

@@ -12,7 +12,8 @@ that advantages keep their size when k changes, and k = 1 and k = n are the two 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -122,6 +123,21 @@ def novelty(distances: npt.ArrayLike, nearest: int = 3) -> Floats:
     known = np.isfinite(closest).sum(axis=1)
     total = np.nansum(closest, axis=1)
     return np.asarray(total / np.maximum(known, 1))
+
+
+def unlikeness(kinds: Sequence[Hashable | None]) -> Floats:
+    """Share of the others of its group that are of another kind; 0 for a reply without a kind.
+
+    Args:
+        kinds: n of them, such as mechanism classes; None counts for nobody.
+
+    Returns:
+        Shape (n,), from 0 to 1.
+    """
+    counts = Counter(kind for kind in kinds if kind is not None)
+    others = max(1, counts.total() - 1)
+    shares = [0 if kind is None else counts.total() - counts[kind] for kind in kinds]
+    return np.array(shares, dtype=np.float64) / others
 
 
 def _against_others(rewards: npt.ArrayLike, k: int, spare: int) -> Floats:

@@ -62,7 +62,7 @@ def train_sft(config: SftConfig, out: Path, resume: bool, notify: Notify) -> Map
     pairs = list(read_pairs(Path(config.data) / TRAIN))
     if not pairs:
         raise UsageError(
-            f"{config.data} has no pairs to train on; its card.md says which gates dropped them"
+            f"{config.data} has no pairs to train on; its README.md says which gates dropped them"
         )
     dev = list(islice(read_pairs(Path(config.data) / DEV), config.dev_pairs))
     folder = base_folder(config, {pair.source for pair in pairs})

@@ -10,6 +10,7 @@ DOCS = Path(__file__).parents[1]
 SECTIONS: Mapping[str, str] = {
     "tutorials": "Tutorials",
     "how-to": "How-to guides",
+    "integrations": "Integrations",
     "reference": "Reference",
     "explanation": "Explanation",
     "results": "Results",

@@ -13,6 +13,8 @@ from tests.llm.foreign import ROOT, foreign_python
 PLUGINS = Path(__file__).parent / "plugins"
 """A distribution as pip would leave it: the family `faulty`."""
 CAR = (ROOT / "examples" / "car.json").read_text(encoding="utf-8")
+LONGEST = 15
+"""Most lines of an example, without empty ones."""
 
 
 def run_foreign(
@@ -41,10 +43,15 @@ def run_foreign(
     return done.stdout
 
 
-def documented_code(heading: str) -> str:
-    """The Python code in a section of docs/how-to/libraries.md."""
-    page = (ROOT / "docs" / "how-to" / "libraries.md").read_text(encoding="utf-8")
-    section = page.split(f"\n## {heading}\n", 1)[1].partition("\n## ")[0]
-    code = "".join(re.findall(r"(?ms)^```python\n(.*?)^```$", section))
-    assert "assert" in code
-    return code
+def documented_code(page: str, part: int | None = None) -> str:
+    """The Python code on a page of docs/integrations, or in one of its blocks; each is short."""
+    text = (ROOT / "docs" / "integrations" / f"{page}.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"(?ms)^```python\n(.*?)^```$", text)
+    assert all(len([*filter(None, block.splitlines())]) <= LONGEST for block in blocks)
+    return "".join(blocks if part is None else [blocks[part]])
+
+
+def offer_examples(folder: Path) -> None:
+    """Put the machine of the examples where documented code looks for it."""
+    (folder / "examples").mkdir()
+    (folder / "examples" / "car.json").write_text(CAR, encoding="utf-8")

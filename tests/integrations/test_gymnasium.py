@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.env.tasks.registry import FAMILIES
-from tests.integrations.foreign import CAR, PLUGINS, documented_code, run_foreign
+from tests.integrations.foreign import CAR, PLUGINS, documented_code, offer_examples, run_foreign
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -138,5 +138,5 @@ def test_environments_run_side_by_side(tmp_path: Path) -> None:
 
 
 def test_the_documented_code_runs(tmp_path: Path) -> None:
-    (tmp_path / "car.json").write_text(CAR)
-    run_foreign(ENVIRONMENT, tmp_path, "-c", documented_code("Gymnasium"))
+    offer_examples(tmp_path)
+    run_foreign(ENVIRONMENT, tmp_path, "-c", documented_code("gymnasium"))

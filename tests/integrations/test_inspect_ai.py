@@ -15,7 +15,7 @@ from agentflow.machine import read_machine
 from agentflow.rewards import reward
 from agentflow.runs import read_result, state_of
 from agentflow.tools.bench import TOOLS
-from tests.integrations.foreign import CAR, PLUGINS, documented_code, run_foreign
+from tests.integrations.foreign import CAR, PLUGINS, documented_code, offer_examples, run_foreign
 from tests.llm.foreign import foreign_python
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
@@ -96,9 +96,8 @@ def encodings() -> dict[str, str]:
 
 
 def test_the_documented_code_runs(tmp_path: Path) -> None:
-    (tmp_path / "examples").mkdir()
-    (tmp_path / "examples" / "car.json").write_text(CAR)
-    printed = run_foreign(INSPECT, tmp_path, "-c", documented_code("Inspect AI"))
+    offer_examples(tmp_path)
+    printed = run_foreign(INSPECT, tmp_path, "-c", documented_code("inspect-ai"))
     assert re.search(r"^movement/2 \{'score': \d+\.\d+, 'valid': True\}$", printed, re.MULTILINE)
     assert re.search(r"^1  movement/2 .* 4200$", printed, re.MULTILINE)
 

@@ -9,7 +9,7 @@ import pytest
 
 import agentflow
 from agentflow.runs import read_result
-from tests.integrations.foreign import CAR, PLUGINS, documented_code, run_foreign
+from tests.integrations.foreign import CAR, PLUGINS, documented_code, offer_examples, run_foreign
 from tests.llm.foreign import ROOT
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
@@ -19,13 +19,13 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 def test_sessions_on_a_server(tmp_path: Path) -> None:
     script = Path(__file__).with_name("openenv_session.py")
     example = ROOT / "examples" / "openenv"
-    (tmp_path / "car.json").write_text(CAR)
+    offer_examples(tmp_path)
     arguments = (
         "-P",
         script,
         CAR,
         example,
-        documented_code("OpenEnv"),
+        documented_code("openenv"),
     )  # -P: beside the script is a package `mcp`
     printed = run_foreign(
         ".venv-openenv", tmp_path, *arguments, variables={"PYTHONPATH": str(PLUGINS)}

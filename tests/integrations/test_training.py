@@ -31,7 +31,7 @@ OFFLINE = {"PYTHONPATH": str(PLUGINS), "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS":
 
 def documented_overrides() -> list[str]:
     """The configuration in the documented command of verl."""
-    page = (ROOT / "docs" / "how-to" / "libraries.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "integrations" / "verl.md").read_text(encoding="utf-8")
     [overrides] = re.findall(r"(?m)^python -m verl\.trainer\.main_ppo (.+)$", page)
     return overrides.split()
 
@@ -40,7 +40,7 @@ def documented_overrides() -> list[str]:
 def test_trl_learns_from_scores_and_not_from_crashes(tmp_path: Path) -> None:
     variables = {**OFFLINE, "TRL_EXPERIMENTAL_SILENCE": "1"}
     script = Path(__file__).with_name("trl_training.py")
-    codes = documented_code("TRL"), CAR, documented_code("TRL with tools")
+    codes = documented_code("trl", 0), CAR, documented_code("trl", 1)
     # -P: beside the script is a package `mcp`
     printed = run_foreign(ENVIRONMENT, tmp_path, "-P", script, *codes, variables=variables)
     found = json.loads(printed.splitlines()[-1])

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import shutil
+import subprocess
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +20,7 @@ from agentflow.runs import read_result
 from agentflow.tools.bench import TOOLS
 from tests.conftest import stub_server
 from tests.integrations.foreign import CAR, PLUGINS, documented_code, run_foreign
-from tests.llm.foreign import foreign_python
+from tests.llm.foreign import ROOT, foreign_python
 from tests.llm.hostile import Answer, serving, stream
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
@@ -146,6 +148,26 @@ def test_the_command_finds_the_environment(tmp_path: Path, car_url: str) -> None
     [episode] = map(json.loads, traces.read_text().splitlines())
     [trace] = episode["traces"]
     assert trace["rewards"]["simulated_score"]["score"] == 0.0
+
+
+def test_the_folder_for_hubs_is_a_package_that_the_command_finds(
+    tmp_path: Path, car_url: str
+) -> None:
+    folder = shutil.copytree(ROOT / "examples" / "verifiers", tmp_path / "folder")
+    built = (foreign_python(VERIFIERS), "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path)
+    subprocess.run([*map(str, built)], cwd=folder, check=True, capture_output=True)
+    [wheel] = tmp_path.glob("agentflow_design-*.whl")
+    shutil.unpack_archive(wheel, tmp_path / "site", "zip")
+    command = foreign_python(VERIFIERS).with_name("vf-eval")
+    here = ("--env.taskset.tasks", "movement/1", "--env.agent.runtime.type", "subprocess")
+    client = ("--client.base-url", car_url, "--client.api-key-var", "STUB_KEY", "-m", "stub")
+    options = (*here, "--env.taskset.engine", "mujoco", *client, "--no-push", "--no-rich")
+    variables = {**KEY, "PYTHONPATH": str(tmp_path / "site")}
+    run_foreign(VERIFIERS, tmp_path, command, "agentflow-design", *options, variables=variables)
+    [traces] = tmp_path.glob("outputs/*/traces.jsonl")
+    [trace] = json.loads(traces.read_text().splitlines()[0])["traces"]
+    same = reward("movement", CAR, engine="mujoco").value
+    assert trace["rewards"]["simulated_score"]["score"] == same
 
 
 def test_the_documented_code_runs(tmp_path: Path, car_url: str) -> None:

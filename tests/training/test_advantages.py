@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agentflow.training.advantages import Floats, best, maxpo, novelty, pass1, pkpo
+from agentflow.training.advantages import Floats, best, maxpo, novelty, pass1, pkpo, unlikeness
 
 SIZES = range(2, 9)
 RNG = np.random.default_rng(20)
@@ -174,3 +174,10 @@ def test_novelty_is_the_mean_distance_to_the_nearest() -> None:
     distances[1] = distances[:, 1] = nan
     assert novelty(distances, 1).tolist() == [3, 0, 3, 7]
     assert novelty([[0.0]]).tolist() == [0]
+
+
+def test_unlikeness_is_the_share_of_others_of_another_kind() -> None:
+    found = unlikeness(["arm", "arm", None, "spring", "arm"])
+    assert found.tolist() == pytest.approx([1 / 3, 1 / 3, 0, 1, 1 / 3])
+    assert unlikeness(["arm"]).tolist() == [0]
+    assert unlikeness([None, None]).tolist() == [0, 0]

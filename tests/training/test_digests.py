@@ -11,9 +11,9 @@ from agentflow.training.digests import MOST_PARTS, PART, digest_model, digest_se
 def test_every_byte_of_a_set_counts(tmp_path: Path) -> None:
     for name in ("train.jsonl", "dev.jsonl"):
         (tmp_path / name).write_text("x" * (PART + 9))
-    (tmp_path / "card.md").write_text("")
+    (tmp_path / "README.md").write_text("")
     first = digest_set(tmp_path)
-    (tmp_path / "card.md").write_text("words about it")
+    (tmp_path / "README.md").write_text("words about it")
     assert digest_set(tmp_path) == first
     (tmp_path / "dev.jsonl").write_text("x" * (PART + 8) + "y")
     assert digest_set(tmp_path) != first

@@ -10,6 +10,7 @@ from random import Random
 from statistics import fmean, median
 from typing import Any, Literal
 
+import yaml
 from pydantic import BaseModel
 
 from agentflow.files.atomic import write_output
@@ -181,7 +182,7 @@ def _lengths(values: Sequence[int]) -> Lengths:
     return Lengths(mean=round(fmean(values), 1), median=median(values), most=max(values))
 
 
-CARD, CARD_TEXT = "card.json", "card.md"
+CARD, CARD_TEXT = "card.json", "README.md"
 
 
 def write_set(folder: Path, pairs: Sequence[Pair], card: DataCard) -> None:
@@ -215,7 +216,21 @@ def card_text(card: DataCard) -> str:
         ),
     }
     headed = ("\n".join([f"## {title}", "", *lines]) for title, lines in parts.items())
-    return "\n\n".join(headed).removeprefix("#") + "\n"
+    return f"---\n{_head(card)}---\n\n" + "\n\n".join(headed).removeprefix("#") + "\n"
+
+
+def _head(card: DataCard) -> str:
+    """What hubs read: their name of the licence, and the file of each split that has pairs."""
+    splits = {"train": ("train", TRAIN), "dev": ("validation", DEV)}
+    files = [{"split": splits[of][0], "path": splits[of][1]} for of in splits if card.pairs[of]]
+    head = {
+        "pretty_name": "Machines of agentflow",
+        "license": "mit" if card.licence == "MIT" else "other",
+        "task_categories": ["text-generation"],
+        "tags": ["agentflow", "physics", "design"],
+        **({"configs": [{"config_name": "default", "data_files": files}]} if files else {}),
+    }
+    return yaml.safe_dump(head, sort_keys=False)
 
 
 def _facts(card: DataCard) -> list[str]:

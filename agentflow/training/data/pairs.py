@@ -1,7 +1,7 @@
 """Pairs of a prompt and a reply that designs a machine: the lines of a set to learn from.
 
 A set is a folder with `train.jsonl` and `dev.jsonl`, one pair per line, and a card that says where
-they come from (`card.md` for people, `card.json` for programs).
+they come from (`README.md` for people and hubs, `card.json` for programs).
 """
 
 from __future__ import annotations

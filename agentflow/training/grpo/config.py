@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -25,6 +25,12 @@ class AdvantageConfig(ConfigGroup):
         0.0, ge=0, description="weight of a machine's edit distance to others, added to rewards"
     )
     nearest: int = Field(3, ge=1, description="others to which that distance is measured")
+    unlike: float = Field(
+        0.0,
+        ge=0,
+        description="weight of the share of a group's other scoring machines that are of another "
+        "mechanism class, added to rewards",
+    )
 
     @field_validator("name")
     @classmethod
@@ -68,6 +74,35 @@ class AdvantageConfig(ConfigGroup):
         return self.k[max(first for first in self.k if first <= step)]
 
 
+class EntropyConfig(ConfigGroup):
+    """TRL's control of entropy: a bonus in the loss, fixed or adapted to keep a target."""
+
+    weight: float = Field(0.0, ge=0, description="weight of the mean entropy of tokens in the loss")
+    target: float | None = Field(
+        None,
+        gt=0,
+        description="entropy (nats per token) below which that weight grows and counts, step by "
+        "step; None keeps it fixed",
+    )
+    step: float = Field(0.005, gt=0, description="change of an adapted weight in a step")
+    most: float = Field(1.0, gt=0, description="greatest adapted weight")
+    quantile: float = Field(
+        1.0, gt=0, le=1, description="share of the tokens, of highest entropy, that are trained"
+    )
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The same as TRL names it."""
+        adapted = {} if self.target is None else {"entropy_target": self.target}
+        return adapted | {
+            "entropy_coef": self.weight,
+            "use_adaptive_entropy": bool(adapted),
+            "entropy_coef_delta": self.step,
+            "entropy_coef_max": self.most,
+            "top_entropy_quantile": self.quantile,
+        }
+
+
 class GrpoConfig(TrainingConfig):
     """Reinforcement learning: groups of replies, rewarded by simulation."""
 
@@ -85,6 +120,7 @@ class GrpoConfig(TrainingConfig):
         "also a part for each step towards a valid machine",
     )
     advantage: AdvantageConfig = AdvantageConfig()
+    entropy: EntropyConfig = EntropyConfig()
     prompts: int = Field(4, ge=1, description="groups per step")
     samples: int = Field(16, ge=2, description="replies per group")
     device_batch: int | None = Field(

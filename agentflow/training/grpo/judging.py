@@ -9,6 +9,7 @@ from math import log1p
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
+from agentflow.env.mechanism import classify
 from agentflow.env.tasks.registry import FAMILIES, get_level
 from agentflow.machine import Machine
 from agentflow.rewards import Reward
@@ -67,6 +68,8 @@ class Judged(NamedTuple):
     spatial: bool
     valid: bool
     machine: Machine | None
+    mechanism: str | None = None
+    """The class of a machine that scores; None for others."""
 
 
 LOST = Judged(None, None, False, False, False, None)
@@ -139,7 +142,15 @@ class Judging:
             spatial=bool(made.spatial),
             valid=made.valid,
             machine=made.machine,
+            mechanism=_class_of(made),
         )
         if judged.reward is not None:
             self._known[reply] = judged
         return judged
+
+
+def _class_of(reward: Reward) -> str | None:
+    if reward.machine is None or not reward.valid or not reward.value or reward.value < 0:
+        return None
+    found = classify(reward.machine, reward.rollout)
+    return None if found is None else str(found)

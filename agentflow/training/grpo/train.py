@@ -185,4 +185,5 @@ def _library_config(config: GrpoConfig, run: TrainingRun) -> LibraryConfig:
         epsilon=config.clip,
         epsilon_high=config.clip_high,
         shuffle_dataset=False,
+        **config.entropy.options,
     )

@@ -14,7 +14,7 @@ import torch
 from trl import GRPOTrainer
 
 from agentflow.diversity.topology import tree_edit_distance
-from agentflow.training.advantages import Floats, novelty
+from agentflow.training.advantages import Floats, novelty, unlikeness
 from agentflow.training.grpo.config import AdvantageConfig
 from agentflow.training.grpo.judging import LOST, Judged, Judging, ToolSession
 
@@ -24,10 +24,11 @@ model, for each of 64 24 ms, as their keys and values no longer fit into the cac
 replies are simulated while the others are written."""
 NUMBERS = (
     *("score", "score_max", "valid", "seconds_generation", "seconds_simulation", "seconds_update"),
-    *("parsed", "spatial", "non_zero", "distinct", "faults"),
+    *("parsed", "spatial", "non_zero", "distinct", "classes", "faults"),
 )
 """What the trainer logs besides. Scores: in the unit of the task, of the replies that have one.
-valid, parsed, spatial, non_zero, distinct: shares of them. seconds_simulation: how long the step
+valid, parsed, spatial, non_zero, distinct: shares of them. classes: mechanism classes of machines
+that score, over all groups of the step. seconds_simulation: how long the step
 waited for simulations when all replies were written."""
 
 
@@ -75,8 +76,10 @@ class SimulationTrainer(GRPOTrainer):
             log_metric(name, number)
         rewards = np.array([np.nan if one.reward is None else one.reward for one in judged])
         self._rewards = rewards.reshape(-1, self.num_generations)
-        if self._advantage.novelty:
-            self._add_novelty(judged)
+        for start, group in zip(
+            range(0, len(judged), self.num_generations), self._rewards, strict=True
+        ):
+            group += self._bonus_of(judged[start : start + self.num_generations])
         return [one.reward for one in judged]
 
     def log(self, logs: dict[str, float], start_time: float | None = None) -> None:
@@ -123,11 +126,14 @@ class SimulationTrainer(GRPOTrainer):
         wanted, k = self._advantage, self._advantage.k_at(self.state.global_step)
         return wanted.chosen(rewards, k=k, scale=wanted.scale)
 
-    def _add_novelty(self, judged: Sequence[Judged]) -> None:
-        starts = range(0, len(judged), self.num_generations)
-        for start, rewards in zip(starts, self._rewards, strict=True):
-            distances = _edit_distances(judged[start : start + self.num_generations])
-            rewards += self._advantage.novelty * novelty(distances, self._advantage.nearest)
+    def _bonus_of(self, group: Sequence[Judged]) -> Floats:
+        """What is added to the rewards of a group for machines that differ from the others."""
+        wanted, bonus = self._advantage, np.zeros(len(group))
+        if wanted.novelty:
+            bonus += wanted.novelty * novelty(_edit_distances(group), wanted.nearest)
+        if wanted.unlike:
+            bonus += wanted.unlike * unlikeness([one.mechanism for one in group])
+        return bonus
 
 
 def _text_of(completion: Any) -> str:
@@ -146,6 +152,7 @@ def _describe(judged: Sequence[Judged]) -> dict[str, float]:
         "spatial": _mean([one.spatial for one in scored]),
         "valid": _mean([one.valid for one in scored]),
         "non_zero": _mean([score > 0 for score in scores]),
+        "classes": len({one.mechanism for one in scored} - {None}),
         "faults": len(judged) - len(scored),
     }
 

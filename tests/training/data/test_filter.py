@@ -8,6 +8,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
+import yaml
 
 from agentflow.cli import main
 from agentflow.env.pool.pool import RolloutPool
@@ -147,7 +148,12 @@ def test_the_pairs_hold_the_real_prompt_and_a_clean_reply(objectives: Path, tmp_
     assert train
     assert dev
     assert not train & dev
-    text = (out / "card.md").read_text()
+    text = (out / "README.md").read_text()
+    head = yaml.safe_load(text.split("---\n")[1])
+    assert head["license"] == "mit"
+    [files] = head["configs"]
+    named = [(item["split"], item["path"]) for item in files["data_files"]]
+    assert named == [("train", "train.jsonl"), ("validation", "dev.jsonl")]
     assert "100 objectives x 250 replies = 25,000, of which 9,982 pairs (40%) passed" in text
     assert f"Machines designed by: {NAME}" in text
 

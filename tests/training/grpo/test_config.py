@@ -102,6 +102,14 @@ def test_the_command_says_what_is_missing(
     assert not (tmp_path / "out").exists()
 
 
+def test_entropy_is_passed_through() -> None:
+    options = read(TINY).entropy.options
+    assert (options["entropy_coef"], options["use_adaptive_entropy"]) == (0, False)
+    options = read(TINY, "entropy={weight: 0.01, target: 0.1, quantile: 0.2}").entropy.options
+    assert options["use_adaptive_entropy"]
+    assert (options["entropy_target"], options["top_entropy_quantile"]) == (0.1, 0.2)
+
+
 def test_a_model_must_be_named() -> None:
     with pytest.raises(ConfigError, match="model is missing"):
         read_config(GrpoConfig, TINY, (), {})

@@ -24,7 +24,7 @@ from trl import GRPOConfig as LibraryConfig
 from agentflow.machine import Machine, read_machine
 from agentflow.training.advantages import ADVANTAGES, pass1
 from agentflow.training.grpo.config import AdvantageConfig
-from agentflow.training.grpo.judging import Judging, performance
+from agentflow.training.grpo.judging import LOST, Judged, Judging, performance
 from agentflow.training.grpo.trainer import SimulationTrainer
 
 LENGTH, SAMPLES = 3, 8
@@ -149,6 +149,12 @@ def test_novelty_adds_the_distance_to_other_machines(tmp_path: Path) -> None:
         others = {"1": roots, "0": cars}[text[0]] if text in machines else 0
         rewards.append(2 + 0.5 * apart * others / (cars + roots - 1))
     assert inputs["advantages"].tolist() == pytest.approx(pass1(rewards).tolist(), abs=1e-5)
+
+
+def test_unlike_mechanisms_are_rewarded(tmp_path: Path) -> None:
+    trainer = make_trainer(tmp_path, AdvantageConfig(unlike=0.5), dict.fromkeys(SCORES, 2.0))
+    known = [Judged(2.0, 2.0, True, True, True, None, kind) for kind in ("arm", "arm", "spring")]
+    assert trainer._bonus_of([*known, LOST]).tolist() == [0.25, 0.25, 0.5, 0]
 
 
 def test_training_moves_the_model_towards_the_best_reply(tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ def filter(
 ) -> None:
     """Keep the answers whose machines work, are new, and are not in the evaluation.
 
-    Writes train.jsonl, dev.jsonl and a card (card.md, card.json). Run the same command again to
+    Writes train.jsonl, dev.jsonl and a card (README.md, card.json). Run the same command again to
     continue.
     """
     from agentflow.app.pools import pools_on
