@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +11,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from PIL import Image
 from pydantic import BaseModel
 from selenium import webdriver
 from selenium.webdriver.common.by import By
@@ -288,6 +291,11 @@ def test_kinds_of_machines_open_their_films(opened: webdriver.Chrome) -> None:
     card = find(opened, ".card")
     assert card.find_element(By.TAG_NAME, "span").get_property("textContent") == VISIBLE
     assert card.text.startswith("12.50")
+    picture = card.find_element(By.TAG_NAME, "img")
+    opened.execute_script("arguments[0].scrollIntoView()", picture)
+    until(opened, lambda: picture.get_property("naturalWidth") == 320)
+    drawn = base64.b64decode(str(picture.get_attribute("src")).partition(",")[2])
+    assert len(Image.open(io.BytesIO(drawn)).convert("RGB").getcolors(1 << 20) or ()) > 50
     assert card.find_element(By.TAG_NAME, "small").text == "2 machines"
     card.click()
     until(opened, lambda: title(opened).endswith("12.50"))
