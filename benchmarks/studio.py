@@ -31,6 +31,7 @@ from agentflow.machine import Machine
 from agentflow.machine.edits.random import random_machine
 from tests.report.browser import chromium
 from tests.studio.serving import studio
+from tests.study.example import record
 
 BLOCKS = 60
 SECONDS = 4.0
@@ -77,6 +78,7 @@ SHOTS = (
     Shot("studio-runs", "runs", SIZES[0], dark=True),
     Shot("studio-build", "build?run=throwing", SIZES[0]),
     Shot("studio-session", "build", SIZES[1], session=True),
+    Shot("studio-replay", "replay?session=one", SIZES[0]),
 )
 
 
@@ -89,6 +91,7 @@ def main() -> None:
         folder = Path(name)
         for run, recorded in RECORDED.items():
             shutil.copytree(recorded, folder / "runs" / run)
+        record(folder / "runs" / "sessions" / "one")
         if given.pictures:
             out = given.pictures.resolve()
             os.chdir(folder)  # so that the page names no path of this computer
@@ -136,6 +139,8 @@ def photograph(shot: Shot) -> Image.Image:
         if shot.page.startswith("build"):
             driver.find_element(By.CSS_SELECTOR, ".palette [role=option]").click()
             wait(driver, "document.querySelectorAll('#faces .list > div').length > 0")
+        elif shot.page.startswith("replay"):
+            driver.find_element(By.CSS_SELECTOR, ".told .note").click()
         else:
             driver.find_element(By.CSS_SELECTOR, ".design summary").click()
         driver.execute_async_script("setTimeout(arguments[0], 1000)")

@@ -408,7 +408,8 @@ def test_control_is_edited_checked_and_shown_as_curves_under_the_film(
         browser.execute_script(script, text, content)
 
     def told() -> list[str]:
-        return [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".control li")]
+        script = "return [...document.querySelectorAll('.control li')].map((li) => li.innerText)"
+        return list(browser.execute_script(script))
 
     write(written.replace(',"p":-0.1', ""))
     until(browser, lambda: told() == ["controllers: laws.approach.p is missing Show"])

@@ -12,7 +12,7 @@ from selenium import webdriver
 
 import agentflow
 from tests.report.browser import complaints, on_phone
-from tests.studio.pages import NASTY, open_page
+from tests.studio.pages import NASTY, find, idle, open_page
 from tests.studio.serving import Served
 from tests.study.example import record
 
@@ -78,3 +78,19 @@ def test_nothing_overlaps_or_is_cut_off(
             found[width] = browser.execute_script(FAULTS)
     assert found == {width: [] for width, _ in WIDTHS}
     assert complaints(browser) == []
+
+
+@pytest.mark.slow
+def test_on_a_phone_the_guide_covers_no_face_and_a_chosen_block_stays_in_sight(
+    browser: webdriver.Chrome, served: Served
+) -> None:
+    with on_phone(browser, 390, 844, dark=False):
+        open_page(browser, served, "build?task=movement&guide=car")
+        boxes = "return [...document.querySelectorAll('.guide, .stage canvas')]" + (
+            ".map((item) => item.getBoundingClientRect()).map(({ top, bottom }) => [top, bottom])"
+        )
+        (top, bottom), (other_top, other_bottom) = sorted(browser.execute_script(boxes))
+        assert top < bottom <= other_top < other_bottom
+        find(browser, ".palette [role=option]").click()
+        idle(browser)
+        assert browser.execute_script("return scrollY") == 0

@@ -14,7 +14,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
 
 from agentflow.app.inspect.overview import run_list
-from agentflow.study.session import Action, StudioTest, read_session
+from agentflow.study.session import Action, Pause, StudioTest, read_session
 from tests.report.browser import complaints
 from tests.studio.pages import (
     NASTY,
@@ -139,7 +139,11 @@ def test_a_session_is_recorded_while_a_person_builds(
         *("movement", 600),
         NASTY,
     )
-    done = [event.do if isinstance(event, Action) else event.kind for event in found.events]
+    done = [
+        event.do if isinstance(event, Action) else event.kind
+        for event in found.events
+        if not isinstance(event, Pause) or event.asked  # others depend on how fast this computer is
+    ]
     assert done == ["audio", "add", "note", "pause", "trial", "watch", "undo", "end"]
     assert (path / "speech-1.webm").read_bytes().startswith(b"\x1aE\xdf\xa3")  # as WebM does
     assert [len(action.machine) for action in found.of(Action)] == [2, 2, 1]

@@ -29,6 +29,7 @@ export class RunView {
     this.parts = new Map();
     this.axis = {}; // of the chart of scores
     this.following = false; // whether the best machine is shown as soon as there is a better one
+    this.growing = false; // whether the run goes on: then the film of a better machine plays
     this.picking = () => {}; // called when somebody picks a machine
     this.top = el("div", {});
     this.rest = el("div", {});
@@ -103,7 +104,7 @@ export class RunView {
     }
     if (this.picked !== node.id) return;
     if (found) this.player.use(found.shapes, found.files);
-    this.player.show(found?.machine, heading(node), fault || (found?.machine.remark ?? ""));
+    this.player.show(found?.machine, heading(node), fault || (found?.machine.remark ?? "")).then(() => this.growing && this.following && !matchMedia("(prefers-reduced-motion)").matches && this.player.play());
     describe(this.chosen, node, found?.machine, this.calls, this.actions(node));
   }
 }

@@ -28,7 +28,7 @@ export async function galleryPage() {
 
 export async function leaderboardPage() {
   const boards = await ask("/api/leaderboards");
-  const none = el("p", {}, "There are no scorecards in this folder. agentflow benchmark --model NAME writes one.");
+  const none = el("p", {}, "There are no scorecards in this folder. ", el("code", {}, "agentflow benchmark --model NAME"), " writes one: it measures a model on fixed tasks of every family.");
   return { elements: [el("main", { class: "alone" }, el("header", {}, el("h1", {}, boards.length > 1 ? "Leaderboards" : "Leaderboard"), el("p", { class: "lede" }, "Models side by side, on the fixed tasks of the benchmark.")),
     ...(boards.length ? boards.flatMap((board) => [el("p", { class: "quiet" }, board.about), ...leaderboardParts(board)]) : [none]))] };
 }

@@ -65,6 +65,7 @@ const retry = (own) => (own?.form ? el("a", { class: "button", href: address("ru
 class Live {
   constructor(run, view) {
     this.run = run;
+    this.view = view;
     this.state = el("span", { class: "state" });
     this.stage = el("span", {});
     this.spent = el("span", { class: "quiet" });
@@ -109,6 +110,7 @@ class Live {
     const { state, problem: why } = news;
     if (why && !state) return this.fail(why);
     if (state !== this.was) this.change(state);
+    this.view.growing = state === "running";
     this.was = state;
     this.state.textContent = state;
     this.state.className = `state ${state}`;

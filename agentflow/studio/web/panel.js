@@ -3,6 +3,7 @@
 import { el, formatNumber } from "../../report/web/dom.js";
 import { Listbox } from "./listbox.js";
 
+const NARROW = 600; // CSS pixels of a phone, where the list of faces is far below what was chosen
 const GROUPS = ["Structure", "Wheel", "Powered joint", "Joint", "Payload", "Weight", "Elastic connector", "Support"]; // what comes first; others follow
 
 /** The blocks of the task, found by typing. */
@@ -35,7 +36,7 @@ export function blockPalette(editor) {
     draw();
     list.mark(list.items.findIndex(({ key }) => key === kind.type));
     card(kind);
-    editor.aimAt({ add: kind.type }).then(() => document.querySelector("#faces .list")?.focus());
+    editor.aimAt({ add: kind.type }).then(() => document.querySelector("#faces .list")?.focus({ preventScroll: innerWidth <= NARROW }));
   }
   draw();
   if (kinds.some(({ required }) => required)) editor.addEventListener("state", draw); // for their numbers
