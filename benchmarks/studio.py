@@ -143,6 +143,9 @@ def photograph(shot: Shot) -> Image.Image:
             driver.find_element(By.CSS_SELECTOR, ".told .note").click()
         else:
             driver.find_element(By.CSS_SELECTOR, ".design summary").click()
+            wait(driver, "document.querySelector('.design [role=status].wide')?.textContent")
+            wait(driver, "document.images.length > 0")
+        wait(driver, "[...document.images].every(({ naturalWidth }) => naturalWidth > 0)")
         driver.execute_async_script("setTimeout(arguments[0], 1000)")
         return Image.open(io.BytesIO(driver.get_screenshot_as_png())).convert("RGB")
 
