@@ -21,6 +21,7 @@ from agentflow.app.benchmark.card import (
 )
 from agentflow.app.benchmark.leaderboard import format_tables, leaderboard, read_cards
 from agentflow.app.benchmark.page import leaderboard_data
+from agentflow.env.tasks.registry import FAMILIES
 from agentflow.errors import AgentflowError, UsageError
 from agentflow.files.documents import sealed
 from agentflow.metrics.intervals import Rate
@@ -320,3 +321,15 @@ def test_the_shipped_cards_are_complete_and_of_all_items() -> None:
     assert procedural.complete
     assert random.complete
     assert [len(family) for family in (procedural.families, procedural.items)] == [8, 24]
+
+
+def test_the_card_of_the_recorded_language_model_is_labelled_and_of_all_families() -> None:
+    cards = read_cards([SHIPPED / "language-model", SHIPPED / "first-replies-procedural.json"])
+    told = {each.model: each for each in cards}
+    model = told["large language model (recorded)"]
+    assert set(model.families) == set(FAMILIES)
+    assert model.complete
+    assert model.parts == ("first",)
+    assert [len(item.parts["first"]) for item in model.items] == [1] * len(FAMILIES)
+    for run in (SHIPPED / "language-model" / "runs").iterdir():
+        assert len((run / "calls.jsonl").read_text().splitlines()) == 1, "one reply each"
