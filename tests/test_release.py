@@ -57,7 +57,10 @@ def packaged_files() -> set[str]:
 
 def record_blocks() -> dict[str, list[dict[str, int]]]:
     """The machine of each record: what an agent that is measured must not find."""
-    found = {file.stem: json.loads(file.read_bytes()) for file in ROOT.glob("records/*.json")}
+    found = {
+        file.relative_to(ROOT / "records").with_suffix("").as_posix(): json.loads(file.read_bytes())
+        for file in ROOT.glob("records/**/*.json")
+    }
     return {name: record["blocks"] for name, record in found.items()}
 
 

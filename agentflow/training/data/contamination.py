@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agentflow.diversity.topology import tree_hash
+from agentflow.env.physics.registry import ENGINES
 from agentflow.env.tasks.family import Family
 from agentflow.env.tasks.records import read_records
 from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, task_names
@@ -112,7 +113,7 @@ def evaluation_trees(folders: Iterable[Path]) -> frozenset[str]:
     Raises:
         RunError: One holds neither, or a machine cannot be read.
     """
-    trees = {record.tree for record in read_records().values()}
+    trees = {one.tree for engine in ("", *ENGINES) for one in read_records(engine).values()}
     for folder in folders:
         runs, evaluations = list(find_runs(folder)), sorted(folder.rglob(ABOUT))
         if not runs and not evaluations:

@@ -20,6 +20,7 @@ from agentflow.env.tasks.records import (
     record_json,
     record_of,
     record_share,
+    scores_file,
 )
 from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, make_task, task_names
 from agentflow.env.verification import verify
@@ -113,6 +114,35 @@ def keeps(record: MachineRecord, then: list[float], now: list[float | None]) -> 
     assert found == (then if record.platform == here() else pytest.approx(then, rel=ELSEWHERE))
 
 
+OTHERS = [(spec.name, name) for spec in ENGINES.values() for name in machine_records(spec.name)]
+"""Records of other engines than that of `RECORDS`."""
+
+
+@for_each(OTHERS)
+def test_another_engine_has_valid_records_of_its_own(engine: str, name: str) -> None:
+    record = machine_records(engine)[name]
+    task = make_task(get_level(record.task), record.knobs, engine)
+    assert check(record.machine, task.brief).task_valid
+    assert (record.engine.partition(" ")[0], record.how.startswith(HOW)) == (engine, True)
+    found = record_of(task)
+    assert found == read_records(engine)[name]
+    assert found.name == f"{engine}/{name}"
+    assert record.low <= record.verified
+    assert (record.task, record.knobs) == (RECORDS[name].task, RECORDS[name].knobs)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("engine", "name"), OTHERS)
+def test_a_record_of_another_engine_keeps_its_score(engine: str, name: str) -> None:
+    record = machine_records(engine)[name]
+    task = make_task(get_level(record.task), record.knobs, engine)
+    found = simulate(record.machine, task, seed=record.seed).score
+    then = (
+        record.score if record.platform == here(engine) else pytest.approx(record.score, rel=0.05)
+    )
+    assert round(found or 0.0, DIGITS) == then
+
+
 SAMPLE = (
     *("bridge-3", "delivery-heavy-cargo", "flying-tilted", "gearing-1", "lifting-3"),
     *("movement-2", "picking-4", "rocket-1", "throwing-few-blocks", "transport-1"),
@@ -185,7 +215,8 @@ def test_types_can_be_withheld() -> None:
 
 def test_the_package_knows_the_scores_of_the_machines() -> None:
     """If this fails: python benchmarks/records.py scores."""
-    assert scores_text() == SCORES.read_text(encoding="utf-8")
+    for engine in ("", *{engine for engine, _ in OTHERS}):
+        assert scores_text(engine) == scores_file(engine).read_text(encoding="utf-8")
     assert "parent" not in SCORES.read_text(encoding="utf-8")
 
 
