@@ -148,15 +148,11 @@ CARRYING = Comparison(
     "A cargo is held above the machine, falls at a moment between 1 and 10 s, and must be 10 m "
     "ahead 5 s later. The controller has two sensors: it waits until the cargo is near above a "
     "block, and then drives more slowly the nearer the target is. Programs wait for 1.5 to 9.5 s "
-    "and then drive at half speed for 2 s or 2.2 s.",
+    "and then drive at half speed for 2.1 s.",
     "transport/6",
     "transport/waiting_carrier.json",
     _controllers_of("transport/waiting_carrier.json"),
-    tuple(
-        (_entry("motors", halves / 2, lasts, 0.5),)
-        for halves in range(3, 20)
-        for lasts in (2.0, 2.2)
-    ),
+    tuple((_entry("motors", second + 0.5, 2.1, 0.5),) for second in range(1, 10)),
 )
 BALANCING = Comparison(
     "Stay upright on two wheels when pushed",
@@ -170,9 +166,9 @@ BALANCING = Comparison(
     (
         (_entry("motors", 0, 10, 0),),
         *(
-            (_entry("motors", halves / 2, 0.5, level),)
-            for halves in range(2, 13)
-            for level in (-0.4, -0.2, 0.2, 0.4)
+            (_entry("motors", second, 0.5, level),)
+            for second in range(1, 6)
+            for level in (-0.3, 0.3)
         ),
     ),
 )
@@ -197,14 +193,16 @@ had wind: `touchdown=8`, `wind.cross=0`, `corridor=0`, and 60 m as good.
 MODEL = """\
 ## A strong language model
 
-A strong language model (recorded) designed for four levels with `controls: sensed`, one run each: \
+A strong language model (recorded) designed for six levels with `controls: sensed`, one run each: \
 MuJoCo, workflow `iterative`, one trajectory, at most four simulations. Its replies and machines \
 are not shipped.
 
 | level | first reply | after feedback | verified | holds in |
 |---|--:|--:|--:|---|
 | movement/6 | 10 (greatest possible) | | 10 | 8 of 8 |
+| movement/7 | 10 (greatest possible) | | 10 | 6 of 6 |
 | rocket/6 | 10 (greatest possible) | | 10 | 6 of 6 |
+| transport/6 | 10 (greatest possible) | | 10 | 6 of 6 |
 | transport/2 | 19.87 | 20.00 (greatest possible), with other numbers in its laws | 20.00 | 9 of 9 |
 | rocket/5 | 1069 | 2653 | 2622 | 7 of 8: 0 if everything starts 2 % later |
 

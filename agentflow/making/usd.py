@@ -4,31 +4,57 @@ from __future__ import annotations
 
 from typing import Any
 
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from agentflow.env.drawing.glb import linear
 from agentflow.env.export.losses import name_blocks
+from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Shape
-from agentflow.machine.geometry.vectors import Quat, Vec3, scale
+from agentflow.machine.geometry.pieces import Bond, extra_bonds, parent_bonds
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.vectors import (
+    IDENTITY,
+    Quat,
+    Vec3,
+    add,
+    inverse,
+    product,
+    rotate_vector,
+    rotation_from_up,
+    scale,
+    subtract,
+)
 from agentflow.machine.tree import Machine
-from agentflow.making.parts import parts_of
+from agentflow.making.parts import Part, parts_of, shift_of
 from agentflow.making.sizes import FULL, Making
+
+_JOINTS = {
+    "fixed": UsdPhysics.FixedJoint,
+    "revolute": UsdPhysics.RevoluteJoint,
+    "prismatic": UsdPhysics.PrismaticJoint,
+    "spherical": UsdPhysics.SphericalJoint,
+}
+AXIS = "Y"
+"""Of the frame of a joint: about it, it turns; along it, it slides."""
 
 
 def machine_usd(machine: Machine, making: Making) -> tuple[bytes, tuple[str, ...]]:
-    """A valid machine as one group of shapes for each block, and what the file cannot hold."""
+    """A valid machine as one rigid body for each block, with physics joints, and what the file
+    cannot hold."""
     size = making.millimetres(FULL) / 1000.0
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/machine").GetPrim())
-    parts = parts_of(machine)
+    parts, geometry = parts_of(machine), place(machine)
+    rods = [part.block for part in parts if part.kind.connector not in (None, "rod")]
     for part in parts:
         path = f"/machine/{part.name}"
         group = UsdGeom.Xform.Define(stage, path)
         _put(group, scale(part.at, size), part.rotation)
-        mass = group.GetPrim().CreateAttribute("agentflow:mass", Sdf.ValueTypeNames.Float)
-        mass.Set(part.kind.mass)
+        if part.block not in rods:
+            UsdPhysics.RigidBodyAPI.Apply(group.GetPrim())
+            UsdPhysics.MassAPI.Apply(group.GetPrim()).CreateMassAttr(part.kind.mass)
         color = Gf.Vec3f(*map(linear, part.kind.color[:3]))
         for number, shape in enumerate(part.shapes):
             solid = _primitive(stage, f"{path}/shape_{number}", shape, size)
@@ -36,11 +62,38 @@ def machine_usd(machine: Machine, making: Making) -> tuple[bytes, tuple[str, ...
             if shape.kind == "box":
                 solid.AddScaleOp().Set(Gf.Vec3f(*scale(shape.size, size)))
             solid.CreateDisplayColorAttr([color])
-    rods = [part.block for part in parts if part.kind.connector not in (None, "rod")]
+            if part.block not in rods:
+                UsdPhysics.CollisionAPI.Apply(solid.GetPrim())
+    for number, bond in enumerate((*parent_bonds(geometry), *extra_bonds(geometry))):
+        if bond.block not in rods and bond.a // 2 != bond.b // 2:
+            _join(stage, number, bond, parts, swap(shift_of(geometry)), size)
     return stage.GetRootLayer().ExportToString().encode(), (
-        "the USD file holds shapes, colours and masses, without joints, motors and strength",
-        *([f"springs and winches are rods: {name_blocks(rods)}"] if rods else ()),
+        "the USD file holds shapes, colours, masses and joints, without motors, springs, stops "
+        "and strength",
+        *([f"springs and winches are loose rods: {name_blocks(rods)}"] if rods else ()),
     )
+
+
+def _join(
+    stage: Any, number: int, bond: Bond, parts: tuple[Part, ...], shift: Vec3, size: float
+) -> None:
+    """The joint of a bond, with the same frame in both of its bodies."""
+    one, other = parts[bond.a // 2], parts[bond.b // 2]
+    moving = bond.kind != "fixed"
+    at = add(swap(bond.pivot), shift) if moving else other.at
+    turn = rotation_from_up(swap(bond.axis)) if moving else IDENTITY
+    joint = _JOINTS[bond.kind].Define(stage, f"/machine/joints/{bond.kind}_{number}")
+    if bond.kind in ("revolute", "prismatic"):
+        joint.CreateAxisAttr(AXIS)
+    for part, body, place_of, turn_of in (
+        (one, joint.CreateBody0Rel(), joint.CreateLocalPos0Attr(), joint.CreateLocalRot0Attr()),
+        (other, joint.CreateBody1Rel(), joint.CreateLocalPos1Attr(), joint.CreateLocalRot1Attr()),
+    ):
+        body.SetTargets([f"/machine/{part.name}"])
+        back = inverse(part.rotation)
+        place_of.Set(Gf.Vec3f(*scale(rotate_vector(back, subtract(at, part.at)), size)))
+        x, y, z, w = product(back, turn)
+        turn_of.Set(Gf.Quatf(w, x, y, z))
 
 
 def _put(what: Any, at: Vec3, rotation: Quat) -> None:

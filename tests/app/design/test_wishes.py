@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64decode
 from pathlib import Path
 
 import pytest
@@ -61,6 +62,8 @@ def test_wishes_and_sketch_reach_the_model_and_stay_in_the_run(drawn: Path, tmp_
         assert picture["image_url"]["url"].startswith("data:image/png;base64,")
     assert replay(run, ignore) is None
     (kept,) = run.glob("sketch-*.png")
+    sent = designs[0][1]["image_url"]["url"].removeprefix("data:image/png;base64,")
+    assert b64decode(sent) == kept.read_bytes()
     with Image.open(kept) as shown:
         assert shown.size == (SIDE, 15)
         assert shown.getpixel((0, 0)) == (255, 255, 255)
