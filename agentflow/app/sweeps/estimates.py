@@ -16,6 +16,7 @@ from agentflow.env.simulation.variations import (
     most_variations_of,
 )
 from agentflow.llm.messages import Usage
+from agentflow.llm.wrappers.budget import FREE
 from agentflow.workflows.registry import WORKFLOWS
 
 ROLLOUT_SECONDS = 0.2
@@ -85,15 +86,17 @@ def _rates(variations: Iterable[Variation]) -> list[float]:
 
 
 def _total_money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:
-    spent = 0.0
+    """Where a search chooses among models, as if the dearest of them were always asked."""
+    model, spent = config.model, 0.0
     for role, count in calls.items():
-        role_model = config.model.roles.get(ROLES[role].model_role or role)
-        name = role_model.name if role_model else config.model.name
-        price = config.model.prices.get(name)
-        free = name == PROCEDURAL or (role_model is None and config.model.local)
-        if count and not free:
-            if price is None:
-                return None
-            prompt, completion = ROLES[role].tokens
-            spent += count * price.of(Usage(prompt=prompt, completion=completion))
+        own = model.roles.get(ROLES[role].model_role or role)
+        names = (own.name,) if own else config.settings.model_arms or (model.name,)
+        local = PROCEDURAL if own or not model.local else model.name
+        prices = [FREE if name in (PROCEDURAL, local) else model.prices.get(name) for name in names]
+        prompt, completion = ROLES[role].tokens
+        usage = Usage(prompt=prompt, completion=completion)
+        costs = [price.of(usage) for price in prices if price is not None]
+        if count and len(costs) < len(names):
+            return None
+        spent += count * max(costs, default=0.0)
     return spent

@@ -11,6 +11,7 @@ from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.sweeps.estimates import NOTHING, Estimate, estimate
 from agentflow.config.run import build_config, load_document
+from agentflow.errors import ConfigError
 from agentflow.metrics.usage import summarize_usage
 from agentflow.runs import read_calls, read_events, read_result
 from agentflow.workflows.hierarchical import STRUCTURES
@@ -81,6 +82,26 @@ def test_cost_needs_a_price_for_every_model_used() -> None:
         priced.money
     )
     assert (priced + of(model={"name": "m"})).money is None
+
+
+def test_a_search_among_models_costs_at_most_as_if_the_dearest_were_asked() -> None:
+    price = {"input": 1.0, "output": 10.0}
+    dear = {"input": 3.0, "output": 30.0}
+    alone = of(workflow="iterative", model={"name": "m", "prices": {"m": price}}).money
+    both = {"m": price, "n": dear}
+    found = of(
+        workflow="iterative",
+        settings={"models": ["m", "n"]},
+        model={"name": "m", "prices": both},
+    )
+    assert found.money == pytest.approx(3 * (alone or 0.0))
+    free = of(workflow="iterative", settings={"models": ["procedural"]})
+    assert free.money == 0.0
+    with pytest.raises(ConfigError, match="a price for 'n'"):
+        of(
+            settings={"models": ["n"]},
+            model={"name": "m", "prices": {"m": price}, "budget": {"money": 1}},
+        )
 
 
 def test_placers_are_priced_like_the_designers_model() -> None:
