@@ -91,7 +91,7 @@ def _against_bare(repeats: int) -> None:
 class BareWorld(PyBulletWorld):
     """Only steps."""
 
-    def step(self, divisions: int = 1) -> None:  # noqa: ARG002
+    def step(self, divisions: int = 1, ahead: int = 1) -> None:  # noqa: ARG002
         pybullet.stepSimulation(self.client)
 
 

@@ -8,6 +8,7 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from copy import copy
 from functools import cache
 from importlib import import_module
 from typing import Any
@@ -59,15 +60,40 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 @cache
-def command_group() -> Any:
-    """The click group of all commands; building it takes longer than most commands."""
+def command_group(whole: str | None = None) -> Any:
+    """The click group of all commands.
+
+    Args:
+        whole: The command that is used. The others then have their names and first lines only:
+            building them all takes longer than most commands.
+    """
     import typer
 
     from agentflow.cli.root import commands
 
     for name in MODULES:
         import_module(f"agentflow.cli.commands.{name}")
-    return typer.main.get_command(commands)
+    if whole is None or "_AGENTFLOW_COMPLETE" in os.environ:
+        return typer.main.get_command(commands)
+    listed = copy(commands)
+    listed.registered_commands = [_listed(each, whole) for each in commands.registered_commands]
+    listed.registered_groups = [copy(each) for each in commands.registered_groups]
+    for group in listed.registered_groups:
+        if group.name != whole:
+            group.typer_instance = copy(group.typer_instance)
+            group.typer_instance.registered_commands = []
+    return typer.main.get_command(listed)
+
+
+def _listed(command: Any, whole: str) -> Any:
+    """A command of typer's as lists show it, unless it is the one that is used."""
+    name = command.name or command.callback.__name__.replace("_", "-")
+    if name == whole:
+        return command
+    listed = copy(command)
+    listed.name, listed.help = name, command.help or command.callback.__doc__
+    listed.callback = lambda: None
+    return listed
 
 
 def _run(given: list[str]) -> int | None:
@@ -84,7 +110,8 @@ def _run(given: list[str]) -> int | None:
         for earlier, now in renamed:
             _print_note(rename_note(earlier, now))
         with _renames_as_notes():
-            status = command_group()(args=rest, prog_name="agentflow", standalone_mode=False)
+            used = next((item for item in rest if not item.startswith("-")), "")
+            status = command_group(used)(args=rest, prog_name="agentflow", standalone_mode=False)
         sys.stdout.flush()
         if status == INTERRUPTED:  # some versions of typer return this on Ctrl-C
             return None

@@ -5,7 +5,7 @@ Each engine converts to its own frame.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -59,6 +59,15 @@ class Touch(NamedTuple):
     """Sum of the normal forces in the last step, N."""
 
 
+class Foreseen(NamedTuple):
+    """What parts of steps that were taken at once did, the first one included."""
+
+    reactions: Array
+    """(S, J, 6) `World.reactions` after each."""
+    filter: Callable[[Array, Array, Array, Array], tuple[Array, Array]]
+    """Filters them as `loads.Loads` does: see `mujoco.ahead.filter_loads`."""
+
+
 class World(Protocol):
     """A running simulation of one machine in one scene. Equal calls give bitwise equal results.
 
@@ -105,8 +114,17 @@ class World(Protocol):
         """Set the levels of several blocks of a machine with controllers at once, which may happen
         in every step; `sudden` if they change much."""
 
-    def step(self, divisions: int = 1) -> None:
-        """Advance by 1 / (rate * divisions) seconds."""
+    def step(self, divisions: int = 1, ahead: int = 1) -> Foreseen | None:
+        """Advance by 1 / (rate * divisions) seconds.
+
+        Args:
+            divisions: Into how many parts a step is divided.
+            ahead: How many such parts, this one included, will follow each other before anything
+                is switched or driven, as far as is known; an engine may take several at once.
+
+        Returns:
+            What is known of the parts that were taken, if several just were.
+        """
 
     def split(self, broken: Sequence[int]) -> None:
         """Remove these joints, keeping every position and velocity."""

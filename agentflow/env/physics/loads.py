@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agentflow.env.physics.engine import Foreseen
 from agentflow.env.physics.frames import WRENCH_ORDER
 from agentflow.env.physics.model import Joint
 from agentflow.env.physics.structure.load_sharing import LoadLoop, load_loops
@@ -67,6 +68,11 @@ class Loads:
         """Filtered force and moment over strength (0 where it broke), the same one step earlier,
         and scratch space: allocating arrays would take longer than the sums."""
         self._squared = self._spare.reshape(-1)
+        self._foreseen: list[tuple[Array, Array, float]] = []
+        """Of parts of steps to come, the last one first: loads before and after, and the greatest
+        square of a component."""
+        self._source = self.level
+        """The array of their reactions: others are of steps that were not foreseen."""
         self.near: Mapping[int, float] = {}
         """The joints that nearly broke in the last step, and their load over strength."""
         self.peak = 0.0
@@ -110,6 +116,15 @@ class Loads:
             self._weights[divisions] = np.array(1.0 - blend), blend * self._per_strength
         return self._weights[divisions]
 
+    def foresee(self, foreseen: Foreseen, divisions: int) -> None:
+        """Filter the loads of parts of steps that were taken at once, for `update` to find."""
+        if self._plan.loops or not self._joints:
+            return
+        keep, take = self._weigh(divisions)
+        levels, squares = foreseen.filter(foreseen.reactions, self.level, keep, take)
+        pairs = zip(levels[:-1], levels[1:], squares.tolist(), strict=True)
+        self._foreseen, self._source = list(pairs)[::-1], foreseen.reactions
+
     def update(self, reactions: Array, divisions: int = 1) -> dict[int, float]:
         """Filter one step's loads and find the joints that break.
 
@@ -128,6 +143,10 @@ class Loads:
         """
         if not self._joints:
             return {}
+        if self._foreseen and reactions.base is self._source:
+            self._before, self.level, square = self._foreseen.pop()
+            return self._judge(square)
+        self._foreseen = []
         if self._plan.loops:
             reactions = reactions.copy()
             for loop in self._plan.loops:
@@ -141,7 +160,11 @@ class Loads:
         np.multiply(before, keep, spare)
         np.add(level, spare, level)
         np.multiply(level, level, spare)
-        square = self._squared.item(self._squared.argmax())  # a third of the time that max takes
+        return self._judge(self._squared.item(self._squared.argmax()))  # max takes three times that
+
+    def _judge(self, square: float) -> dict[int, float]:
+        """As `update`, once loads are filtered; `square` is the greatest square of a component."""
+        level, before = self.level, self._before
         self.peak = sqrt(square)
         self.finite, self.near = isfinite(square), {}
         if square <= SAFE or not self.finite:
@@ -162,6 +185,7 @@ class Loads:
 
     def release(self, joints: Sequence[int]) -> None:
         """Drop joints that broke or were released; they no longer carry load."""
+        self._foreseen = []
         self.level[list(joints)] = 0.0
         self._broken[list(joints)] = True
         self._plan = self._make_plan()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from sys import maxsize
+
 from agentflow.env.constants import Constants
 
 
@@ -30,6 +32,8 @@ class Stepping:
         self._heavy = physics["fine_load"]
         self._since = self._end = 0
         """Steps since the last switch, and how many of them are fine."""
+        self.alike = maxsize
+        """How many steps, the last one included, are divided alike at least until a switch."""
 
     def switch(self) -> None:
         """Take fine steps for some time, as something was switched."""
@@ -42,9 +46,11 @@ class Stepping:
             load: The greatest load over strength of a connection at the moment.
         """
         if self._since >= self._end:
+            self.alike = maxsize
             return 1
         if load >= self._heavy:
             self._end = self._long
+        self.alike = self._end - self._since
         self._since += 1
         return self._fine
 

@@ -11,7 +11,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Touch
+from agentflow.env.physics.engine import Foreseen, Touch
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.physics.grips import Grips
 from agentflow.env.physics.laws.air import GustClock
@@ -107,8 +107,8 @@ class BaseWorld(ABC, Generic[Own]):
     # --- what the engine does ---------------------------------------------------------------
 
     @abstractmethod
-    def _advance(self) -> None:
-        """Take a step of the current length."""
+    def _advance(self, ahead: int) -> Foreseen | None:
+        """Take a step of the current length; `ahead` as in `engine.World.step`."""
 
     @abstractmethod
     def _split(self, broken: Sequence[int]) -> None:
@@ -152,14 +152,15 @@ class BaseWorld(ABC, Generic[Own]):
             self._grips.switch(entry, self._levels[entry] > 0)
         self.now.motors.set()
 
-    def step(self, divisions: int = 1) -> None:
+    def step(self, divisions: int = 1, ahead: int = 1) -> Foreseen | None:
         if divisions != self._divisions:
             self._divisions, self._interval = divisions, 1.0 / (self._rate * divisions)
             for timed in (self._springs, self._winches, self._wind, self.now.motors):
                 timed.step = self._interval
             self._change_interval()
-        self._advance()
+        foreseen = self._advance(ahead)
         self._ledger.add(self.now.forces, self._interval)
+        return foreseen
 
     def split(self, broken: Sequence[int]) -> None:
         self._ledger.interrupt(self.now.forces)

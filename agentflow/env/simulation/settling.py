@@ -29,8 +29,8 @@ class Settling:
         self._world = world
         self._far = physics["rest_drift"]
         self._gain, self._growth = physics["rest_gain"], 1.0 + physics["rest_growth"]
-        self._interval = 2 * max(1, round(physics["rest_interval"] * rate / 2))
-        """Steps; even, as resting contacts alternate between two states."""
+        self.interval = 2 * max(1, round(physics["rest_interval"] * rate / 2))
+        """Steps between looks; even, as resting contacts alternate between two states."""
         self._free = [
             step.id
             for step in machine
@@ -51,11 +51,11 @@ class Settling:
         """
         self._steps += 1
         self._slow = self._slow + 1 if slow else 0
-        if self._steps % self._interval:
+        if self._steps % self.interval:
             return False
         self._places.append(self._world.centres()[self._free])
         del self._places[: -MORE - 1]
-        if self._slow < self._interval or len(self._places) <= INTERVALS:
+        if self._slow < self.interval or len(self._places) <= INTERVALS:
             return False
         moved = np.diff(np.array(self._places), axis=0)
         square = moved * moved

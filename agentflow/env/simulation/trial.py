@@ -138,7 +138,7 @@ class Trial:
         settling = Settling(self._machine, self._world, self._rate, value)
         self._world.switch("wind", 0.0)  # it would blow machines on wheels away before t = 0
         while True:
-            status = self._step()
+            status = self._step(settling.interval - self._steps % settling.interval)
             if status != "ok":
                 return status
             if settling.step(self._resting()) and self._steps >= least:
@@ -172,7 +172,10 @@ class Trial:
                 rest = 0
             if self._pilot and elapsed % self._every == 0:
                 self._fly(self._pilot, elapsed / self._rate)
-            status = self._step()
+            ahead = (due[0][0] if due else last) - elapsed
+            if self._pilot:
+                ahead = min(ahead, self._every - elapsed % self._every)
+            status = self._step(ahead)
             if status != "ok":
                 return status
             if elapsed + 1 >= samples * self._sample_every - 1e-6:
@@ -232,17 +235,19 @@ class Trial:
                 RolloutEvent(self._elapsed / self._rate, "released", (joint.block,), text)
             )
 
-    def _step(self) -> Status:
-        """Take one step, which may be divided into finer ones."""
+    def _step(self, ahead: int) -> Status:
+        """Take one step, which may be divided into finer ones; before as many as `ahead`, this one
+        included, nothing is switched or driven."""
         settled, stepping = self._settled, self._stepping
         divisions = stepping.advance(self._loads.peak) if settled else stepping.settling
         if divisions != self._divisions and settled and self._resting():
             self._monitor.disturb(self._elapsed / self._rate)
         self._divisions = divisions
         thorough = self._steps % self._check_every == 0
+        alike = divisions * (min(ahead, stepping.alike) if settled else ahead)
         for part in range(1, divisions + 1):
             self._time = self._steps + part / divisions
-            status = self._advance(divisions, thorough)
+            status = self._advance(divisions, thorough, alike - part + 1)
             if status != "ok":
                 return status
             if settled and not self._over:
@@ -255,12 +260,14 @@ class Trial:
             return "timeout"
         return "ok"
 
-    def _advance(self, divisions: int, thorough: bool) -> Status:
+    def _advance(self, divisions: int, thorough: bool, ahead: int) -> Status:
         """Take a part of a step. Broken joints stay until the next, so contacts can be read."""
         world, loads = self._world, self._loads
         if self._to_split:
             world.split(self._to_split)
-        world.step(divisions)
+        foreseen = world.step(divisions, ahead)
+        if foreseen:
+            loads.foresee(foreseen, divisions)
         self._speeds = linear, angular = world.speeds(thorough)
         if not (linear <= self._fastest and isfinite(angular)):
             return "diverged"

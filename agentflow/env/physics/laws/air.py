@@ -58,9 +58,11 @@ class DragForce:
             for k, term in enumerate(terms):
                 law[k] += term
         acting = [(row, law) for row, law in laws.items() if any(law)]
-        self._isotropic = [(row, law[0], law[4]) for row, law in acting if _is_isotropic(law)]
-        self._general = [(row, law) for row, law in acting if not _is_isotropic(law)]
-        self.rows = [row for row, _, _ in self._isotropic] + [row for row, _ in self._general]
+        self.isotropic = [(row, law[0], law[4]) for row, law in acting if _is_isotropic(law)]
+        """Of clusters whose axes do not matter: row, loss per velocity and per spin."""
+        self.general = [(row, law) for row, law in acting if not _is_isotropic(law)]
+        """Of the others: row and coefficients."""
+        self.rows = [row for row, _, _ in self.isotropic] + [row for row, _ in self.general]
         """Rows of the clusters that it acts on."""
 
     def power(self, rows: Sequence[Row]) -> float:
@@ -83,12 +85,12 @@ class DragForce:
     def __call__(self, rows: Sequence[Row]) -> list[Wrench]:
         """Force and torque on each cluster that has drag."""
         wrenches: list[Wrench] = []
-        for row, loss, spin in self._isotropic:
+        for row, loss, spin in self.isotropic:
             _, _, _, _, _, _, _, vx, vy, vz, wx, wy, wz = rows[row]
             force = (-loss * vx, -loss * vy, -loss * vz)
             torque = (-spin * wx, -spin * wy, -spin * wz) if spin else None
             wrenches.append((row, False, force, torque))
-        for row, law in self._general:
+        for row, law in self.general:
             wrenches.append((row, True, *_local_drag(rows[row], law)))
         return wrenches
 

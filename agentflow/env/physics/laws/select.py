@@ -100,10 +100,10 @@ class Forces(ABC):
         self, assembly: Assembly, plan: Skeleton, layout: RowLayout, rows: Rows, laws: Sequence[Law]
     ) -> None:
         """Collect all forces: drag and `laws`."""
-        self._rows, self._laws, self._locations = rows, laws, layout.locations
+        self._rows, self.laws, self._locations = rows, laws, layout.locations
         inertia = swap_all(np.array([part.inertia for part in assembly.parts]).reshape(-1, 3))
         locations = drag_locations(assembly, plan, layout.locations)
-        self._drag = DragForce(assembly.parts, locations, inertia)
+        self.drag = DragForce(assembly.parts, locations, inertia)
         self._before: Sequence[Row] = ()
         self._exerted: list[list[PartForce]] = []
         """Rows before the last step, and the forces of each law in it."""
@@ -119,15 +119,15 @@ class Forces(ABC):
 
     def _of_laws(self, rows: Sequence[Row]) -> list[list[PartForce]]:
         """The forces of each law in this step."""
-        if self._laws:
-            self._before, self._exerted = rows, [law(rows) for law in self._laws]
+        if self.laws:
+            self._before, self._exerted = rows, [law(rows) for law in self.laws]
         return self._exerted
 
     def power(self) -> Power:
         """Mean power in the last step; that of drag at its end."""
         rows = self._rows
-        thrust, air = 0.0, self._drag.power(self._read)
-        for law, forces in zip(self._laws, self._exerted, strict=False):
+        thrust, air = 0.0, self.drag.power(self._read)
+        for law, forces in zip(self.laws, self._exerted, strict=False):
             if forces and isinstance(law, ThrustForce | MotionForce):
                 begin = power_of(forces, self._before, self._locations)
                 mean = (begin + power_of(forces, rows, self._locations)) / 2

@@ -85,11 +85,11 @@ class PullForce(ABC):
         self.parts, self._levels = ends, levels
         self.step = step
         """Time between calls, s."""
-        self._ends: list[tuple[RowPoint, RowPoint]] = []
-        self._pulled = [(0.0, 0.0)] * len(ends)
-        """Of each line in the last step: its pull, N, and its length as the step began less `_half`
+        self.ends: list[tuple[RowPoint, RowPoint]] = []
+        self.pulled = [(0.0, 0.0)] * len(ends)
+        """Of each line in the last step: its pull, N, and its length as the step began less `half`
         times the rate at which it grew then, m."""
-        self._half = 0.0
+        self.half = 0.0
         """Half the length of the last step, s."""
         self._works: list[list[float]] = []
         """Work of each line in each step but the last, after a step without any, J."""
@@ -101,15 +101,15 @@ class PullForce(ABC):
 
     def locate_parts(self, locations: PartLocations) -> None:
         """Locate the ends of the lines, after each split of the machine."""
-        self._ends = [(locations.locate(a), locations.locate(b)) for a, b in self.parts]
+        self.ends = [(locations.locate(a), locations.locate(b)) for a, b in self.parts]
 
     def works(self, rows: Sequence[Row]) -> Array:
         """(S + 1, P) work of each line until the end of each step, J; `rows` are those after the
         last step."""
-        lines = [_line(rows, *ends) for ends in self._ends]
+        lines = [_line(rows, *ends) for ends in self.ends]
         last = [
-            pull * (before - distance + self._half * rate) if pull else 0.0
-            for (pull, before), (*_, distance, rate) in zip(self._pulled, lines, strict=True)
+            pull * (before - distance + self.half * rate) if pull else 0.0
+            for (pull, before), (*_, distance, rate) in zip(self.pulled, lines, strict=True)
         ]
         works: Array = np.array([*self._works, last] if self._works else [last]).cumsum(axis=0)
         return works
@@ -118,6 +118,14 @@ class PullForce(ABC):
     def pulls(self) -> Array:
         """(S + 1, P) pull of each line in each step, N, after a row without any."""
         return np.array([[0.0] * len(self.parts), *self._pulls])
+
+    def catch_up(
+        self, steps: Sequence[Sequence[list[float]]], pulled: list[tuple[float, float]], half: float
+    ) -> None:
+        """Note several steps: works and pulls of each, and `pulled` and `half` after the last."""
+        for works, pulls in steps:
+            self._note(works, pulls)
+        self.pulled[:], self.half = pulled, half
 
     def _note(self, works: list[float], pulls: list[float]) -> None:
         """Keep the work of the step before and the pulls of this one."""
@@ -138,23 +146,34 @@ class SpringForce(PullForce):
         super().__init__([(each.a, each.b) for each in springs], levels, step)
         self._springs = springs
 
+    @property
+    def tuned(self) -> list[tuple[float, float, float, float, float]]:
+        """Level, natural length, ramp, force and damping of each."""
+        return [
+            (self._level(each), each.natural, each.ramp, each.force, each.damping)
+            for each in self._springs
+        ]
+
+    def _level(self, spring: Spring) -> float:
+        return max(self._levels.get(spring.starts, 0.0), 0.0)  # springs cannot push
+
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Forces in this step."""
-        pulls, half, self._half = [], self._half, self.step / 2
+        pulls, half, self.half = [], self.half, self.step / 2
         works, forces = ([0.0] * len(self._springs) for _ in range(2))
         for i, spring in enumerate(self._springs):
-            level = max(self._levels.get(spring.starts, 0.0), 0.0)  # springs cannot push
-            pull, before = self._pulled[i]
+            level = self._level(spring)
+            pull, before = self.pulled[i]
             if not (level or pull):
                 continue
-            at_a, at_b, along, distance, rate = _line(rows, *self._ends[i])
+            at_a, at_b, along, distance, rate = _line(rows, *self.ends[i])
             works[i] = pull * (before - distance + half * rate)
             pull = 0.0
             stretch = min((distance - spring.natural) / spring.ramp, 1.0)
             if level and stretch > 0.0:
                 pull = level * max(spring.force * stretch + spring.damping * rate, 0.0)
                 pulls += opposite_forces(spring.a, at_a, spring.b, at_b, scale(along, pull))
-            self._pulled[i], forces[i] = (pull, distance - self._half * rate), pull
+            self.pulled[i], forces[i] = (pull, distance - self.half * rate), pull
         self._note(works, forces)
         return pulls
 
@@ -173,14 +192,14 @@ class WinchForce(PullForce):
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Reel in or out, then the forces in this step."""
-        pulls, half, self._half = [], self._half, self.step / 2
+        pulls, half, self.half = [], self.half, self.step / 2
         works, forces = ([0.0] * len(self._winches) for _ in range(2))
-        for i, (winch, ends) in enumerate(zip(self._winches, self._ends, strict=True)):
+        for i, (winch, ends) in enumerate(zip(self._winches, self.ends, strict=True)):
             level, left = self._levels.get(winch.starts, 0.0), self._left[i]
             if left is None and not level:
                 continue
             at_a, at_b, along, distance, rate = _line(rows, *ends)
-            pull, before = self._pulled[i]
+            pull, before = self.pulled[i]
             works[i] = pull * (before - distance + half * rate)
             left = distance if left is None else left
             left = max(left - level * winch.speed * self.step, min(left, winch.shortest))
@@ -190,7 +209,7 @@ class WinchForce(PullForce):
                 pull = winch.stiffness * (distance - left) + winch.damping * rate
                 pull = min(max(pull, 0.0), winch.force)
                 pulls += opposite_forces(winch.a, at_a, winch.b, at_b, scale(along, pull))
-            self._pulled[i], forces[i] = (pull, distance - self._half * rate), pull
+            self.pulled[i], forces[i] = (pull, distance - self.half * rate), pull
         self._note(works, forces)
         return pulls
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from functools import cache
+from importlib import import_module
+from types import ModuleType
+
 import mujoco
 
 from agentflow.env.constants import Constants, constants
@@ -10,6 +14,10 @@ from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco import MUJOCO
 from agentflow.env.physics.mujoco.world import MuJoCoWorld
 from agentflow.env.scene import Scene
+from agentflow.extras import is_installed
+
+PATIENCE = 50
+"""Loading compiled code takes as long as it saves in so many rollouts."""
 
 
 class MuJoCoEngine:
@@ -17,6 +25,8 @@ class MuJoCoEngine:
 
     def __init__(self, physics: Constants | None = None) -> None:
         self.physics = physics or constants()
+        self.patience = PATIENCE
+        """How many more worlds take steps one by one, which changes no bit."""
         # MuJoCo would write warnings of machines that explode to a file in the working directory;
         # the speeds and loads of such a machine show the same.
         mujoco.set_mju_user_warning(_ignore)
@@ -26,10 +36,24 @@ class MuJoCoEngine:
         return MUJOCO.identity
 
     def build(self, assembly: Assembly, scene: Scene, rate: float) -> MuJoCoWorld:
-        return MuJoCoWorld(self.physics, assembly, scene, rate)
+        compiled = None if self.patience else compiled_steps()
+        self.patience -= bool(self.patience)
+        return MuJoCoWorld(self.physics, assembly, scene, rate, compiled)
 
     def close(self) -> None:
         pass
+
+
+@cache
+def compiled_steps() -> ModuleType | None:
+    """The module `ahead`; None without the extra `speed`, or where it cannot keep what it
+    compiles."""
+    if not is_installed("numba"):
+        return None
+    try:
+        return import_module("agentflow.env.physics.mujoco.ahead")
+    except (ImportError, RuntimeError):  # numba found no folder that it may write to
+        return None
 
 
 def _ignore(warning: str) -> None:

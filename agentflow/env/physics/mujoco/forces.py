@@ -35,30 +35,32 @@ class AppliedForces(Forces):
         super().__init__(assembly, plan, layout, rows, laws)
         objects = [built.objects[name] for name in layout.objects]
         self._leading = [built.parts[part] for part in layout.leading] + objects
-        self._at = [*built.parts, *objects]
+        self.at = [*built.parts, *objects]
+        """Body of each part and moving object."""
         self._row = [
             *layout.locations.row.tolist(),
             *range(len(layout.leading), len(self._leading)),
         ]
-        self._dragged = [self._leading[row] for row in self._drag.rows]
+        self.dragged = [self._leading[row] for row in self.drag.rows]
+        """Bodies on which drag acts."""
         self._count = len(assembly.parts)
         self._target = built.data.xfrc_applied.data
-        self._written: set[int] = set()
+        self.written: set[int] = set()
         """Bodies on which forces acted in the last step."""
 
     def __call__(self) -> None:
         rows = self._read
-        if not self._laws:  # nothing else acts
-            for at, wrench in zip(self._dragged, self._drag.turned(rows), strict=True):
+        if not self.laws:  # nothing else acts
+            for at, wrench in zip(self.dragged, self.drag.turned(rows), strict=True):
                 _PACK(self._target, at * _SIZE, *wrench)
             return
-        total = dict(zip(self._dragged, map(list, self._drag.turned(rows)), strict=True))
+        total = dict(zip(self.dragged, map(list, self.drag.turned(rows)), strict=True))
         for forces in self._of_laws(rows):
             for part, force, place in forces:
                 if place is None:
                     _, _, _, x, y, z, w, *_ = rows[self._row[part]]
                     force = rotate_vector((x, y, z, w), force)
-                own = total.setdefault(self._at[part], [0.0] * 6)
+                own = total.setdefault(self.at[part], [0.0] * 6)
                 own[0] += force[0]
                 own[1] += force[1]
                 own[2] += force[2]
@@ -68,10 +70,10 @@ class AppliedForces(Forces):
 
     def _write(self, total: dict[int, list[float]]) -> None:
         """Replace the forces of the last step."""
-        if self._written != total.keys():
-            for body in self._written - total.keys():
+        if self.written != total.keys():
+            for body in self.written - total.keys():
                 _PACK(self._target, body * _SIZE, *_STILL, *_STILL)
-            self._written = set(total)
+            self.written = set(total)
         for body, wrench in total.items():
             _PACK(self._target, body * _SIZE, *wrench)
 

@@ -9,6 +9,7 @@ halves of a step.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -56,26 +57,27 @@ class Motors:
             drive = merge_drives(joints, link)
             if drive.turns:
                 self._joints.append((rows[address.velocity], address, drive))
-        self._row = _indices([row for row, _, _ in self._joints])
+        self.row = _indices([row for row, _, _ in self._joints])
+        """Of each motor, among the rows of dry friction."""
         self._velocity = _indices([address.velocity for _, address, _ in self._joints])
         count = len(self._joints)
-        first = int(self._row[0]) if count else 0
-        self._together = self._row.tolist() == [*range(first, first + count)]
+        first = int(self.row[0]) if count else 0
+        self._together = self.row.tolist() == [*range(first, first + count)]
         """Whether their rows follow one another, so that a slice of all rows is theirs."""
         self._mixed = [i for i, (_, _, drive) in enumerate(self._joints) if drive.mixed]
         self.mixed = bool(self._mixed)
         """Whether joints have motors that aim at different speeds."""
         self._aims = [0.0] * count
         """Speed that each motor aims at, rad/s."""
-        self._changes: Array = np.zeros(count)
+        self.changes: Array = np.zeros(count)
         """What is added to the wanted acceleration of each motor's row, rad/s2."""
-        self._equalities, self._rows = 0, self._row
+        self._equalities, self._rows = 0, self.row
         """Rows of equalities in the last step, and each motor's among all, which follow them."""
-        self._held: list[tuple[int, int, int, bool]] = []
+        self.held: list[tuple[int, int, int, bool]] = []
         """Motors that hold an angle: which, where MuJoCo stores position and velocity, and whether
         each takes a new angle once it is overcome. Before any device is on, it comes back however
         far it is turned, as by the jerk when a boulder falls in."""
-        self._angles = [0.0] * count
+        self.angles = [0.0] * count
         """The angle that each motor holds, rad."""
         sliding = [
             (built.joints[link.joint], merge_drives(joints, link).stiffness)
@@ -99,17 +101,17 @@ class Motors:
         """Aim at the speeds that the levels give, and hold the angle where that is 0."""
         for i, (_, _, drive) in enumerate(self._joints):
             self._aims[i] = drive.command(self._levels).target
-        before = {i for i, *_ in self._held}
+        before = {i for i, *_ in self.held}
         off = idle(self._levels)
-        self._held = []
+        self.held = []
         for i, (_, address, drive) in enumerate(self._joints):
             if drive.mixed or self._aims[i]:
                 continue
             if i not in before:
-                self._angles[i] = float(self._qpos[address.position])
+                self.angles[i] = float(self._qpos[address.position])
             still = abs(float(self._qvel[address.velocity])) <= STILL
             yields = not (off and still)
-            self._held.append((i, address.position, address.velocity, yields))
+            self.held.append((i, address.position, address.velocity, yields))
         self.mix()
         for i, aim in enumerate(self._aims):
             self._aim(i, aim)
@@ -129,23 +131,23 @@ class Motors:
         self._before = self._motion()
         if not self._joints:
             return
-        data, angles = self._data, self._angles
-        if self._held:  # on plain floats: machines have few motors
+        data, angles = self._data, self.angles
+        if self.held:  # on plain floats: machines have few motors
             position, velocity = self._qpos.tolist(), self._qvel.tolist()
-            for i, at, speed, yields in self._held:
+            for i, at, speed, yields in self.held:
                 angle = position[at]
                 if yields and abs(velocity[speed]) > STILL:
                     angles[i] = angle
                 self._aim(i, HOLD * (angles[i] - angle))
         if data.ne != self._equalities:
             self._equalities = data.ne
-            self._rows = self._row + self._equalities
+            self._rows = self.row + self._equalities
         if self._together:
             first = self._rows.item(0)
             own = data.efc_aref[first : first + len(self._joints)]
-            np.add(own, self._changes, own)
+            np.add(own, self.changes, own)
         else:
-            data.efc_aref[self._rows] += self._changes
+            data.efc_aref[self._rows] += self.changes
 
     def _motion(self) -> tuple[Array, ...]:
         """What work is computed from: speeds; forces besides, and positions."""
@@ -157,27 +159,36 @@ class Motors:
         """Note what all constraints exerted in the step, after its second half."""
         self._noted.append((self.step, self._equalities, efforts, self._before))
         if len(self._noted) == TOGETHER:
-            self._add_works()
+            self._add_works(self._motion())
+
+    def catch_up(
+        self, step: float, equalities: list[int], efforts: list[Array], motions: list[Any]
+    ) -> None:
+        """Note several steps, with the motions before each and after the last."""
+        for i, exerted in enumerate(efforts):
+            self._noted.append((step, equalities[i], exerted, motions[i]))
+            if len(self._noted) == TOGETHER:
+                self._add_works(motions[i + 1])
 
     def take_works(self) -> Array:
         """(S, 2) work of suspensions and of motors in each step since the last call, J."""
-        self._add_works()
+        self._add_works(self._motion())
         works, self._works = self._works, []
         return np.concatenate([np.zeros((0, 2)), *works])
 
-    def _add_works(self) -> None:
-        """Compute the work in all steps that were noted, at once."""
+    def _add_works(self, after: tuple[Array, ...]) -> None:
+        """Compute the work in all steps that were noted, at once; `after` is the motion after
+        the last of them."""
         noted, self._noted = self._noted, []
         if not noted:
             return
         works = np.zeros((len(noted), 2))
         lengths, equalities, efforts, before = zip(*noted, strict=True)
-        after = self._motion()
         if self._joints:
             speeds = np.array([*(each[0] for each in before), after[0]])[:, self._velocity]
             ends = np.cumsum([len(each) for each in efforts])
             starts = np.concatenate([[0], ends[:-1]]) + equalities
-            torques = np.concatenate(efforts)[starts[:, None] + self._row]
+            torques = np.concatenate(efforts)[starts[:, None] + self.row]
             if self._mixed:
                 torques += np.array([each[1] for each in before])[:, self._velocity]
             powers = (torques * (speeds[:-1] + speeds[1:])).sum(axis=1) / 2
@@ -188,7 +199,7 @@ class Motors:
         self._works.append(works)
 
     def _aim(self, motor: int, speed: float) -> None:
-        self._changes[motor] = speed / (self.step * TIGHT)
+        self.changes[motor] = speed / (self.step * TIGHT)
 
 
 def _indices(numbers: Sequence[int]) -> Indices:

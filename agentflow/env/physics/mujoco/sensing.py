@@ -21,6 +21,12 @@ from agentflow.env.scene import Body
 ROW_ORDER = np.array([0, 1, 2, 4, 5, 6, 3, 7, 8, 9, 10, 11, 12])
 """Where each number of a row is among MuJoCo's, whose quaternions begin with w."""
 
+COMPACT = slice(0, 6), slice(6, 8), slice(8, 9)
+"""Place, two shapes and row of a contact among its 4-byte words, where only these are kept."""
+Kept = tuple[Any, Array, Any, int]
+"""(C, 9) contacts and what constraints exerted in several steps, (S + 1, 3) where those of each
+step begin in both, and the number of a step."""
+
 
 class Rows:
     """The rows of one layout after the last step."""
@@ -39,9 +45,16 @@ class Rows:
         self._list = []
         self._speeds = None
 
+    def show(self, table: Array, speeds: tuple[float, float]) -> None:
+        """Show rows that were read before, and their greatest speeds."""
+        self.table, self._list, self._speeds = table, [], speeds
+
     def __getitem__(self, row: int) -> Row:
         """One row."""
-        return self.all[row]
+        if self._list:
+            return self._list[row]
+        found: Row = self.table[row].tolist()
+        return found
 
     @property
     def all(self) -> list[Row]:
@@ -103,6 +116,14 @@ class Reactions:
         for joint, axis in self._oblique:
             reactions[joint] -= np.add.reduce(reactions[joint] * axis) * axis
 
+    def of(self, sensed: Array) -> Array:
+        """(S, J, 6) the same of (S, N) readings of all sensors."""
+        found: Array = sensed.take(self._source, axis=1) * self._share
+        for joint, axis in self._oblique:
+            for one in found[:, joint]:
+                one -= np.add.reduce(one * axis) * axis
+        return found
+
 
 def motions(built: CompiledModel) -> dict[int, tuple[float, float]]:
     """Position and velocity of every joint in the trees that has one degree of freedom, and of
@@ -123,10 +144,13 @@ class Contacts:
         self._memory: Any = None
         """All contacts that MuJoCo has room for, as it stores them, as 4-byte words in rows; None
         until there are any."""
-        self._place = self._geoms = self._row = slice(0)
-        """Which of the words are the place of a contact, its two shapes and its row."""
-        self._found: Any = np.zeros((0, 0), np.int32)
+        self._stored = COMPACT
+        """Where these are among the words."""
+        self._found: Any = np.zeros((0, 9), np.int32)
         """Contacts in the last step."""
+        self._at = COMPACT
+        self._late: Kept | None = None
+        """A step whose contacts are found here and have not been looked at."""
         self._efforts: Array = np.zeros(0)
         self._known: dict[tuple[int, int], Pair | None] = {}
         """Owners of two shapes: sorting them takes longer."""
@@ -143,17 +167,31 @@ class Contacts:
         if count and self._memory is None:
             self._locate(self._data.contact)
         if self._memory is not None:
-            self._found = self._memory[:count].copy()
-        self._efforts = efforts
+            self._found, self._at = self._memory[:count].copy(), self._stored
+        self._efforts, self._late = efforts, None
+
+    def show(self, kept: Kept) -> None:
+        """Show contacts that were kept."""
+        self._late = kept
+
+    def _look(self) -> Any:
+        """The contacts."""
+        if self._late:
+            (found, efforts, counts, i), self._late = self._late, None
+            (first, begin), (last, end) = counts[i : i + 2, :2].tolist()
+            self._found, self._efforts = found[begin:end], efforts[first:last]
+            self._at = COMPACT
+        return self._found
 
     def _locate(self, contact: Any) -> None:
         """Find where MuJoCo stores contacts: always in the same place, one after another. Copying
         them as they are takes a third of the time of asking for some of their fields."""
         start, (size,) = _address(contact.dist), contact.dist.strides
-        self._place, self._geoms, self._row = (
+        place, geoms, row = (
             slice((_address(field) - start) // 4, (_address(field) - start + length) // 4)
             for field, length in ((contact.pos, 24), (contact.geom, 8), (contact.efc_address, 4))
         )
+        self._stored = place, geoms, row
         room = ctypes.c_char * (self._most // size * size)
         memory = np.frombuffer(room.from_address(start), np.int32)
         self._memory = memory.reshape(-1, size // 4)
@@ -164,7 +202,7 @@ class Contacts:
         if body not in self._shapes:
             self._shapes[body] = {i for i, owner in enumerate(owners) if owner == body}
         mine, found = self._shapes[body], set()
-        for one, other in self._found[:, self._geoms].tolist():
+        for one, other in self._look()[:, self._at[1]].tolist():
             if one in mine:
                 found.add(owners[other])
             elif other in mine:
@@ -173,14 +211,12 @@ class Contacts:
 
     def all(self) -> list[Touch]:
         """Everything that was in contact."""
+        found, (place, geoms, row) = self._look(), self._at
         forces = [*self._efforts.tolist(), 0.0]  # contacts without force: row -1
-        found = self._found
-        places = found[:, self._place].copy().view(np.float64).reshape(-1, 3).tolist()
-        points = zip(
-            found[:, self._geoms].tolist(), found[:, self._row].tolist(), places, strict=True
-        )
+        places = found[:, place].copy().view(np.float64).reshape(-1, 3).tolist()
+        points = zip(found[:, geoms].tolist(), found[:, row].tolist(), places, strict=True)
         return sum_touches(
-            (self._pair(one, other), forces[row], place) for (one, other), (row,), place in points
+            (self._pair(one, other), forces[own], place) for (one, other), (own,), place in points
         )
 
     def _pair(self, one: int, other: int) -> Pair | None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from agentflow.env.constants import Constants
+from agentflow.env.physics.engine import Foreseen
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Assembly
@@ -36,6 +39,12 @@ from agentflow.env.rotations import matrices, turn_back
 from agentflow.env.scene import Body, Scene, SceneObject, Start
 from agentflow.machine.geometry.vectors import Vec3, add, rotate_vector
 
+if TYPE_CHECKING:  # it needs libraries that may be missing
+    from agentflow.env.physics.mujoco.ahead import Ahead
+
+LEAST = 3
+"""Fewer steps are taken one by one."""
+
 
 @dataclass(frozen=True)
 class Model(UnsplitMachine):
@@ -45,19 +54,30 @@ class Model(UnsplitMachine):
     contacts: Contacts
     reactions: Reactions
     motors: Motors
+    forces: AppliedForces
     calming: Calming | None
     """None if no surface is lively."""
     yielding: Yielding | None
     """None if nothing is soft."""
     rows: Rows
+    ahead: Ahead | None
+    """Takes several steps at once; None if that is not wanted, or not possible."""
 
 
 class MuJoCoWorld(BaseWorld[Model]):
     """An `engine.World`; see there for its members."""
 
-    def __init__(self, physics: Constants, assembly: Assembly, scene: Scene, rate: float) -> None:
-        """Set everything up."""
+    def __init__(
+        self,
+        physics: Constants,
+        assembly: Assembly,
+        scene: Scene,
+        rate: float,
+        compiled: ModuleType | None = None,
+    ) -> None:
+        """Set everything up; `compiled` is the module `ahead`, if steps may be taken with it."""
         super().__init__(physics, assembly, scene, rate)
+        self._compiled = compiled
         self.settle_rate = physics["step_rate"]
         """Settling four times as finely changes scores of cars by 0.0 %, of throwers by 1 %."""
         self.now = self._build_structure()
@@ -66,18 +86,29 @@ class MuJoCoWorld(BaseWorld[Model]):
         self._refresh()
 
     def switch(self, entry: Entry, level: float) -> None:
+        self._rewind()
         super().switch(entry, level)
         self._refresh()
 
     def drive(self, levels: Mapping[Entry, float], sudden: bool) -> None:
+        self._rewind()
         super().drive(levels, sudden)
         if sudden or self.now.motors.mixed:  # else only the aims of motors change
             self._refresh()
 
-    def _advance(self) -> None:
+    def _advance(self, ahead: int) -> Foreseen | None:
         """Apply forces, then take the second half of a step and the first half of the next one,
         after which poses and velocities are current."""
-        now = self.now
+        now, known = self.now, None
+        if now.ahead is not None:
+            if not now.ahead.queue and ahead >= LEAST:
+                known = now.ahead.run(ahead, self._interval)
+            if now.ahead.queue:
+                table, speeds, self.reactions, kept = now.ahead.queue.pop()
+                now.rows.show(table, speeds)
+                now.contacts.show(kept)
+                return known
+            now.ahead.note()
         model, data = now.built.model, now.built.data
         now.forces()
         now.motors.drive()
@@ -94,6 +125,15 @@ class MuJoCoWorld(BaseWorld[Model]):
         mujoco.mj_step1(model, data)
         now.rows.read()
         now.reactions.read(self.reactions)
+        return None
+
+    def _rewind(self) -> None:
+        """Take back steps that nothing has seen yet, before something else happens to the model."""
+        ahead = self.now.ahead
+        if ahead:
+            if ahead.queue:
+                self.reactions = self.reactions.copy()
+            ahead.rewind()
 
     def _split(self, broken: Sequence[int]) -> None:
         """Build the model again."""
@@ -126,7 +166,7 @@ class MuJoCoWorld(BaseWorld[Model]):
             item.name: item.stiffness for item in scene.objects if item.stiffness is not None
         }
         stiffness = [soft.get(owner, 0.0) for owner in built.owners]
-        return Model(
+        model = Model(
             layout,
             built=built,
             readings=Readings(assembly, layout),
@@ -137,7 +177,11 @@ class MuJoCoWorld(BaseWorld[Model]):
             calming=calming if any(built.lively) else None,
             yielding=Yielding(built.model, built.data, stiffness) if soft else None,
             rows=rows,
+            ahead=None,
         )
+        if self._compiled and self._compiled.can_run(model):
+            model = replace(model, ahead=self._compiled.Ahead(model, self._springs))
+        return model
 
     def _refresh(self) -> None:
         """Take the first half of a step again, after positions, motors or its length changed."""
@@ -153,10 +197,16 @@ class MuJoCoWorld(BaseWorld[Model]):
         return inertia_of(item)
 
     def _change_interval(self) -> None:
+        self._rewind()
         set_step_length(self.now.built.model, self._interval)
         self._refresh()
 
+    def pulls(self) -> Mapping[int, tuple[Array, Array]]:
+        self._rewind()
+        return super().pulls()
+
     def _take_works(self) -> Array:
+        self._rewind()
         return self.now.motors.take_works()
 
 

@@ -43,7 +43,7 @@ class AppliedForces(Forces):
         ]
         """Bodies whose links are not read. Without a refresh, PyBullet would apply forces at the
         links' positions one step earlier."""
-        self._far = bool(laws) or not set(self._drag.rows) <= set(rows.heads)
+        self._far = bool(laws) or not set(self.drag.rows) <= set(rows.heads)
         """Whether any force acts on a row that is not a head."""
 
     @property
@@ -53,7 +53,7 @@ class AppliedForces(Forces):
     def __call__(self) -> None:
         client = self._client
         rows = self._read
-        for row, local, force, torque in self._drag(rows):
+        for row, local, force, torque in self.drag(rows):
             uid, index = self._leading[row]
             frame = pybullet.LINK_FRAME if local else pybullet.WORLD_FRAME
             at = CENTRE if local else rows[row][POSITION]

@@ -72,7 +72,7 @@ class PyBulletWorld(BaseWorld[Bodies]):
         _place_at_start(client, self.now.built, scene.start)
         self._read()
 
-    def _advance(self) -> None:
+    def _advance(self, ahead: int) -> None:  # noqa: ARG002
         now = self.now
         now.forces()
         now.motors.set_for_step()

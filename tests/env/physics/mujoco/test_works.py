@@ -90,7 +90,7 @@ def test_contacts_are_where_the_engine_stores_them(monkeypatch: pytest.MonkeyPat
         geoms, places = seen[-1]
         found = world.now.contacts._found
         counts.add(len(found))
-        assert found[:, world.now.contacts._geoms].tolist() == geoms
-        stored = found[:, world.now.contacts._place].copy().view(np.float64).tolist()
+        assert found[:, world.now.contacts._at[1]].tolist() == geoms
+        stored = found[:, world.now.contacts._at[0]].copy().view(np.float64).tolist()
         assert stored == places
     assert len(counts) > 3

@@ -1,0 +1,457 @@
+"""Several steps at once, compiled: what `world` does in each step while nothing is switched.
+
+Needs numba, from the extra `speed`. Without it, and for what it does not know, worlds take steps
+one by one, to the same bits: that path says what a step is, and this one only repeats it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from itertools import pairwise
+from math import isfinite, sqrt
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding
+import mujoco
+import numba
+import numpy as np
+from mujoco.introspect import ast_nodes
+from mujoco.introspect.structs import STRUCTS
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from agentflow.env.physics.engine import Foreseen
+from agentflow.env.physics.laws.tension import SpringForce
+from agentflow.env.physics.mujoco.couplings import TIGHT
+from agentflow.env.physics.mujoco.sensing import ROW_ORDER, Kept
+from agentflow.env.physics.mujoco.world import Model
+from agentflow.env.physics.rows import WIDTH
+from agentflow.env.physics.structure.drives import HOLD, STILL
+from agentflow.env.rollout import Array
+
+MOST = 64
+"""Steps that are taken at once."""
+ROOM = 4096
+"""Rows of constraints, and contacts, for which there is room in all of them."""
+SPRING = 5
+"""Numbers of a spring: level, natural length, ramp, force, damping."""
+
+
+class Ahead:
+    """Takes steps ahead of a world that shows them one by one; for one model until it splits."""
+
+    def __init__(self, now: Model, springs: SpringForce) -> None:
+        """Find where everything is; `springs` are those of the world."""
+        built, drag, motors = now.built, now.forces.drag, now.motors
+        self._now, self._springs, self._motors = now, springs, motors
+        self._model, self._data = built.model, built.data
+        self.queue: list[tuple[Array, tuple[float, float], Array, Kept]] = []
+        """Of the steps that were taken and not shown, the last one first: table and greatest speeds
+        of rows, reactions, and contacts."""
+        self.taken = self._noted = 0
+        """Steps that were taken last, and how many of them were noted for work."""
+        self._first = 6 * len(built.links)
+        """The first number of the rows among those of the sensors."""
+        general, round_ = drag.general, drag.isotropic
+        own = now.forces.dragged
+        self._addresses = np.array([built.model._address, built.data._address])
+        self._state = (
+            built.data.qpos,
+            built.data.qvel,
+            built.data.qacc_warmstart,
+            built.data.xfrc_applied,
+            built.data.sensordata,
+        )
+        self._drag = (
+            np.array([row for row, _, _ in round_] + [row for row, _ in general], np.intp),
+            np.array(own, np.intp),
+            np.array([law for _, *law in round_]).reshape(-1, 2),
+            np.array([law for _, law in general]).reshape(-1, 10),
+        )
+        ends = springs.ends
+        at = now.forces.at
+        self._lines = (
+            np.array([(one[0], other[0]) for one, other in ends], np.intp).reshape(-1, 2),
+            np.array([(*one[1], *other[1]) for one, other in ends]).reshape(-1, 6),
+            np.array([(at[a], at[b]) for a, b in springs.parts], np.intp).reshape(-1, 2),
+        )
+        self._written = {*own, *self._lines[2].ravel().tolist()}
+
+    def run(self, steps: int, step: float) -> Foreseen | None:
+        """Take so many steps of this length, s; None if not even one of them can be taken."""
+        motors, springs, data = self._motors, self._springs, self._data
+        self.note()
+        steps = min(steps, MOST)
+        held = np.array(list(motors.held), np.intp).reshape(-1, 4)
+        angles = np.empty((steps + 1, len(motors.angles)))
+        angles[0] = motors.angles
+        lines = len(springs.parts)
+        tuned = np.array(springs.tuned).reshape(-1, SPRING)
+        pulled = np.empty((steps + 1, lines, 2))
+        pulled[0] = np.reshape(springs.pulled, (-1, 2))
+        self._qpos = np.empty((steps + 1, data.qpos.size))
+        self._qvel = np.empty((steps + 1, data.qvel.size))
+        self._warm = np.empty((steps, data.qvel.size))
+        sensed = np.empty((steps, data.sensordata.size))
+        self._efforts, self._contacts = np.empty(ROOM), np.empty((ROOM, 9), np.int32)
+        self._counts = np.zeros((steps + 1, 3), np.intp)
+        speeds, self._lengths = np.empty((steps, 2)), np.empty((steps, 2, lines))
+        self._angles, self._pulled, self._step, self._began = angles, pulled, step, data.time
+        taken = _run(
+            steps,
+            step,
+            springs.half,
+            self._first,
+            self._addresses,
+            self._state,
+            self._drag,
+            self._lines,
+            (tuned, pulled, self._lengths),
+            (motors.row, motors.changes, held, angles),
+            (self._qpos, self._qvel, self._warm, sensed, speeds),
+            (self._efforts, self._contacts, self._counts),
+        )
+        self.taken, self._noted = taken, 0
+        if not taken:
+            return None
+        self._now.forces.written = self._written
+        sensed = sensed[:taken]
+        tables = sensed[:, self._first :].reshape(taken, -1, WIDTH)
+        reactions = self._now.reactions.of(sensed)
+        kept = self._contacts, self._efforts, self._counts
+        self.queue = [
+            *zip(
+                tables.take(ROW_ORDER, axis=2),
+                map(tuple, speeds[:taken].tolist()),
+                reactions,
+                [(*kept, i) for i in range(taken)],
+                strict=True,
+            )
+        ][::-1]
+        return Foreseen(reactions, filter_loads)
+
+    def note(self) -> None:
+        """Tell motors and springs of the steps that were shown."""
+        first, last = self._noted, self.taken - len(self.queue)
+        if first == last:
+            return
+        self._noted = last
+        counts, motors = self._counts.tolist(), self._motors
+        motors.angles[:] = self._angles[last].tolist()
+        ends = [count[0] for count in counts[first : last + 1]]
+        efforts = [self._efforts[a:b] for a, b in pairwise(ends)]
+        motions = [(self._qvel[i], None, self._qpos[i]) for i in range(first, last + 1)]
+        equalities = [count[2] for count in counts[first + 1 : last + 1]]
+        motors.catch_up(self._step, equalities, efforts, motions)
+        if self._springs.parts:
+            lengths = self._lengths[first:last].tolist()
+            pulled = [(pull, before) for pull, before in self._pulled[last].tolist()]
+            self._springs.catch_up(lengths, pulled, self._step / 2)
+
+    def rewind(self) -> None:
+        """Take back the steps that were not shown; before anything else touches the engine."""
+        self.note()
+        if not self.queue:
+            return
+        data, i = self._data, self._noted
+        data.qpos[:], data.qvel[:] = self._qpos[i], self._qvel[i]
+        data.qacc_warmstart[:] = self._warm[i - 1]
+        time = self._began
+        for _ in range(i):
+            time += self._step
+        data.time = time
+        self.queue, self.taken = [], i
+        mujoco.mj_step1(self._model, data)
+
+
+def can_run(now: Model) -> bool:
+    """Whether nothing acts on a model that `Ahead` does not know."""
+    unknown = now.calming or now.yielding or now.built.grips or now.motors.mixed
+    return not unknown and all(isinstance(law, SpringForce) for law in now.forces.laws)
+
+
+# --- where MuJoCo keeps what its arrays do not lead to ----------------------------------------
+
+_PLAIN: dict[str, Any] = {
+    "mjtNum": ctypes.c_double,
+    "mjtSize": ctypes.c_int64,
+    "mjtBool": ctypes.c_uint8,
+    "mjtByte": ctypes.c_uint8,
+    "float": ctypes.c_float,
+    "size_t": ctypes.c_size_t,
+    "uint64_t": ctypes.c_uint64,
+    "uintptr_t": ctypes.c_void_p,
+}
+
+
+def _ctype(kind: Any) -> Any:
+    if isinstance(kind, ast_nodes.PointerType):
+        return ctypes.c_void_p
+    if isinstance(kind, ast_nodes.ArrayType):
+        made = _ctype(kind.inner_type)
+        for extent in reversed(kind.extents):
+            made *= extent
+        return made
+    return _struct(kind.name) if kind.name in STRUCTS else _PLAIN.get(kind.name, ctypes.c_int)
+
+
+def _struct(name: str) -> Any:
+    fields = [(field.name, _ctype(field.type)) for field in STRUCTS[name].fields]
+    return type(name, (ctypes.Structure,), {"_fields_": fields})
+
+
+_DATA, _TOUCH = _struct("mjData"), _struct("mjContact")
+COUNT, EQUAL, ROWS = _DATA.ncon.offset // 4, _DATA.ne.offset // 4, _DATA.nefc.offset // 4
+CONTACTS, AIMS, FORCES = (
+    getattr(_DATA, name).offset // 8 for name in ("contact", "efc_aref", "efc_force")
+)
+SIZE = ctypes.sizeof(_TOUCH) // 4
+PLACE, SHAPES, ROW = _TOUCH.pos.offset // 4, _TOUCH.geom.offset // 4, _TOUCH.efc_address.offset // 4
+
+
+# --- compiled ---------------------------------------------------------------------------------
+
+llvmlite.binding.load_library_permanently(
+    str(next(Path(mujoco.__file__).parent.glob("*mujoco*.[sd][oyl]*")))
+)
+_one = types.ExternalFunction("mj_step1", types.void(types.intp, types.intp))
+_two = types.ExternalFunction("mj_step2", types.void(types.intp, types.intp))
+
+
+@intrinsic
+def _pointer(_context: Any, address: Any) -> Any:
+    def generate(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    return types.voidptr(address), generate
+
+
+@njit(cache=True)
+def filter_loads(reactions: Array, level: Array, keep: float, take: Array) -> tuple[Array, Array]:
+    """As `loads.Loads.update` filters the loads of several steps.
+
+    Args:
+        reactions: (S, J, 6).
+        level: (J, 6) before the first step.
+        keep: Weight of earlier loads.
+        take: (J, 6) weights of a step's.
+
+    Returns:
+        (S + 1, J, 6) levels, before the first step and after each, and (S,) the greatest square.
+    """
+    steps, joints = reactions.shape[0], reactions.shape[1]
+    levels, squares = np.empty((steps + 1, joints, 6)), np.zeros(steps)
+    levels[0] = level
+    for s in range(steps):
+        most = 0.0
+        for j in range(joints):
+            for k in range(6):
+                new = reactions[s, j, k] * take[j, k] + levels[s, j, k] * keep
+                levels[s + 1, j, k] = new
+                square = new * new
+                if square > most or square != square:
+                    most = square
+            if most != most:
+                break
+        squares[s] = most
+    return levels, squares
+
+
+@njit
+def _turned(q: Any, a: float, b: float, c: float) -> tuple[float, float, float]:
+    """`vectors.rotate_vector`; `q` is (w, x, y, z)."""
+    w, x, y, z = q
+    u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u
+
+
+@njit
+def _moved(row: Array, offset: Array) -> Any:
+    """`forces.part_motion`, of a row as MuJoCo has it."""
+    q = (row[3], row[4], row[5], row[6])
+    a, b, c = _turned(q, offset[0], offset[1], offset[2])
+    wx, wy, wz = row[10], row[11], row[12]
+    return (
+        (row[0] + a, row[1] + b, row[2] + c),
+        (row[7] + (wy * c - wz * b), row[8] + (wz * a - wx * c), row[9] + (wx * b - wy * a)),
+    )
+
+
+@njit
+def _drag(row: Array, law: Array) -> Any:
+    """`air._local_drag`, turned as `DragForce.turned` does."""
+    loss, sx, sy, sz, mxx, myy, mzz, mxy, mxz, myz = (
+        law[0],
+        law[1],
+        law[2],
+        law[3],
+        law[4],
+        law[5],
+        law[6],
+        law[7],
+        law[8],
+        law[9],
+    )
+    w, x, y, z = row[3], row[4], row[5], row[6]
+    vx, vy, vz, wx, wy, wz = row[7], row[8], row[9], row[10], row[11], row[12]
+    xx, yy, zz = x * x, y * y, z * z
+    xy, xz, yz, xw, yw, zw = x * y, x * z, y * z, x * w, y * w, z * w
+    a, b, c = 1 - 2 * (yy + zz), 2 * (xy + zw), 2 * (xz - yw)
+    d, e, f = 2 * (xy - zw), 1 - 2 * (xx + zz), 2 * (yz + xw)
+    g, h, i = 2 * (xz + yw), 2 * (yz - xw), 1 - 2 * (xx + yy)
+    ux, uy, uz = a * vx + b * vy + c * vz, d * vx + e * vy + f * vz, g * vx + h * vy + i * vz
+    px, py, pz = a * wx + b * wy + c * wz, d * wx + e * wy + f * wz, g * wx + h * wy + i * wz
+    q = (w, x, y, z)
+    return (
+        _turned(
+            q,
+            py * -sz + pz * sy - loss * ux,
+            pz * -sx + px * sz - loss * uy,
+            px * -sy + py * sx - loss * uz,
+        ),
+        _turned(
+            q,
+            sz * uy - sy * uz - mxx * px - mxy * py - mxz * pz,
+            sx * uz - sz * ux - mxy * px - myy * py - myz * pz,
+            sy * ux - sx * uy - mxz * px - myz * py - mzz * pz,
+        ),
+    )
+
+
+@njit
+def _pull(
+    table: Array,
+    lines: Any,
+    springs: Any,
+    half: float,
+    now: float,
+    s: int,
+    applied: Array,
+) -> None:
+    """`SpringForce.__call__` in step `s`; `half` is that of the step before, `now` of this one."""
+    rows, offsets, bodies = lines
+    tuned, pulled, noted = springs
+    for i in range(rows.shape[0]):
+        level, natural, ramp, force, damping = (
+            tuned[i, 0],
+            tuned[i, 1],
+            tuned[i, 2],
+            tuned[i, 3],
+            tuned[i, 4],
+        )
+        pull, before = pulled[s, i, 0], pulled[s, i, 1]
+        pulled[s + 1, i, 0], pulled[s + 1, i, 1] = pull, before
+        noted[s, 0, i] = noted[s, 1, i] = 0.0
+        if level == 0.0 and pull == 0.0:
+            continue
+        (ax, ay, az), (ux, uy, uz) = _moved(table[rows[i, 0]], offsets[i, :3])
+        (bx, by, bz), (vx, vy, vz) = _moved(table[rows[i, 1]], offsets[i, 3:])
+        x, y, z = bx - ax, by - ay, bz - az
+        distance = max(sqrt(x * x + y * y + z * z), 1e-9)
+        per = 1.0 / distance
+        x, y, z = x * per, y * per, z * per
+        rate = (vx - ux) * x + (vy - uy) * y + (vz - uz) * z
+        noted[s, 0, i] = pull * (before - distance + half * rate)
+        pull = 0.0
+        stretch = min((distance - natural) / ramp, 1.0)
+        if level != 0.0 and stretch > 0.0:
+            pull = level * max(force * stretch + damping * rate, 0.0)
+            one, other = bodies[i, 0], bodies[i, 1]
+            for k, along in enumerate((x, y, z)):
+                applied[one, k] += pull * along
+                applied[other, k] += -1.0 * (pull * along)
+        noted[s, 1, i] = pull
+        pulled[s + 1, i, 0], pulled[s + 1, i, 1] = pull, distance - now * rate
+
+
+@njit(cache=True)
+def _run(
+    steps: int,
+    step: float,
+    half: float,
+    first: int,
+    addresses: Array,
+    state: Any,
+    drag: Any,
+    lines: Any,
+    springs: Any,
+    motors: Any,
+    motion: Any,
+    kept: Any,
+) -> int:
+    """Take steps as `MuJoCoWorld._advance` does; how many there was room for."""
+    qpos, qvel, warm, applied, sensordata = state
+    dragged, bodies, round_, general = drag
+    row, changes, held, angles = motors
+    positions, velocities, warms, sensed, speeds = motion
+    efforts, contacts, counts = kept
+    model, data = addresses[0], addresses[1]
+    ints = numba.carray(_pointer(data), (ROWS + 1,), np.int32)
+    pointers = numba.carray(_pointer(data), (FORCES + 1,), np.intp)
+    table = sensordata[first:].reshape(-1, WIDTH)
+    isotropic = round_.shape[0]
+    positions[0], velocities[0] = qpos, qvel
+    for s in range(steps):
+        rows, touching = ints[ROWS], ints[COUNT]
+        used, met = counts[s, 0], counts[s, 1]
+        if used + rows > len(efforts) or met + touching > len(contacts):
+            return s
+        for i in range(lines[2].shape[0]):
+            for side in range(2):
+                applied[lines[2][i, side]] = 0.0
+        for i in range(len(dragged)):
+            own, body = table[dragged[i]], bodies[i]
+            if i < isotropic:
+                loss, spin = round_[i, 0], round_[i, 1]
+                for k in range(3):
+                    applied[body, k] = -loss * own[7 + k]
+                    applied[body, 3 + k] = -spin * own[10 + k] if spin != 0.0 else 0.0
+            else:
+                force, torque = _drag(own, general[i - isotropic])
+                for k in range(3):
+                    applied[body, k], applied[body, 3 + k] = force[k], torque[k]
+        if lines[0].shape[0]:
+            _pull(table, lines, springs, half if s == 0 else step / 2, step / 2, s, applied)
+        angles[s + 1] = angles[s]
+        for k in range(held.shape[0]):
+            i, angle = held[k, 0], qpos[held[k, 1]]
+            if held[k, 3] and abs(qvel[held[k, 2]]) > STILL:
+                angles[s + 1, i] = angle
+            changes[i] = HOLD * (angles[s + 1, i] - angle) / (step * TIGHT)
+        equalities = ints[EQUAL]
+        aims = numba.carray(_pointer(pointers[AIMS]), (rows,), np.float64)
+        for i in range(len(row)):
+            aims[equalities + row[i]] += changes[i]
+        _two(model, data)
+        exerted = numba.carray(_pointer(pointers[FORCES]), (rows,), np.float64)
+        efforts[used : used + rows] = exerted
+        words = numba.carray(_pointer(pointers[CONTACTS]), (touching, SIZE), np.int32)
+        for i in range(touching):
+            for k in range(6):
+                contacts[met + i, k] = words[i, PLACE + k]
+            contacts[met + i, 6] = words[i, SHAPES]
+            contacts[met + i, 7] = words[i, SHAPES + 1]
+            contacts[met + i, 8] = words[i, ROW]
+        counts[s + 1, 0], counts[s + 1, 1] = used + rows, met + touching
+        counts[s + 1, 2] = equalities
+        _one(model, data)
+        positions[s + 1], velocities[s + 1], warms[s], sensed[s] = qpos, qvel, warm, sensordata
+        linear = angular = 0.0
+        for r in range(table.shape[0]):
+            a, b, c, d, e, f = (
+                table[r, 7],
+                table[r, 8],
+                table[r, 9],
+                table[r, 10],
+                table[r, 11],
+                table[r, 12],
+            )
+            speed, spin = a * a + b * b + c * c, d * d + e * e + f * f
+            linear = linear if speed <= linear else speed
+            angular = angular if spin <= angular else spin
+        speeds[s, 0], speeds[s, 1] = sqrt(linear), sqrt(angular)
+        if not (isfinite(linear) and isfinite(angular)):
+            return s + 1
+    return steps

@@ -1,0 +1,100 @@
+"""Steps that are taken at once, compiled, are those that worlds take one by one, bit for bit."""
+
+from __future__ import annotations
+
+from itertools import count, islice
+from random import Random
+from typing import Any
+
+import pytest
+
+from agentflow.env.physics.mujoco import engine as mujoco_engine
+from agentflow.env.physics.mujoco.engine import PATIENCE, MuJoCoEngine, compiled_steps
+from agentflow.env.physics.mujoco.world import MuJoCoWorld
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import get_task, task_names
+from agentflow.machine.edits.random import random_machine
+from agentflow.machine.tree import Machine
+from tests.env.machines import shipped
+
+pytest.importorskip("numba")
+SHIPPED = {
+    "published_throw": "throwing",
+    "throwing/spring_arm": "throwing",
+    "rotor_with_ballast": "throwing",
+    "movement/plain_car": "movement/6",
+    "bridge/braced_beam": "bridge",
+}
+
+
+def _engine(*, compiled: bool) -> MuJoCoEngine:
+    engine = MuJoCoEngine()
+    engine.patience = 0 if compiled else 10**9
+    return engine
+
+
+def _told(machine: Machine, task: Task, engine: MuJoCoEngine) -> Any:
+    rollout = simulate(machine, task, engine=engine, wall_limit=1e9)
+    measured = rollout.trace.measured if rollout.trace else None
+    contacts = (measured.contacts, measured.peaks, measured.energy) if measured else ()
+    scored = (rollout.status, rollout.digest, rollout.score, rollout.terms, rollout.events)
+    return repr((scored, rollout.broken, rollout.marginal, contacts, rollout.feedback))
+
+
+def _compare(machine: Machine, task: Task) -> None:
+    one, other = (_told(machine, task, _engine(compiled=each)) for each in (False, True))
+    assert one == other
+
+
+def test_it_is_used() -> None:
+    used = []
+
+    class Watched(MuJoCoEngine):
+        def build(self, *arguments: Any) -> MuJoCoWorld:
+            used.append(super().build(*arguments))
+            return used[-1]
+
+    engine = Watched()
+    engine.patience = 0
+    simulate(shipped("published_throw"), get_task("throwing"), engine=engine)
+    assert used[0].now.ahead is not None
+    assert used[0].now.ahead.taken > 0
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_known_machines(name: str) -> None:
+    _compare(shipped(name), get_task(SHIPPED[name]))
+
+
+def _random(machines: int) -> None:
+    tasks = [get_task(name, engine="mujoco") for name in task_names()]
+    rounds = ((turn, task) for turn in count() for task in tasks)
+    due = (task for turn, task in rounds if turn % len(task.trials(0)) == 0)
+    for number, task in enumerate(islice(due, machines)):
+        _compare(random_machine(Random(f"ahead/{number}"), task.brief), task)
+
+
+def test_random_machines() -> None:
+    _random(40)
+
+
+@pytest.mark.slow
+def test_many_random_machines() -> None:
+    _random(500)
+
+
+def test_it_waits_until_it_pays(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(mujoco_engine, "compiled_steps", lambda: asked.append(1))
+    engine = MuJoCoEngine()
+    engine.patience = 1
+    for _ in range(2):
+        simulate(shipped("movement/plain_car"), get_task("movement"), engine=engine)
+    assert len(asked) == 1
+    assert PATIENCE > 1
+
+
+def test_without_its_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mujoco_engine, "is_installed", lambda _: False)
+    assert compiled_steps.__wrapped__() is None
