@@ -107,7 +107,11 @@ def print_sources(
 
 def print_json(value: Any) -> None:
     """Print one line of ASCII JSON and flush it."""
-    print(json.dumps(_finite(value), allow_nan=False), flush=True)
+    try:
+        text = json.dumps(value, allow_nan=False)
+    except (TypeError, ValueError):
+        text = json.dumps(_finite(value), allow_nan=False)
+    print(text, flush=True)
 
 
 def _finite(value: Any) -> Any:

@@ -107,6 +107,8 @@ class Plate:
 
 def plate_of(block_type: int) -> Plate | None:
     """The plate with this type number; None if no plate has it."""
+    if block_type < 1000:  # nearly always
+        return None
     size, rest = divmod(block_type, 1000)
     plate = Plate(size, *divmod(rest, 10))
     ranges = ((size, SIZES), (plate.holes, HOLES), (plate.pattern, PATTERNS))

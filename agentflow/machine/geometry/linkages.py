@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agentflow.machine.geometry.joints import Loop, MovingJoint
-from agentflow.machine.geometry.vectors import Vec3, subtract
+from agentflow.machine.geometry.vectors import Vec3, cross, subtract
 
 Array = NDArray[np.float64]
 REACH = 0.05
@@ -132,7 +132,9 @@ def _closure(screws: Sequence[_Screw], loops: Sequence[Loop], place: Array) -> t
             if screws[k].turns:
                 axis = turn @ screws[k].axis
                 rates[row : row + 3, k] += sign * axis
-                rates[row + 3 : row + 6, k] += sign * np.cross(shift, axis)
+                rates[row + 3 : row + 6, k] += sign * np.array(
+                    cross(tuple(shift.tolist()), tuple(axis.tolist()))
+                )
             rates[row + 3 : row + 6, k] += sign * (turn @ screws[k].moment)
             shift = turn @ own_shift + shift
             turn = turn @ own_turn

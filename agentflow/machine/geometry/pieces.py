@@ -88,8 +88,7 @@ def locked_joints(geometry: Geometry) -> list[Problem]:
             joints.append(bond)
     found = []
     for bridge in extra_bonds(geometry):
-        sets.join(bridge.a, bridge.b)
-        for joint in _within(sets, joints):
+        for joint in _within(sets, joints) if sets.join(bridge.a, bridge.b) else ():
             joints.remove(joint)
             blocks = tuple(sorted({joint.block, bridge.block}))
             found.append(_warning(geometry, joint, blocks, _bridges(geometry, bridge)))

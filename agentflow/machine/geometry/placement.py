@@ -120,8 +120,10 @@ class Geometry:
         """Closed loops, sorted; two fronts that meet form one loop."""
         meeting: dict[tuple[Units3, Units3], list[tuple[int, int]]] = {}
         for placed in self.blocks:
+            x, y, z = placed.at
             for face in placed.shape.faces if placed.shape else ():
-                key = (add(placed.at, face.offset), face.facing.front)
+                a, b, c = face.offset
+                key = (x + a, y + b, z + c), face.facing.front
                 meeting.setdefault(key, []).append((placed.id, face.id))
         found: set[AutoConnection] = set()
         for placed in self.blocks:
@@ -164,6 +166,10 @@ def _grips(block_type: int) -> bool:
     return not block.non_stable or block.non_static
 
 
+_last: tuple[Machine | None, Geometry] = None, Geometry(())
+"""The machine that was placed last: it is often placed again."""
+
+
 def place(steps: Machine | Iterable[Step], banks: tuple[Bank, ...] = ()) -> Geometry:
     """Place the steps of a file-valid machine, or steps whose ids have gaps.
 
@@ -171,10 +177,17 @@ def place(steps: Machine | Iterable[Step], banks: tuple[Bank, ...] = ()) -> Geom
         steps: The machine.
         banks: What it is set down on besides the ground.
     """
+    global _last
+    last, geometry = _last
+    if steps is last and geometry.banks == banks:
+        return geometry
     placed: dict[int, Placed] = {}
     for step in steps:
         placed[step.id] = place_step(step, placed)
-    return Geometry(tuple(placed.values()), banks)
+    geometry = Geometry(tuple(placed.values()), banks)
+    if isinstance(steps, Machine):
+        _last = steps, geometry
+    return geometry
 
 
 def place_step(step: Step, placed: Mapping[int, Placed]) -> Placed:
