@@ -80,7 +80,7 @@ def _simulate(found: list[Case]) -> dict[str, list[str]]:
 
 
 def _hashes(task: Task, machine: Machine, engine: Engine) -> list[str]:
-    rollout = simulate(machine, task, engine=engine, wall_limit=1e9)
+    rollout = simulate(machine, task, engine=engine, cpu_limit=1e9)
     measured = rollout.trace.measured if rollout.trace else None
     own = (rollout.status, rollout.digest, rollout.score, rollout.terms)
     parts = (

@@ -80,8 +80,9 @@ def command_group(whole: str | None = None) -> Any:
     listed.registered_groups = [copy(each) for each in commands.registered_groups]
     for group in listed.registered_groups:
         if group.name != whole:
-            group.typer_instance = copy(group.typer_instance)
-            group.typer_instance.registered_commands = []
+            group.typer_instance = empty = copy(group.typer_instance)
+            if empty:
+                empty.registered_commands = []
     return typer.main.get_command(listed)
 
 

@@ -27,6 +27,8 @@ from agentflow.env.pool.worker import Reply
 from agentflow.env.rollout import Rollout
 from agentflow.errors import ConfigError
 
+STARVED = 20
+"""By how much workers may be slowed by others: how long they compute is not known here."""
 STARTS = 3
 """Times in a row that a worker may die before it is ready."""
 
@@ -54,7 +56,7 @@ class RayPool(Pool):
     Workers beyond the processors that are free start as soon as some are.
     """
 
-    def __init__(self, workers: int, grace: float = GRACE) -> None:
+    def __init__(self, workers: int, grace: float = STARVED * GRACE) -> None:
         super().__init__(workers)
         self._grace = grace
         self._waiting: asyncio.Queue[_Trial] = asyncio.Queue()
@@ -90,7 +92,7 @@ class RayPool(Pool):
 
     async def _run_trial(self, job: dict[str, Any]) -> Rollout:
         self._raise_fault()
-        trial = _Trial(pickle.dumps(job), job["wall_limit"] + self._grace)
+        trial = _Trial(pickle.dumps(job), job["cpu_limit"] + self._grace)
         self._unsettled.add(trial)
         self._waiting.put_nowait(trial)
         try:

@@ -66,7 +66,7 @@ async def test_three_deaths_are_a_crash_and_no_answer_is_a_timeout(tmp_path: Pat
     naps.mkdir()
     async with RayPool(1, grace=10) as pool:
         crashed = await pool.run(CAR, trouble(deaths, 9, "die"))
-        hung = await pool.run(CAR, trouble(naps, 1, "sleep"), wall_limit=0.5)
+        hung = await pool.run(CAR, trouble(naps, 1, "sleep"), cpu_limit=0.5)
         with pytest.raises(PluginError, match="scene raised ValueError: no such scene"):
             await pool.run(CAR, trouble(tmp_path, 9, "raise"))
         after = await pool.run(CAR, get_task("movement", {"window": 1}))

@@ -74,7 +74,7 @@ def test_a_machine_that_falls_into_a_heap_of_blocks_ends() -> None:
     assert rollout.status == "ok"
     assert len(rollout.broken) == 59
     assert faults(rollout) == []
-    cut = simulate(heap(60), SHORT, engine=engine, physics=brittle, wall_limit=0.2)
+    cut = simulate(heap(60), SHORT, engine=engine, physics=brittle, cpu_limit=0.2)
     assert (cut.status, cut.score, cut.trace) == ("timeout", None, None)
     assert simulate(BALLASTED, SHORT, engine=engine).status == "invalid"
     assert simulate(CAR, SHORT, engine=engine).digest == short().digest
@@ -87,7 +87,7 @@ async def test_a_rollout_over_its_wall_time_limit_leaves_the_others_alone() -> N
         pids = pool.pids
         await pool.run(CAR, SHORT)
         cut, *others = await asyncio.gather(
-            pool.run(CAR, get_task("movement", {"window": 60}), wall_limit=0.05),
+            pool.run(CAR, get_task("movement", {"window": 60}), cpu_limit=0.05),
             *(pool.run(CAR, SHORT) for _ in range(3)),
         )
         assert (cut.status, cut.score) == ("timeout", None)

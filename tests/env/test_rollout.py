@@ -241,7 +241,7 @@ def test_a_machine_too_large_for_the_engine_is_invalid() -> None:
 
 
 def test_a_rollout_over_its_wall_time_has_no_score() -> None:
-    rollout = simulate(CAR, get_task("movement"), wall_limit=0.0)
+    rollout = simulate(CAR, get_task("movement"), cpu_limit=0.0)
     assert (rollout.status, rollout.score, rollout.digest) == ("timeout", None, None)
 
 

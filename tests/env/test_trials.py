@@ -179,14 +179,15 @@ async def test_a_pool_gives_the_same_with_one_worker_and_with_two() -> None:
         assert there.scene == TASK.trials(0)[shown - 1].scene(LONE_ROOT)
 
 
-def test_the_wall_limit_is_each_trials(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The clock advances by 1/1024 s whenever it is read, which happens once per step."""
+def test_the_cpu_limit_is_each_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clocks advance by 1/1024 s whenever one is read, which happens once per step."""
     ticks = count()
-    monkeypatch.setattr(trial_module, "perf_counter", lambda: next(ticks) / 1024)
+    for clock in ("perf_counter", "thread_time"):
+        monkeypatch.setattr(trial_module, clock, lambda: next(ticks) / 1024)
     trials = [simulate(LONE_ROOT, trial).wall_seconds or 0.0 for trial in TASK.trials(0)]
-    whole = simulate(LONE_ROOT, TASK, wall_limit=max(trials))
+    whole = simulate(LONE_ROOT, TASK, cpu_limit=max(trials))
     assert (whole.status, whole.wall_seconds) == ("ok", sum(trials))
-    cut = simulate(LONE_ROOT, TASK, wall_limit=0.9 * min(trials))
+    cut = simulate(LONE_ROOT, TASK, cpu_limit=0.9 * min(trials))
     assert (cut.status, cut.score, cut.trace) == ("timeout", None, None)
 
 

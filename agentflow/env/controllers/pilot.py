@@ -87,7 +87,9 @@ class Pilot:
         changes.clear()
         self.sudden = not self.samples
         for at, (blocks, law, scale) in enumerate(self._groups):
-            level = round(max(-1.0, min(1.0, scale * outputs[law])), PRECISION)
+            level = scale * outputs[law]
+            level = level if level < 1.0 else 1.0
+            level = round(level if level > -1.0 else -1.0, PRECISION)
             if level != levels[at]:
                 self.sudden = self.sudden or abs(level - levels[at]) >= SUDDEN
                 levels[at] = level

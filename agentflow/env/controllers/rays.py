@@ -28,7 +28,17 @@ class Rays:
     def __init__(self, scene: Scene, world: World) -> None:
         """Keep what does not move; what moves is asked for."""
         self._world, self._objects = world, scene.objects
-        self._all = [*range(len(scene.objects))]
+        upright = [
+            index
+            for index, item in enumerate(scene.objects)
+            if not item.mass and item.shape != "sphere" and item.rotation is IDENTITY
+        ]
+        self._boxes = [
+            (*(scene.objects[i].position), *(side / 2 for side in scene.objects[i].size))
+            for i in upright
+        ]
+        """Centres and half sides of those that neither move nor are turned."""
+        self._others = [i for i in range(len(scene.objects)) if i not in upright]
         self._centres = np.array([item.position for item in scene.objects]).reshape(-1, 3)
         radii = [inf if item.mass else length(item.size) / 2 for item in scene.objects]
         self._squares = np.array(radii) ** 2
@@ -40,9 +50,31 @@ class Rays:
         What the start is inside of does not count.
         """
         nearest = start[1] / -way[1] if way[1] < 0.0 < start[1] else inf
-        for index in self._all if len(self._all) <= FEW else self._near(start, way):
+        few = len(self._objects) <= FEW
+        for index in self._others if few else self._near(start, way):
             distance = self._meet(self._objects[index], start, way)
             nearest = distance if distance < nearest else nearest
+        return min(nearest, self._first_box(start, way)) if few else nearest
+
+    def _first_box(self, start: Vec3, way: Vec3) -> float:
+        """As `first`, of the boxes: `_meet_box` written out, which runs in every reading."""
+        (x, y, z), (u, v, w) = start, way
+        nearest = inf
+        for a, b, c, p, q, r in self._boxes:
+            near, far = -inf, inf
+            for at, speed, half in ((z - c, w, r), (x - a, u, p), (y - b, v, q)):
+                if -1e-12 < speed < 1e-12:
+                    if -half <= at <= half:
+                        continue
+                    break
+                one, other = (-half - at) / speed, (half - at) / speed
+                if one > other:
+                    one, other = other, one
+                near, far = one if one > near else near, other if other < far else far
+                if near > far:
+                    break
+            else:
+                nearest = near if 0.0 <= near < nearest else nearest
         return nearest
 
     def _near(self, start: Vec3, way: Vec3) -> list[int]:

@@ -16,7 +16,7 @@ from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
 
 GRACE = 30.0
-"""Seconds beyond a rollout's wall-time limit after which its worker counts as hung."""
+"""Seconds of computing beyond a rollout's limit after which its worker counts as hung."""
 ATTEMPTS = 3
 """Workers that a rollout may crash before it is recorded as crashed."""
 AHEAD = 16
@@ -72,7 +72,7 @@ class Pool(ABC):
         rate: float | None = None,
         power: bool = True,
         interval: float | None = None,
-        wall_limit: float = 60.0,
+        cpu_limit: float = 60.0,
         recorded: bool = False,
     ) -> Rollout:
         """Run `simulate` in the next free workers, one trial in each; same arguments.
@@ -89,7 +89,7 @@ class Pool(ABC):
             "rate": rate,
             "power": power,
             "interval": interval,
-            "wall_limit": wall_limit,
+            "cpu_limit": cpu_limit,
             "recorded": recorded,
         }
         trials = task.trials(seed)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Pipe
+from pathlib import Path
 from typing import Any
 
 from agentflow.env.pool.base import ATTEMPTS, GRACE, Pool, crashed_rollout, hung_rollout, rollout_in
@@ -27,6 +28,9 @@ serve(int(sys.argv[1]))
 """Ignores interrupts, which a terminal sends to all processes: the parent handles them."""
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
 """Physics uses no BLAS; BLAS threads would only cost start-up time and memory."""
+
+STARVED = 0.001
+"""Least share of the time for which a worker that does not hang gets a processor."""
 
 
 class RolloutPool(Pool):
@@ -59,7 +63,7 @@ class RolloutPool(Pool):
         self._workers.clear()
 
     async def _run_trial(self, job: dict[str, Any]) -> Rollout:
-        timeout = job["wall_limit"] + self._grace
+        timeout = job["cpu_limit"] + self._grace
         for _ in range(ATTEMPTS):
             try:
                 return await self._ask(job, timeout)
@@ -118,10 +122,19 @@ class _Worker:
         return self._process.poll() is None
 
     def ask(self, job: dict[str, Any], timeout: float) -> Reply:
-        """Send a job and wait for the rollout, or the traceback of an error."""
+        """Send a job and wait for the rollout, or the traceback of an error.
+
+        Raises:
+            TimeoutError: It has computed for so many seconds, or waited as long for something else
+                than a processor.
+        """
         self.connection.send(job)
-        if not self.connection.poll(timeout):
-            raise TimeoutError
+        begin = last = computed_by(self.pid)
+        while not self.connection.poll(timeout):
+            now = computed_by(self.pid)
+            if now - begin >= timeout or now - last < STARVED * timeout:
+                raise TimeoutError
+            last = now
         reply: Reply = self.connection.recv()
         return reply
 
@@ -129,6 +142,15 @@ class _Worker:
         """End the process and wait for its exit; a pending `ask` then gets an EOFError."""
         self._process.kill()
         self._process.wait()
+
+
+def computed_by(process: int) -> float:
+    """Seconds for which a process has computed; 0 where the system has no file that says so."""
+    try:
+        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    except OSError:
+        return 0.0
 
 
 def _passing(pipe: int) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from time import thread_time
 
 from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.engine import Engine, TooLargeError
@@ -35,7 +36,7 @@ def simulate(
     rate: float | None = None,
     power: bool = True,
     interval: float | None = None,
-    wall_limit: float = 60.0,
+    cpu_limit: float = 60.0,
     engine: Engine | None = None,
     physics: Constants | None = None,
     recorded: bool = False,
@@ -51,7 +52,8 @@ def simulate(
         rate: Steps per second; the constants' rate by default.
         power: Off as a control experiment: the schedule never starts.
         interval: Seconds between samples; the constants' by default, at least one step.
-        wall_limit: Wall-clock seconds after which a trial ends as `timeout`.
+        cpu_limit: Seconds of computing after which a trial ends as `timeout`; waiting for a
+            processor does not count.
         engine: A started engine in place of the task's, of which each thread keeps one.
         physics: Constants other than those of `constants.json`, for fitting; make `engine` with
             the same ones.
@@ -86,12 +88,13 @@ def simulate(
     finished: list[Rollout] = []
     trials = task.trials(seed)
     for trial in trials:
+        until = thread_time() + cpu_limit
         try:
-            rollout = run(trial, variation, wall_limit)
+            rollout = run(trial, variation, cpu_limit)
         except TooLargeError as error:
             return invalid_rollout([error.problem], str(usual.identity))
         if brief.requirements:
-            rollout = _judge(rollout, machine, trial, seed, variation, wall_limit, run)
+            rollout = _judge(rollout, machine, trial, seed, variation, until, run)
         finished.append(rollout)
         if rollout.status == "timeout":
             break
@@ -104,17 +107,16 @@ def _judge(
     task: Task,
     seed: int,
     variation: Variation,
-    wall_limit: float,
+    until: float,
     run: Callable[[Task, Variation, float], Rollout],
 ) -> Rollout:
     """The rollout of a trial with its requirements, which may need more simulations; those share
-    its limit of wall-clock time."""
-    brief, left = task.brief, wall_limit - (rollout.wall_seconds or 0.0)
+    its limit: `until` is a `thread_time`."""
+    brief = task.brief
     kept: dict[Requirement, list[float]] = {}
     for item, variations in displaced(variation, brief, seed).items():
         for by in variations if rollout.status == "ok" and rollout.score else ():
-            again = run(task, by, left)
-            left -= again.wall_seconds or 0.0
+            again = run(task, by, until - thread_time())
             if again.score is None:
                 return again
             kept.setdefault(item, []).append(again.score)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from math import inf, isfinite
-from time import perf_counter
+from time import perf_counter, thread_time
 
 from agentflow.env.constants import Constants
 from agentflow.env.controllers.pilot import Pilot
@@ -64,13 +64,13 @@ class Trial:
         rate: float,
         power: bool,
         interval: float,
-        wall_limit: float,
+        cpu_limit: float,
         physics: Constants,
         variation: Variation,
     ) -> None:
-        self._began = perf_counter()
+        self._began, self._started = perf_counter(), thread_time()
         self._machine, self._task, self._identity = machine, task, str(engine.identity)
-        self._rate, self._power, self._wall_limit = rate, power, wall_limit
+        self._rate, self._power, self._cpu_limit = rate, power, cpu_limit
         self._switches = variation.vary_switches(task.switches(machine))
         self._sample_every = max(1.0, interval * rate)
         self._constants = physics
@@ -190,7 +190,7 @@ class Trial:
     def _fly(self, pilot: Pilot, time: float) -> None:
         """Let blocks follow the controllers."""
         changes = pilot(time)
-        for block in pilot.decouplers & changes.keys():
+        for block in pilot.decouplers & changes.keys() if pilot.decouplers else ():
             self._switch(block, changes.pop(block))
         if changes:
             if pilot.sudden:
@@ -256,7 +256,7 @@ class Trial:
         if settled:
             speeds = self._world.speeds(thorough=False) if thorough else self._speeds
             self._monitor.add_step(self._elapsed / self._rate, speeds)
-        if perf_counter() - self._began > self._wall_limit:
+        if thread_time() - self._started > self._cpu_limit:
             return "timeout"
         return "ok"
 
@@ -372,5 +372,5 @@ class Trial:
         if status == "diverged":
             text = f"The simulation diverged after {seconds:.2f} s; this counts as score 0."
         else:
-            text = f"The simulation was cut off after {self._wall_limit:g} s of computing time."
+            text = f"The simulation was cut off after {self._cpu_limit:g} s of computing time."
         return states, Verdict(0.0, {}), Feedback(text, {"status": status, "time": seconds})

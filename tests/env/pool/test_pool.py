@@ -149,10 +149,30 @@ async def test_a_bug_is_raised_here_with_its_traceback(pool: RolloutPool) -> Non
 @pytest.mark.slow
 async def test_a_worker_that_hangs_is_given_up(tmp_path: Path) -> None:
     async with RolloutPool(1, grace=1.5) as pool:
-        hung = await pool.run(CAR, trouble(tmp_path, 1, "sleep"), wall_limit=0.5)
+        hung = await pool.run(CAR, trouble(tmp_path, 1, "sleep"), cpu_limit=0.5)
         assert (hung.status, hung.score) == ("timeout", None)
         assert hung.feedback.text == ("No score: the simulation was cut off, no answer within 2 s.")
         assert (await pool.run(CAR, get_task("movement", {"window": 1}))).status == "ok"
+
+
+@pytest.mark.slow
+async def test_a_worker_that_gets_no_processor_for_long_is_not_given_up() -> None:
+    machine, task = CAR, get_task("movement", {"window": 60})
+    async with RolloutPool(1, grace=0.1) as pool:
+        (worker,) = pool.pids
+
+        async def starve() -> None:
+            """Let the worker compute for a twentieth of the time."""
+            for _ in range(40):
+                os.kill(worker, signal.SIGSTOP)
+                await asyncio.sleep(0.095)
+                os.kill(worker, signal.SIGCONT)
+                await asyncio.sleep(0.005)
+
+        rollout, _ = await asyncio.gather(pool.run(machine, task, cpu_limit=1.9), starve())
+        assert rollout.status == "ok"
+        assert (rollout.wall_seconds or 0.0) > 2.0
+        assert pool.pids == (worker,)
 
 
 @pytest.mark.slow

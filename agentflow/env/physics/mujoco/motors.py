@@ -65,6 +65,10 @@ class Motors:
         self._together = self.row.tolist() == [*range(first, first + count)]
         """Whether their rows follow one another, so that a slice of all rows is theirs."""
         self._mixed = [i for i, (_, _, drive) in enumerate(self._joints) if drive.mixed]
+        self._alike = [
+            (drive.motors[0].speed, drive.motors[0].starts) for *_, drive in self._joints
+        ]
+        """Speed at level 1 and entry of each; of mixed ones, `mix` sets what they aim at."""
         self.mixed = bool(self._mixed)
         """Whether joints have motors that aim at different speeds."""
         self._aims = [0.0] * count
@@ -99,22 +103,23 @@ class Motors:
 
     def set(self) -> None:
         """Aim at the speeds that the levels give, and hold the angle where that is 0."""
-        for i, (_, _, drive) in enumerate(self._joints):
-            self._aims[i] = drive.command(self._levels).target
+        levels = self._levels
+        self._aims = [speed * levels.get(starts, 0.0) for speed, starts in self._alike]
         before = {i for i, *_ in self.held}
         off = idle(self._levels)
         self.held = []
-        for i, (_, address, drive) in enumerate(self._joints):
-            if drive.mixed or self._aims[i]:
+        for i, aim in enumerate(self._aims):
+            if aim or i in self._mixed:
                 continue
+            _, address, _ = self._joints[i]
             if i not in before:
                 self.angles[i] = float(self._qpos[address.position])
             still = abs(float(self._qvel[address.velocity])) <= STILL
             yields = not (off and still)
             self.held.append((i, address.position, address.velocity, yields))
         self.mix()
-        for i, aim in enumerate(self._aims):
-            self._aim(i, aim)
+        per = self.step * TIGHT
+        self.changes[:] = [aim / per for aim in self._aims]
 
     def mix(self) -> None:
         """Set joints whose motors aim at different speeds; before the first half of a step."""

@@ -35,7 +35,7 @@ def _engine(*, compiled: bool) -> MuJoCoEngine:
 
 
 def _told(machine: Machine, task: Task, engine: MuJoCoEngine) -> Any:
-    rollout = simulate(machine, task, engine=engine, wall_limit=1e9)
+    rollout = simulate(machine, task, engine=engine, cpu_limit=1e9)
     measured = rollout.trace.measured if rollout.trace else None
     contacts = (measured.contacts, measured.peaks, measured.energy) if measured else ()
     scored = (rollout.status, rollout.digest, rollout.score, rollout.terms, rollout.events)

@@ -1,0 +1,199 @@
+"""How time and memory grow with blocks, machines and runs.
+
+    python benchmarks/growth.py [--lines 100000] [--rollouts 1000] [--runs 1000] [--out FILE]
+
+Every point is CPU time; that of commands is of a fresh process, which starts in a quarter of a
+second. Writes docs/results/growth.md and the picture in it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from cars import PLAIN_CAR
+
+from agentflow.env.physics.engines import installed_engines
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine import check
+from agentflow.machine.edits.random import random_machine
+
+ROOT = Path(__file__).parent.parent
+PAGE = ROOT / "docs" / "results" / "growth.md"
+RUN = ROOT / "runs" / "recorded-throwing"
+MAIN = "import sys; from agentflow_command import main; sys.exit(main())"
+BLOCKS = 10, 20, 40, 80, 160, 400
+Point = tuple[str, int, float, float | None]
+"""Name of the curve, size, seconds of CPU time, and greatest memory, MB."""
+
+
+def blocks() -> Iterator[Point]:
+    """Checks and rollouts of 1 s of a random machine; engines refuse some that are too large."""
+    knobs = {"blocks.max": max(BLOCKS), "window": 1.0}
+    for count in BLOCKS:
+        brief = get_task("movement", knobs).brief
+        machine = random_machine(Random(count), brief, (count, count))
+        yield "check", count, _least(lambda m=machine.to_text(): check(m)), None  # type: ignore[misc]
+        for spec in installed_engines():
+            task = get_task("movement", knobs, spec.name)
+            if simulate(machine, task).status == "ok":
+                seconds = _least(lambda m=machine, t=task: simulate(m, t), 2)  # type: ignore[misc]
+                yield f"rollout, {spec.name}", count, seconds, None
+
+
+def machines(lines: int, rollouts: int) -> Iterator[Point]:
+    """Streams of the same car."""
+    line = json.dumps(PLAIN_CAR.to_json()).encode() + b"\n"
+    for command, most in (
+        (["check", "-", "--jsonl"], lines),
+        (["simulate", "-", "--jsonl", "--workers", "1", *LEVEL], rollouts),
+    ):
+        for count in _sizes(100, most):
+            yield f"{command[0]} --jsonl", count, *_run(command, (line for _ in range(count)))
+
+
+LEVEL = ["--task", "movement", "--set", "window=1", "--engine", "mujoco"]
+
+
+def runs(most: int) -> Iterator[Point]:
+    """Listing copies of a recorded run."""
+    with tempfile.TemporaryDirectory() as folder:
+        first = Path(folder) / "first"
+        shutil.copytree(RUN, first)
+        for count in _sizes(10, most):
+            place = Path(folder) / f"runs {count}"
+            for number in range(count):
+                shutil.copytree(first, place / f"run {number}", copy_function=os.link)
+            yield "runs FOLDER", count, *_run(["runs", str(place)], iter(()))
+            shutil.rmtree(place)
+
+
+def _tell(points: Iterator[Point]) -> Iterator[Point]:
+    for point in points:
+        print(*point, file=sys.stderr, flush=True)
+        yield point
+
+
+def _sizes(first: int, most: int) -> Iterator[int]:
+    while first <= most:
+        yield first
+        first *= 10
+
+
+def _least(work: Callable[[], Any], times: int = 3) -> float:
+    """The least CPU time of some calls, s."""
+    found = []
+    for _ in range(times):
+        began = time.process_time()
+        work()
+        found.append(time.process_time() - began)
+    return min(found)
+
+
+def _run(command: list[str], lines: Iterator[bytes]) -> tuple[float, float]:
+    """CPU seconds of a process with its children, and the memory of the process, MB."""
+    arguments = [sys.executable, "-c", MAIN, *command]
+    with subprocess.Popen(
+        arguments, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, cwd=ROOT
+    ) as process:
+        assert process.stdin is not None
+        for line in lines:
+            process.stdin.write(line)
+        process.stdin.close()
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"{command[0]} failed")
+    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+
+
+PARTS = {
+    "blocks": "Blocks of a machine",
+    "machines": "Machines in a stream",
+    "runs": "Runs in a folder",
+}
+
+
+def table(points: list[Point]) -> str:
+    """A Markdown table."""
+    rows = ["| what | size | CPU time | memory |", "|---|--:|--:|--:|"]
+    for name, size, seconds, memory in points:
+        took = f"{seconds:.2f} s" if seconds >= 1.0 else f"{1e3 * seconds:.1f} ms"
+        rows.append(f"| {name} | {size:,} | {took} | {f'{memory:.0f} MB' if memory else ''} |")
+    return "\n".join(rows)
+
+
+def draw(found: dict[str, list[Point]], picture: Path) -> None:
+    """Draw CPU time, and memory dashed on an axis of its own."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    matplotlib.rcParams["svg.hashsalt"] = "growth"
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(1, len(found), figsize=(11, 3.6), constrained_layout=True)
+    for axis, (part, points) in zip(axes, found.items(), strict=True):
+        axis.set(title=PARTS[part], xscale="log", yscale="log", ylabel="CPU time (s)")
+        axis.grid(alpha=0.3)
+        other = axis.twinx() if points[0][3] else None
+        for name in dict.fromkeys(point[0] for point in points):
+            sizes, seconds, memory = zip(*(p[1:] for p in points if p[0] == name), strict=True)
+            (line,) = axis.plot(sizes, seconds, "o-", label=name)
+            if other:
+                other.plot(sizes, memory, ":", color=line.get_color())
+        if other:
+            other.set_ylim(0, None)
+            other.set_ylabel("memory (MB), dotted")
+        axis.legend(fontsize=8)
+    figure.savefig(picture, metadata={"Date": None})
+
+
+def main() -> None:
+    """Measure, and write the page."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--lines", type=int, default=100_000, help="most lines that are checked")
+    parser.add_argument("--rollouts", type=int, default=1000, help="most machines simulated")
+    parser.add_argument("--runs", type=int, default=1000, help="most runs listed")
+    parser.add_argument("--out", type=Path, default=PAGE)
+    given = parser.parse_args()
+    found = {
+        "blocks": [*_tell(blocks())],
+        "machines": [*_tell(machines(given.lines, given.rollouts))],
+        "runs": [*_tell(runs(given.runs))],
+    }
+    picture = given.out.parent.parent / "pictures" / "growth.svg"
+    draw(found, picture if given.out == PAGE else given.out.with_suffix(".svg"))
+    parts = [f"## {PARTS[part]}\n\n{table(points)}\n" for part, points in found.items()]
+    given.out.write_text(INTRO + "\n" + "\n".join(parts), encoding="utf-8")
+
+
+INTRO = """\
+# How time and memory grow
+
+This page shows how long checks, rollouts and lists take as machines, streams and folders get \
+larger. Use it to plan large experiments.
+
+![CPU time and memory over sizes](../pictures/growth.svg)
+
+Times are CPU time. Rollouts last 1 s of simulated time; blocks are those of random machines. \
+Commands run in a fresh process, whose start of a quarter of a second is included, and so are \
+worker processes; memory is the most that the process itself held. The size of a stream does not \
+matter for it. `python benchmarks/growth.py` writes this page.
+"""
+
+
+if __name__ == "__main__":
+    main()
