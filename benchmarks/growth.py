@@ -44,7 +44,8 @@ def blocks() -> Iterator[Point]:
     for count in BLOCKS:
         brief = get_task("movement", knobs).brief
         machine = random_machine(Random(count), brief, (count, count))
-        yield "check", count, _least(lambda m=machine.to_text(): check(m)), None  # type: ignore[misc]
+        text = machine.to_text()
+        yield "check", count, _least(lambda t=text: check(t)), None  # type: ignore[misc]
         for spec in installed_engines():
             task = get_task("movement", knobs, spec.name)
             if simulate(machine, task).status == "ok":
