@@ -14,7 +14,6 @@ from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco import MUJOCO
 from agentflow.env.physics.mujoco.world import MuJoCoWorld
 from agentflow.env.scene import Scene
-from agentflow.extras import is_installed
 
 PATIENCE = 50
 """Loading compiled code takes as long as it saves in so many rollouts."""
@@ -48,11 +47,9 @@ class MuJoCoEngine:
 def compiled_steps() -> ModuleType | None:
     """The module `ahead`; None without the extra `speed`, or where it cannot keep what it
     compiles."""
-    if not is_installed("numba"):
-        return None
     try:
         return import_module("agentflow.env.physics.mujoco.ahead")
-    except (ImportError, RuntimeError):  # numba found no folder that it may write to
+    except (ImportError, RuntimeError):  # without numba, or a folder that it may write to
         return None
 
 

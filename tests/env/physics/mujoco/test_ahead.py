@@ -96,5 +96,8 @@ def test_it_waits_until_it_pays(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_without_its_library(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mujoco_engine, "is_installed", lambda _: False)
+    def fail(name: str) -> None:
+        raise ModuleNotFoundError(name=name)
+
+    monkeypatch.setattr(mujoco_engine, "import_module", fail)
     assert compiled_steps.__wrapped__() is None
