@@ -25,7 +25,7 @@ from numba.extending import intrinsic
 from agentflow.env.physics.engine import Foreseen
 from agentflow.env.physics.laws.tension import SpringForce
 from agentflow.env.physics.mujoco.couplings import TIGHT
-from agentflow.env.physics.mujoco.sensing import ROW_ORDER, Kept
+from agentflow.env.physics.mujoco.sensing import ROW_ORDER, Kept, address_of
 from agentflow.env.physics.mujoco.world import Model
 from agentflow.env.physics.rows import WIDTH
 from agentflow.env.physics.structure.drives import HOLD, STILL
@@ -203,6 +203,28 @@ def _struct(name: str) -> Any:
 
 
 _DATA, _TOUCH = _struct("mjData"), _struct("mjContact")
+_PROBE = """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body pos="0 0 0.05">
+<joint type="hinge" frictionloss="1"/><geom size="0.1"/></body></worldbody></mujoco>"""
+
+
+def _agrees() -> bool:
+    """Whether MuJoCo keeps its data where it says that it does."""
+    model = mujoco.MjModel.from_xml_string(_PROBE)
+    data = mujoco.MjData(model)
+    mujoco.mj_step1(model, data)
+    found, contact = _DATA.from_address(data._address), data.contact
+    arrays = contact.dist, data.efc_aref, data.efc_force
+    told = (data.ncon, data.ne, data.nefc, *map(address_of, arrays))
+    offsets = [address_of(each) - told[3] for each in (contact.pos, contact.geom)]
+    return (
+        told == (found.ncon, found.ne, found.nefc, found.contact, found.efc_aref, found.efc_force)
+        and [_TOUCH.pos.offset, _TOUCH.geom.offset] == offsets
+        and contact.dist.strides[0] == ctypes.sizeof(_TOUCH)
+    )
+
+
+if not _agrees():
+    raise ImportError("this version of MuJoCo keeps its data elsewhere")
 COUNT, EQUAL, ROWS = _DATA.ncon.offset // 4, _DATA.ne.offset // 4, _DATA.nefc.offset // 4
 CONTACTS, AIMS, FORCES = (
     getattr(_DATA, name).offset // 8 for name in ("contact", "efc_aref", "efc_force")

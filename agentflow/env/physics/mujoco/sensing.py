@@ -186,9 +186,9 @@ class Contacts:
     def _locate(self, contact: Any) -> None:
         """Find where MuJoCo stores contacts: always in the same place, one after another. Copying
         them as they are takes a third of the time of asking for some of their fields."""
-        start, (size,) = _address(contact.dist), contact.dist.strides
+        start, (size,) = address_of(contact.dist), contact.dist.strides
         place, geoms, row = (
-            slice((_address(field) - start) // 4, (_address(field) - start + length) // 4)
+            slice((address_of(field) - start) // 4, (address_of(field) - start + length) // 4)
             for field, length in ((contact.pos, 24), (contact.geom, 8), (contact.efc_address, 4))
         )
         self._stored = place, geoms, row
@@ -226,6 +226,7 @@ class Contacts:
         return self._known[one, other]
 
 
-def _address(array: Array) -> int:
+def address_of(array: Array) -> int:
+    """Where the first number of an array is in memory."""
     address: int = array.__array_interface__["data"][0]
     return address
