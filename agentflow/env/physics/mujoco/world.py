@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -39,9 +39,6 @@ from agentflow.env.rotations import matrices, turn_back
 from agentflow.env.scene import Body, Scene, SceneObject, Start
 from agentflow.machine.geometry.vectors import Vec3, add, rotate_vector
 
-if TYPE_CHECKING:  # it needs libraries that may be missing
-    from agentflow.env.physics.mujoco.ahead import Ahead
-
 LEAST = 3
 """Fewer steps are taken one by one."""
 
@@ -60,8 +57,8 @@ class Model(UnsplitMachine):
     yielding: Yielding | None
     """None if nothing is soft."""
     rows: Rows
-    ahead: Ahead | None
-    """Takes several steps at once; None if that is not wanted, or not possible."""
+    ahead: Any
+    """An `ahead.Ahead`, which takes several steps at once; None if that is not wanted or possible."""
 
 
 class MuJoCoWorld(BaseWorld[Model]):
