@@ -58,7 +58,7 @@ class Model(UnsplitMachine):
     """None if nothing is soft."""
     rows: Rows
     ahead: Any
-    """An `ahead.Ahead`, which takes several steps at once; None if that is not wanted or possible."""
+    """An `ahead.Ahead`, which takes several steps at once; None where steps are taken singly."""
 
 
 class MuJoCoWorld(BaseWorld[Model]):
