@@ -287,6 +287,24 @@ def test_an_installed_package_knows_records_that_it_does_not_hold(
     assert list(_like(record, {})) == [("the record throwing-few-blocks", 0)]
 
 
+async def test_a_check_that_a_busy_computer_cut_short_does_not_call_a_card_wrong(
+    tmp_path: Path,
+) -> None:
+    source = write(tmp_path)
+    plan = plan_benchmark(source, (), {})
+    (item, *_) = read_items(plan.sweep).values()
+    machine = RECORDS["gearing-1"].machine
+    stated = CountedMachine(outcome="scored", score=1.0, share=1.0, machine=machine.to_text())
+    attempt = checking._Attempt("x", stated, machine, "first", item, plan.runs[0].config)
+
+    class Busy(Here):
+        async def run(self, *given: Any, **more: Any) -> Rollout:
+            return replace(await super().run(*given, **more), status="timeout", score=None)
+
+    assert "did not end with one here: check again" in await attempt.again(Busy(), 0.0)
+    assert await attempt.again(Here(), 0.0) == ""
+
+
 def moved(machine: Machine) -> Machine:
     """The machine with one block on another face where it still scores."""
     task = read_items(plan_benchmark(ROOT / "configs" / "benchmark.yaml", (), {}).sweep)
