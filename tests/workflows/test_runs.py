@@ -10,12 +10,15 @@ import pytest
 
 from agentflow.agents.registry import ROLES
 from agentflow.errors import UnknownNameError, UnreachableError
+from agentflow.machine.brief import Brief
+from agentflow.machine.edits.local import local_edit
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.strategies import deals_budget
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.stages import pooled as stages_pooled
 from tests.workflows.fakes import (
     BRIEF,
     CRITIQUE,
@@ -441,6 +444,32 @@ async def test_a_search_over_the_whole_run_does_not_depend_on_the_order_of_answe
     rounds = Counter(label.rpartition("/node")[0] for kind, label in seen[0][1] if kind == "select")
     if strategy == "ab-mcts":
         assert max(rounds.values()) > 1, "no round has expanded two nodes of a trajectory"
+
+
+class Undoing(Author):
+    """A refiner that takes away the last block."""
+
+    def refiner(self, prompt: str, _chance: random.Random) -> str:
+        return edit(f"Remove {len(machine_in(prompt)) - 1}")
+
+
+def longer(found: Machine, rng: random.Random, brief: Brief) -> tuple[str, Machine]:
+    """An edit that adds a block at the end."""
+    while True:
+        kind, made = local_edit(found, rng, brief)
+        if made.steps[:-1] == found.steps:
+            return kind, made
+
+
+async def test_an_edit_may_lead_back_to_the_first_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is known without being simulated, also to the refiner that is asked next."""
+    monkeypatch.setattr(stages_pooled, "local_edit", longer)
+    settings: dict[str, Any] = {"trajectories": 1, "max_simulations": 30}
+    settings |= {"emitters": ["edit", "refiner"], "search": {"strategy": "half-and-half"}}
+    for seed in range(6):
+        shelf = Shelf(lambda found: float(min(len(found), 4)))
+        result = await Run(Undoing(refused=0.0), settings, shelf=shelf, seed=seed)("iterative")
+        assert result.best is not None
 
 
 async def test_each_node_is_refined_with_its_own_history() -> None:

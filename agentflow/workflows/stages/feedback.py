@@ -128,7 +128,8 @@ class Trajectory:
         """Node id -> answers to its querier's queries."""
         self._tried: dict[str, list[Attempt[Revision]]] = {}
         """Label of a revision -> attempts to refine it, over all its expansions."""
-        self._evaluations: dict[Machine, Evaluation] = {}
+        self.evaluations: dict[Machine, Evaluation] = {}
+        """Of all machines of this trajectory that revisions may make, its first one included."""
         self._first_label = ""
         self._shown: dict[int, _Shown] = {}
         """By the id of a node under expansion. A search over the whole run expands several nodes of
@@ -156,7 +157,7 @@ class Trajectory:
     async def evaluate(self, revision: Revision, label: str) -> Evaluation:
         """Simulate a revision."""
         found = await self._run.evaluate(revision.machine, self._location(FEEDBACK, label))
-        self._evaluations[revision.machine] = found
+        self.evaluations[revision.machine] = found
         return found
 
     async def expand(
@@ -166,7 +167,7 @@ class Trajectory:
 
         The best local trial comes with their attempts, if it is better than the node.
         """
-        self._evaluations[node.candidate.machine] = node.evaluation
+        self.evaluations[node.candidate.machine] = node.evaluation
         made = {attempt.candidate.machine for attempt in earlier if attempt.candidate}
         waiting = sum(not self._run.has_tried(self._number, machine) for machine in made)
         labels = labels[: max(0, self._run.left_in(self._number) - waiting)]
@@ -346,7 +347,7 @@ class Trajectory:
             if child is None:
                 history = history.add(EditRecord("", "Error", attempt.note, before=score))
             elif child.edit is not None:
-                tried = with_result(child.edit, self._evaluations[child.machine])
+                tried = with_result(child.edit, self.evaluations[child.machine])
                 history = history.add(replace(tried, ids={}))
         return history
 

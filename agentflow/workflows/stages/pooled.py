@@ -123,6 +123,7 @@ class PooledSearch:
         self._proposed.add(run.likeness(candidate.machine))
         trajectory = Trajectory(run, number, self._blueprint_of(number))
         trajectory.granted = {}
+        trajectory.evaluations[candidate.machine] = candidate.evaluation
         place = Location(FEEDBACK, trajectory=number)
         recorder = SearchRecorder(run, place, names_nodes=True)
         recorder.begin(candidate.machine, candidate.evaluation)
