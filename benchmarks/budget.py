@@ -2,7 +2,8 @@
 
 `agentflow sweep search_budget` makes the runs, and can be interrupted and resumed;
 `python benchmarks/budget.py sweeps/search_budget` then writes the tables of those that are
-finished: best scores, differences from the default strategy, and how scores rise.
+finished: best scores, differences from the default strategy, and how scores rise, which it also
+draws.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import NamedTuple
 
 from learning import write
 
+import agentflow
 from agentflow.app.sweeps.tables import read_sweep_result
 from agentflow.metrics.intervals import bootstrap_mean
 from agentflow.metrics.tables import Column, Row, Table, markdown
@@ -22,6 +24,7 @@ from agentflow.runs import read_events
 from agentflow.search.settings import SearchSettings
 
 PAGE = Path(__file__).parent.parent / "docs/results/search.md"
+PICTURES = PAGE.parent.parent / "pictures/results"
 BEGIN = "<!-- made by benchmarks/budget.py: do not edit -->"
 DEFAULT = SearchSettings().strategy
 AFTER = (10, 20, 40, 60, 85)
@@ -115,8 +118,15 @@ def mean_text(values: Sequence[float]) -> str:
     return f"{fmean(values):.1f}{ends}"
 
 
+def draw(folder: Path) -> None:
+    """Curves of all finished runs of a sweep, over simulations and over calls."""
+    for along in ("simulations", "calls"):
+        figure = agentflow.plot(folder, view="curve", by=along)
+        figure.savefig(PICTURES / f"search-{along}.webp", dpi=140)
+
+
 def main() -> None:
-    """Write the tables of a sweep, finished or not."""
+    """Write the tables of a sweep, finished or not, and draw its curves."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -130,6 +140,7 @@ def main() -> None:
         course_table(courses, "Best score after so many calls", lambda c: c.by_calls),
     )
     write(options.page, "\n\n".join(map(markdown, tables)), BEGIN)
+    draw(options.sweep)
     print(options.page)
 
 
