@@ -36,7 +36,7 @@ from agentflow.training.grpo.train import train_grpo
 from agentflow.training.model import make_decoder, train_tokenizer
 from agentflow.training.record import TrainingRecord, read_training
 
-TASK, SEEDS, KNOWN, REPLIES, STEPS, RATE = "throwing", (0, 1), 24, 64, 20, 1e-3
+TASK, SEEDS, KNOWN, REPLIES, STEPS = "throwing", (0, 1), 24, 64, 20
 VARIANTS = {"score": (), "score and unlike": ("advantage.unlike=1",)}
 """What is rewarded -> settings."""
 BEGIN = "<!-- made by benchmarks/unlike.py: do not edit -->"
@@ -105,8 +105,7 @@ def learn_by_heart(data: Path, out: Path) -> None:
 def improve(folder: Path, name: str, settings: Sequence[str]) -> None:
     """Train by rewards, unless that is done."""
     small = ("prompts=1", "device_batch=16", "workers=1", f"steps={STEPS}", f"eval_every={STEPS}")
-    rate = f"optimiser.learning_rate={RATE}"
-    keys = (*small, rate, f"eval_samples={REPLIES}", "max_tokens=320", "threads=1", *settings)
+    keys = (*small, f"eval_samples={REPLIES}", "max_tokens=320", "threads=1", *settings)
     path = Path("configs/train/grpo_tiny.yaml")
     config = read_config(GrpoConfig, path, keys, {"model.name": str(folder / "model")})
     train_grpo(config, folder / name, True, print)
@@ -124,7 +123,7 @@ def table(folder: Path) -> Table:
     names = ("valid", "mean score", "Best@16", "mechanism classes", "entropy per token")
     notes = (
         f"{REPLIES} fresh replies each, {STEPS} steps of 16 replies; classes of machines that "
-        "score. Entropy: of the first or last step, in nats. Unlike: `advantage.unlike=1`.",
+        "score. Entropy: of the first or last step, in nats. Unlike: a weight of 1.",
     )
     title = f"Rewards for unlike mechanisms: {TASK}, a tiny model that knows {KNOWN} machines"
     columns = tuple(Column("", name) for name in names)
