@@ -41,8 +41,9 @@ blocks. Use it to see what sensing is worth where the conditions are not known b
 Numbers are successful trials out of ten. The columns are the perturbations of \
 [robust scores](../explanation/scores.md#robust-scores). The control program is the best of those \
 that the second column counts, chosen on the unchanged conditions of the same trials; no program \
-can know which trial it is in. Reading sensors and evaluating laws took 0.6 % to 2.0 % of the time \
-of these rollouts on either engine. `python benchmarks/controllers.py` writes this page.
+can know which trial it is in. Sensing and setting motors took \
+1.7 % to 5.9 % of the time of rollouts on PyBullet and 2.4 % to 6.6 % on MuJoCo \
+(`benchmarks/sensing.py`). `python benchmarks/controllers.py` writes this page.
 """
 
 

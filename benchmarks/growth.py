@@ -33,7 +33,7 @@ ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "results" / "growth.md"
 RUN = ROOT / "runs" / "recorded-throwing"
 MAIN = "import sys; from agentflow_command import main; sys.exit(main())"
-BLOCKS = 10, 20, 40, 80, 160, 400
+BLOCKS = 10, 20, 40, 80
 Point = tuple[str, int, float, float | None]
 """Name of the curve, size, seconds of CPU time, and greatest memory, MB."""
 
@@ -156,6 +156,9 @@ def draw(found: dict[str, list[Point]], picture: Path) -> None:
         if other:
             other.set_ylim(0, None)
             other.set_ylabel("memory (MB), dotted")
+        sizes = sorted({point[1] for point in points})
+        axis.set_xticks(sizes, [f"{size:,}" for size in sizes])
+        axis.minorticks_off()
         axis.legend(fontsize=8)
     figure.savefig(picture, metadata={"Date": None})
 
@@ -191,7 +194,7 @@ larger. Use it to plan large experiments.
 
 Times are CPU time. Rollouts last 1 s of simulated time; blocks are those of random machines. \
 Commands run in a fresh process, whose start of a quarter of a second is included, and so are \
-worker processes; memory is the most that the process itself held. The size of a stream does not \
+worker processes; memory is the most that one of them held. The size of a stream does not \
 matter for it. `python benchmarks/growth.py` writes this page.
 """
 
