@@ -31,7 +31,10 @@ PAGES = sorted(
     for pattern in ("README.md", "CONTRIBUTING.md", "docs/**/*.md", "examples/*.md", "recipes/*.md")
     for path in ROOT.glob(pattern)
 )
-NEEDED = ("examples", "configs", "docs", "runs/recorded-throwing", "runs/language-model-throwing")
+NEEDED = (
+    *("benchmarks", "examples", "configs", "docs"),
+    *("runs/recorded-throwing", "runs/language-model-throwing"),
+)
 """What commands may refer to, from the root of the repository."""
 WITH_PACKAGE = {"docs/tutorials/your-own-part.md": "examples/straight"}
 """Pages whose commands need a package of the examples."""

@@ -11,7 +11,6 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.search.settings import INDEPENDENT, SearchSettings
-from agentflow.search.strategies import searches_whole_run
 
 Emitter = Literal["edit", "crossover", "refiner"]
 """What makes new machines from others."""
@@ -251,6 +250,8 @@ class WorkflowSettings(BaseModel):
     @property
     def model_arms(self) -> tuple[str, ...]:
         """The models among which the search chooses; none unless it is over the whole run."""
+        from agentflow.search.strategies import searches_whole_run  # loads asyncio
+
         return tuple(dict.fromkeys(self.models)) if searches_whole_run(self.search) else ()
 
     @property

@@ -38,7 +38,7 @@ function form(start) {
     told.textContent = "";
     localStorage.setItem(CONSENT, consent.value);
     const agreed = !consent.value.trim() || (await agrees(consent.value));
-    if (!agreed) return void (told.textContent = "The person has not agreed, so nothing was begun or recorded.");
+    if (!agreed) return void (told.textContent = "The person has not agreed, so nothing has started and nothing is recorded.");
     try {
       const task = tasks.value;
       const { machine } = await ask("/api/build/new", { task });
