@@ -42,8 +42,9 @@ Numbers are successful trials out of ten. The columns are the perturbations of \
 [robust scores](../explanation/scores.md#robust-scores). The control program is the best of those \
 that the second column counts, chosen on the unchanged conditions of the same trials; no program \
 can know which trial it is in. Sensing and setting motors took \
-1.7 % to 5.9 % of the time of rollouts on PyBullet and 2.4 % to 6.6 % on MuJoCo \
-(`benchmarks/sensing.py`). `python benchmarks/controllers.py` writes this page.
+1.4 % to 4.6 % of the time of rollouts on PyBullet and 2.2 % to 5.5 % on MuJoCo \
+(`benchmarks/sensing.py --repeats 5`), and up to 6.5 % while the processor was overloaded. \
+`python benchmarks/controllers.py` writes this page.
 """
 
 

@@ -54,26 +54,38 @@ class Laws:
         }
         """When each state machine entered which state."""
         order = TopologicalSorter({name: law.laws for name, law in laws.items()}).static_order()
-        self._evaluate: list[Evaluate] = [self._limited(name, laws[name]) for name in order]
+        self._evaluate: list[Evaluate] = [
+            self._limited(name, laws[name]) for name in order if not self._steady(name, laws[name])
+        ]
 
     def __call__(self, time: float) -> None:
-        """Evaluate all laws."""
+        """Evaluate all laws; steady ones have their outputs from the start."""
         for evaluate in self._evaluate:
             evaluate(time)
+
+    def _steady(self, name: str, law: Law) -> bool:
+        """Whether a law has the same output at all times; writes it."""
+        low, high = law.limits
+        steady = isinstance(law, Constant) and law.rate is None and low <= law.level <= high
+        if isinstance(law, Constant) and steady:
+            self.outputs[self._number[name]] = law.level
+        return steady
 
     def _limited(self, name: str, law: Law) -> Evaluate:
         """The function of a law with its limits and its rate limit."""
         raw: Callable[[float], float] = getattr(self, f"_{law.kind}")(law, name)
         outputs, number, edges = self.outputs, self._number[name], self.edges[name]
         (low, high), most = law.limits, law.rate and law.rate * self._interval
-        held = 0.0
+        held, at_limit = 0.0, False
 
         def evaluate(time: float) -> None:
-            nonlocal held
-            wanted = raw(time)
-            output = low if wanted < low else high if wanted > high else wanted
-            if (output != wanted) != len(edges) % 2:
-                edges.append(time)
+            nonlocal held, at_limit
+            output = wanted = raw(time)
+            if at_limit or not low <= wanted <= high:
+                output = low if wanted < low else high if wanted > high else wanted
+                if (output != wanted) != at_limit:
+                    at_limit = not at_limit
+                    edges.append(time)
             if most is not None:
                 output = max(held - most, min(held + most, output))
                 held = output

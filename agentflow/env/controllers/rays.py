@@ -28,6 +28,7 @@ class Rays:
     def __init__(self, scene: Scene, world: World) -> None:
         """Keep what does not move; what moves is asked for."""
         self._world, self._objects = world, scene.objects
+        self._few = len(scene.objects) <= FEW
         upright = [
             index
             for index, item in enumerate(scene.objects)
@@ -50,31 +51,42 @@ class Rays:
         What the start is inside of does not count.
         """
         nearest = start[1] / -way[1] if way[1] < 0.0 < start[1] else inf
-        few = len(self._objects) <= FEW
-        for index in self._others if few else self._near(start, way):
+        for index in self._others if self._few else self._near(start, way):
             distance = self._meet(self._objects[index], start, way)
             nearest = distance if distance < nearest else nearest
-        return min(nearest, self._first_box(start, way)) if few else nearest
+        return self._first_box(start, way, nearest) if self._few else nearest
 
-    def _first_box(self, start: Vec3, way: Vec3) -> float:
-        """As `first`, of the boxes: `_meet_box` written out, which runs in every reading."""
+    def _first_box(self, start: Vec3, way: Vec3, nearest: float) -> float:
+        """The least of `nearest` and the distances to the boxes: `_meet_box` written out, which
+        runs in every reading, and ends where a box can no longer count."""
         (x, y, z), (u, v, w) = start, way
-        nearest = inf
+        along = -1e-12 < w < 1e-12, -1e-12 < u < 1e-12, -1e-12 < v < 1e-12
         for a, b, c, p, q, r in self._boxes:
             near, far = -inf, inf
-            for at, speed, half in ((z - c, w, r), (x - a, u, p), (y - b, v, q)):
-                if -1e-12 < speed < 1e-12:
-                    if -half <= at <= half:
-                        continue
-                    break
-                one, other = (-half - at) / speed, (half - at) / speed
-                if one > other:
-                    one, other = other, one
+            if not along[0]:
+                at, half = z - c, r if w > 0.0 else -r
+                near, far = (-half - at) / w, (half - at) / w
+                if far < 0.0 or near >= nearest:
+                    continue
+            elif not -r <= z - c <= r:
+                continue
+            if not along[1]:
+                at, half = x - a, p if u > 0.0 else -p
+                one, other = (-half - at) / u, (half - at) / u
+                near, far = one if one > near else near, other if other < far else far
+                if near > far or near >= nearest:
+                    continue
+            elif not -p <= x - a <= p:
+                continue
+            if not along[2]:
+                at, half = y - b, q if v > 0.0 else -q
+                one, other = (-half - at) / v, (half - at) / v
                 near, far = one if one > near else near, other if other < far else far
                 if near > far:
-                    break
-            else:
-                nearest = near if 0.0 <= near < nearest else nearest
+                    continue
+            elif not -q <= y - b <= q:
+                continue
+            nearest = near if 0.0 <= near < nearest else nearest
         return nearest
 
     def _near(self, start: Vec3, way: Vec3) -> list[int]:

@@ -27,7 +27,7 @@ from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Skeleton, skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Body, Scene, SceneObject
-from agentflow.machine.geometry.vectors import Quat, Vec3, add, cross, rotate_vector, subtract
+from agentflow.machine.geometry.vectors import Quat, Vec3, rotate_vector, subtract
 
 Snapshot = tuple[Readings, Array]
 """Rows, and what reads them."""
@@ -148,8 +148,9 @@ class BaseWorld(ABC, Generic[Own]):
         if sudden:
             self._ledger.interrupt(self.now.forces)
         self._levels.update(levels)
-        for entry in self._grips.entries & levels.keys():
-            self._grips.switch(entry, self._levels[entry] > 0)
+        if not self._grips.entries.isdisjoint(levels):
+            for entry in self._grips.entries & levels.keys():
+                self._grips.switch(entry, self._levels[entry] > 0)
         self.now.motors.set()
 
     def step(self, divisions: int = 1, ahead: int = 1) -> Foreseen | None:
@@ -213,12 +214,17 @@ class BaseWorld(ABC, Generic[Own]):
         return self.now.readings.origin(self._row(block), block)
 
     def turn(self, block: int) -> Quat:
-        return swap_quaternion(self._row(block)[ROTATION])
+        now = self.now  # written out, as `centre` and `velocity`, for what senses
+        _, _, _, x, y, z, w, _, _, _, _, _, _ = now.rows[now.readings.row_of[block]]
+        return -x, -z, -y, w
 
     def velocity(self, block: int) -> Vec3:
-        row = self._row(block)
-        arm = subtract(swap(self.centre(block)), (row[0], row[1], row[2]))
-        return swap(add((row[7], row[8], row[9]), cross((row[10], row[11], row[12]), arm)))
+        now = self.now
+        row = now.rows[now.readings.row_of[block]]
+        px, py, pz, _, _, _, _, vx, vy, vz, wx, wy, wz = row
+        x, z, y = now.readings.centre(row, block)
+        a, b, c = x - px, y - py, z - pz
+        return vx + (wy * c - wz * b), vz + (wx * b - wy * a), vy + (wz * a - wx * c)
 
     def spin(self, block: int) -> Vec3:
         return swap_turn(self._row(block)[SPIN])

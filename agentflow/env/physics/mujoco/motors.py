@@ -104,7 +104,19 @@ class Motors:
     def set(self) -> None:
         """Aim at the speeds that the levels give, and hold the angle where that is 0."""
         levels = self._levels
-        self._aims = [speed * levels.get(starts, 0.0) for speed, starts in self._alike]
+        aims = self._aims = [speed * levels.get(starts, 0.0) for speed, starts in self._alike]
+        if 0.0 in aims:
+            self._hold()
+        else:
+            self.held = []
+        if self._mixed:
+            self.mix()
+        if aims:
+            per = self.step * TIGHT
+            self.changes[:] = [aim / per for aim in self._aims]
+
+    def _hold(self) -> None:
+        """Let motors that aim at 0 hold their angle."""
         before = {i for i, *_ in self.held}
         off = idle(self._levels)
         self.held = []
@@ -117,9 +129,6 @@ class Motors:
             still = abs(float(self._qvel[address.velocity])) <= STILL
             yields = not (off and still)
             self.held.append((i, address.position, address.velocity, yields))
-        self.mix()
-        per = self.step * TIGHT
-        self.changes[:] = [aim / per for aim in self._aims]
 
     def mix(self) -> None:
         """Set joints whose motors aim at different speeds; before the first half of a step."""

@@ -79,8 +79,9 @@ class Motors:
 
     def set(self) -> None:
         """Set every motor; joints without one turn freely except for their friction."""
+        holding = self._series or idle(self._levels)
         for handled in self._single:
-            self._set_single(*handled)
+            self._set_single(*handled, holding)
         for uid, index, drive in self._balls:
             pybullet.setJointMotorControlMultiDof(
                 uid,
@@ -94,15 +95,14 @@ class Motors:
                 physicsClientId=self._client,
             )
 
-    def _set_single(self, uid: int, index: int, drive: JointDrive) -> None:
+    def _set_single(self, uid: int, index: int, drive: JointDrive, holding: bool) -> None:
         """Set the motor of one joint.
 
         Motors that stand still hold their angle until a device is switched on, and at level 0
-        later if motors are in series. Others only aim at speed 0, and give way for good.
+        later if motors are in series, which is `holding`. Others only aim at speed 0, and give way
+        for good.
         """
-        holding = self._series or idle(self._levels)
-        off = drive.turns and not drive.command(self._levels).target
-        if holding and off:
+        if holding and drive.turns and not drive.command(self._levels).target:
             angle, speed = pybullet.getJointState(uid, index, self._client)[:2]
             if abs(speed) <= STILL:
                 self._hold(uid, index, drive, angle)

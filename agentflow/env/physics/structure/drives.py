@@ -74,6 +74,9 @@ class JointDrive:
         no other motors overcome those that aim there. Motors that the joint passes on the way to it
         help to get there, the others push constantly.
         """
+        if len(self.motors) == 1:
+            ((own, torque, starts),) = self.motors
+            return MotorCommand(own * levels.get(starts, 0.0), torque)
         limits: dict[float, float] = {}
         for motor in self.motors:
             target = motor.speed * levels.get(motor.starts, 0.0)
