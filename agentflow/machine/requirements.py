@@ -118,7 +118,7 @@ class Requirement:
         if found["unit"] not in ("", unit):
             raise ValueError(f"{text!r}: {name} is {f'in {unit}' if unit else 'without a unit'}")
         within = _number(text, found["within"] or "0")
-        if (name == "tolerance") != (found["within"] is not None):
+        if not within if name == "tolerance" else found["within"]:
             raise ValueError(
                 f"{text!r}: write how far blocks are displaced after tolerance, and only there: "
                 "tolerance of 0.05 m >= 80 %"
@@ -298,6 +298,7 @@ def contradiction(items: Sequence[Requirement]) -> str:
     for low in items:
         for high in items:
             same = (low.quantity, low.within) == (high.quantity, high.within)
+            same = same or (low.quantity, high.quantity) == ("types", "blocks")  # never more types
             if same and low.relation != "<=" and high.relation != ">=" and low.value > high.value:
                 return f"{low} contradicts {high}: change or remove one of them"
     return ""

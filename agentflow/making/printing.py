@@ -101,6 +101,7 @@ def _cut_rods(machine: Machine, parts: Sequence[Part], bodies: dict[int, Any]) -
     """Cut rods where they enter the blocks that they join; notes on what that leaves."""
     rods = [part.block for part in parts if part.kind.linear]
     blocks = [part.block for part in parts if not part.kind.linear]
+    casters = [part.block for part in parts if part.kind.shape == "caster"]
     for rod in rods:
         rest = bodies[rod]
         for parent in machine[rod].parents:
@@ -110,11 +111,16 @@ def _cut_rods(machine: Machine, parts: Sequence[Part], bodies: dict[int, Any]) -
         yield f"braces have no pegs and need glue: {name_blocks(rods)}"
     if inside := [rod for rod in rods if bodies[rod].is_empty()]:
         yield f"braces within the blocks that they join are left out: {name_blocks(inside)}"
-    through = [
-        rod for rod in rods if any((bodies[rod] ^ bodies[i]).volume() > SPECK for i in blocks)
+    through = [  # wheels of casters reach out of their boxes
+        one
+        for one in (*rods, *casters)
+        if any(
+            (bodies[one] ^ bodies[other]).volume() > SPECK
+            for other in {*blocks}.difference([one], machine[one].parents)
+        )
     ]
     if through:
-        yield f"braces that pass through blocks do not fit as they are: {name_blocks(through)}"
+        yield f"what passes through other blocks does not fit as it is: {name_blocks(through)}"
 
 
 def _side_by_side(parts: Sequence[tuple[Part, Any]]) -> Iterator[tuple[str, Any]]:

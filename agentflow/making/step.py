@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
-from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_Transform
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeSphere
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Quaternion, gp_Trsf, gp_Vec
 from OCP.IFSelect import IFSelect_RetDone
@@ -58,7 +58,7 @@ def machine_step(machine: Machine, making: Making) -> tuple[bytes, tuple[str, ..
             _name(made[key], type_name(part.kind))
             color = Quantity_Color(*part.kind.color[:3], Quantity_TOC_sRGB)
             colors.SetColor(made[key], color, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
-        location = _location(part.rotation, part.at, scale)
+        location = TopLoc_Location(_motion(part.rotation, part.at, scale))
         _name(shapes.AddComponent(assembly, made[key], location), part.name)
     geometry = place(machine)
     for bond in parent_bonds(geometry):
@@ -83,8 +83,11 @@ def _name(label: Any, name: str) -> None:
 
 
 def _solid(shapes: tuple[Shape, ...], scale: float) -> Any:
+    # not moved by a location: that makes a part an instance of itself, which loses its colour
     solids = [
-        _primitive(shape, scale).Moved(_location(shape.rotation, shape.offset, scale))
+        BRepBuilderAPI_Transform(
+            _primitive(shape, scale), _motion(shape.rotation, shape.offset, scale), True
+        ).Shape()
         for shape in shapes
     ]
     return reduce(lambda one, other: BRepAlgoAPI_Fuse(one, other).Shape(), solids)
@@ -100,11 +103,11 @@ def _primitive(shape: Shape, scale: float) -> Any:
     return BRepPrimAPI_MakeBox(gp_Pnt(-x / 2, -y / 2, -z / 2), x, y, z).Shape()
 
 
-def _location(rotation: Quat, at: Vec3, scale: float) -> Any:
-    place = gp_Trsf()
-    place.SetRotation(gp_Quaternion(*rotation))
-    place.SetTranslationPart(gp_Vec(*(scale * part for part in at)))
-    return TopLoc_Location(place)
+def _motion(rotation: Quat, at: Vec3, scale: float) -> Any:
+    motion = gp_Trsf()
+    motion.SetRotation(gp_Quaternion(*rotation))
+    motion.SetTranslationPart(gp_Vec(*(scale * part for part in at)))
+    return motion
 
 
 def _written(document: Any) -> bytes:

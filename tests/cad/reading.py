@@ -25,6 +25,8 @@ class Body:
 
     volume: float
     centre: Array
+    color: tuple[float, ...] = ()
+    """Linear red, green and blue; () if unknown."""
 
 
 def expected(machine: Machine) -> dict[str, Body]:
@@ -65,6 +67,7 @@ def read_step(data: bytes, folder: Path, scale: float) -> tuple[dict[str, Body],
     from OCP.BRep import BRep_Tool
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
+    from OCP.Quantity import Quantity_Color
     from OCP.STEPCAFControl import STEPCAFControl_Reader
     from OCP.TCollection import TCollection_ExtendedString
     from OCP.TDataStd import TDataStd_Name
@@ -73,7 +76,12 @@ def read_step(data: bytes, folder: Path, scale: float) -> tuple[dict[str, Body],
     from OCP.TopAbs import TopAbs_EDGE, TopAbs_SOLID
     from OCP.TopExp import TopExp, TopExp_Explorer
     from OCP.TopoDS import TopoDS
-    from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+    from OCP.XCAFDoc import (
+        XCAFDoc_ColorSurf,
+        XCAFDoc_ColorTool,
+        XCAFDoc_DocumentTool,
+        XCAFDoc_ShapeTool,
+    )
 
     file = folder / "read.step"
     file.write_bytes(data)
@@ -97,7 +105,11 @@ def read_step(data: bytes, folder: Path, scale: float) -> tuple[dict[str, Body],
             BRepGProp.VolumeProperties_s(shape, measured)
             at = measured.CentreOfMass()
             centre = np.array((at.X(), at.Y(), at.Z())) / scale
-            bodies[name] = Body(measured.Mass() / scale**3, centre)
+            part, color = TDF_Label(), Quantity_Color()
+            assert XCAFDoc_ShapeTool.GetReferredShape_s(label, part)
+            known = XCAFDoc_ColorTool.GetColor_s(part, XCAFDoc_ColorSurf, color)
+            shown = (color.Red(), color.Green(), color.Blue()) if known else ()
+            bodies[name] = Body(measured.Mass() / scale**3, centre, shown)
         else:
             edge = TopoDS.Edge(TopExp_Explorer(shape, TopAbs_EDGE).Current())
             ends = (BRep_Tool.Pnt_s(v(edge)) for v in (TopExp.FirstVertex_s, TopExp.LastVertex_s))

@@ -8,6 +8,7 @@ from random import Random
 import numpy as np
 import pytest
 
+from agentflow.env.drawing.glb import linear
 from agentflow.env.physics.frames import swap
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, Problem, library, place
@@ -50,6 +51,9 @@ def test_a_step_file_holds_every_block_and_every_axis(machine: Machine, tmp_path
     for name, body in expected(machine).items():
         assert bodies[name].volume == pytest.approx(body.volume, rel=CLOSE)
         assert bodies[name].centre == pytest.approx(body.centre, abs=CLOSE)
+    for step in machine:
+        color = tuple(map(linear, library()[step.type].color[:3]))
+        assert bodies[name_of(machine, step.id)].color == pytest.approx(color, abs=CLOSE)
     moving = [block for block in machine if library()[block.type].joint.moves]
     assert len(axes) == len(moving)
     for placed in place(machine).blocks:
@@ -131,6 +135,10 @@ def test_what_is_lost_is_listed() -> None:
     }
     for write in (machine_step, machine_usd):
         assert any("rods: block 2" in note for note in write(SPRUNG, Making())[1])
+    reaching = build((63, 0, 4), (63, 0, 0), (86, 1, 10))  # a wheel that reaches out of its box
+    through = "what passes through other blocks does not fit as it is: block 3"
+    assert through in machine_3mf(reaching, making(parts=True))[1]
+    assert not [note for note in machine_3mf(CAR, making(parts=True))[1] if "passes" in note]
     apart = build((44, 0, 4), (7, 0, 0, 0, 2), (36, 1, 0))
     assert not [note for note in machine_stl(apart, Making())[1] if "touch" in note]
 

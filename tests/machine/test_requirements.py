@@ -61,10 +61,12 @@ def test_every_type_has_a_price() -> None:
         ("blocks <= 3 kg", "blocks is without a unit"),
         ("mass <= 1e999", "1e999 must be a number"),
         ("tolerance >= 80 %", "write how far blocks are displaced after tolerance"),
+        ("tolerance of 0 m >= 80 %", "write how far blocks are displaced after tolerance"),
         ("mass of 2 m <= 3", "write how far blocks are displaced after tolerance"),
         ("tolerance of 2 m >= 80 %", "a tolerance of 2 m is larger than the smallest side"),
         ("mass >= 20, mass <= 10", "mass >= 20 kg contradicts mass <= 10 kg: change or remove"),
         ("blocks = 20, blocks = 10", "blocks = 20 contradicts blocks = 10"),
+        ("types >= 5, blocks <= 3", "types >= 5 contradicts blocks <= 3"),
     ],
 )
 def test_a_wrong_requirement_is_refused_in_a_sentence(text: str, message: str) -> None:
