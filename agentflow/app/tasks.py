@@ -63,8 +63,8 @@ class TaskInfo:
     greatest: float | None
     """The greatest possible score; None if there is none."""
     record: Mapping[str, Any] | None = field(repr=False)
-    """The best known machine: `score`, `verified`, `fragile`, `engine`, `how`, `blocks`,
-    `file`; None without one."""
+    """The best known machine: `score`, `verified`, `fragile`, `engine`, `how`, `blocks`; None
+    without one."""
     knobs: tuple[KnobInfo, ...] = field(repr=False)
     """What can be changed, with values and ranges."""
     note: str = field(repr=False, default="")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from shlex import quote
 
 from rich.text import Text
 
@@ -16,12 +15,6 @@ def _good_score(task: Data) -> str:
     """A good score, and the greatest possible one where there is one."""
     greatest = "" if task["greatest"] is None else f" of at most {task['greatest']:g}"
     return f"{task['good']:g}{greatest}"
-
-
-def draw_record(task: str, record: Data | None) -> str | None:
-    """What draws the machine of a record; None where it is not at hand."""
-    file = record and record["file"]
-    return f"agentflow render {quote(file)} --task {task}" if file else None
 
 
 TASK = (
@@ -37,7 +30,6 @@ LIMITS = (
     field("most blocks", "most_blocks"),
     Field("good score", _good_score),
     field("record", show=record_text),
-    Field("picture of the record", lambda task: draw_record(task["name"], task["record"])),
     Field("note", lambda task: task["note"] or None),
 )
 KNOB = (

@@ -74,15 +74,10 @@ class TaskRecord(BaseModel):
         return Holding(self.of, tuple(self.fails))
 
 
-def record_file(name: str) -> Path | None:
-    """The file with the machine of a record; None where the repository is not at hand."""
-    file = MACHINES / f"{name}.json"
-    return file if file.is_file() else None
-
-
 def record_machine(name: str) -> Machine | None:
     """The machine of a record; None where the repository is not at hand."""
-    if (file := record_file(name)) is None:
+    file = MACHINES / f"{name}.json"
+    if not file.is_file():
         return None
     return read_machine(file.read_text(encoding="utf-8"), tuple(library())).machine
 
@@ -147,10 +142,10 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
     """The record of a task for readers; None if there is none.
 
     Returns:
-        `score`, `verified`, `fragile`, `engine`, `how`, `blocks` (how many count), `file` (with its
-        machine; None where the repository is not at hand), and the share that `score` reaches as
-        `share` and `of`: "record", with the name of its engine if that of the task is another one,
-        or "greatest possible score".
+        `score`, `verified`, `fragile`, `engine`, `how`, `blocks` (how many count), and the share
+        that `score` reaches as `share` and `of`: "record", with the name of its engine if that of
+        the task is another one, or "greatest possible score". Not where its machine is: those who
+        design read this.
     """
     found = record_of(task)
     if found is None:
@@ -162,7 +157,6 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
         "engine": found.engine,
         "how": found.how,
         "blocks": task.brief.count_blocks(found.size),
-        "file": (file := record_file(found.name)) and str(file),
         "share": record_share(task, score),
         "of": _full_name(task, found),
     }
