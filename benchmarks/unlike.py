@@ -2,8 +2,9 @@
 
 A tiny model learns small throwing machines of the built-in model by heart, and then from rewards:
 with and without `advantage.unlike`, with two seeds. Run it with `.venv-training/bin/python`. It
-takes about five minutes on an idle core and writes a table in docs/results/learning.md. A repeated
-command leaves out what is done.
+writes a table in docs/results/learning.md. A repeated command leaves out what is done. A step with
+its simulations took 9 to 10 s on two cores with much else to do; `--known`, `--steps` and
+`--replies` make it smaller.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from agentflow.training.grpo.train import train_grpo
 from agentflow.training.model import make_decoder, train_tokenizer
 from agentflow.training.record import TrainingRecord, read_training
 
-TASK, SEEDS, KNOWN, REPLIES, STEPS = "throwing", (0, 1), 24, 64, 20
+TASK, SEEDS = "throwing", (0, 1)
 VARIANTS = {"score": (), "score and unlike": ("advantage.unlike=1",)}
 """What is rewarded -> settings."""
 BEGIN = "<!-- made by benchmarks/unlike.py: do not edit -->"
@@ -48,16 +49,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, nargs="?", default=Path("unlike"))
     parser.add_argument("--page", type=Path, default=Path("docs/results/learning.md"))
+    parser.add_argument("--known", type=int, default=24, help="machines learned by heart")
+    parser.add_argument("--steps", type=int, default=20, help="steps of 16 replies")
+    parser.add_argument("--replies", type=int, default=64, help="fresh replies that are counted")
     given = parser.parse_args()
     folder = given.folder
     folder.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)
     if not (folder / "model").exists():
-        learn_by_heart(make_data(folder), folder / "model")
+        learn_by_heart(make_data(folder), folder / "model", given.known)
     for seed in SEEDS:
         for number, settings in enumerate(VARIANTS.values()):
-            improve(folder, f"{number}-{seed}", (f"seed={seed}", *settings))
-    write(given.page, markdown(table(folder)), BEGIN)
+            size = (f"steps={given.steps}", f"eval_every={given.steps}")
+            keys = (*size, f"eval_samples={given.replies}", f"seed={seed}", *settings)
+            improve(folder, f"{number}-{seed}", keys)
+    write(given.page, markdown(table(folder, given)), BEGIN)
 
 
 def make_data(folder: Path) -> Path:
@@ -77,12 +83,12 @@ def make_data(folder: Path) -> Path:
     return data
 
 
-def learn_by_heart(data: Path, out: Path) -> None:
+def learn_by_heart(data: Path, out: Path, known: int) -> None:
     """A tiny model that writes the smallest machines of the data, all with the same chance."""
     prompt = shorten(design_prompt(TASK))
     made = (read(json.dumps(pair.machine)) for pair in read_pairs(data / TRAIN))
     smallest = sorted({machine.to_text() for machine in made}, key=lambda text: (len(text), text))
-    texts = [prompt + text for text in smallest[:KNOWN]]
+    texts = [prompt + text for text in smallest[:known]]
     tokenizer = train_tokenizer(texts, 512)
     torch.manual_seed(0)
     model = make_decoder(TinyModel(hidden=64, layers=2, heads=4, feed_forward=192), tokenizer)
@@ -99,19 +105,18 @@ def learn_by_heart(data: Path, out: Path) -> None:
             print(f"by heart, step {step}: loss {loss.item():.3f}", flush=True)
     model.save_pretrained(out)
     tokenizer.save_pretrained(out)
-    ModelFolder(label=f"tiny model that knows {KNOWN} machines", prompts="shorthand").save(out)
+    ModelFolder(label=f"tiny model that knows {known} machines", prompts="shorthand").save(out)
 
 
 def improve(folder: Path, name: str, settings: Sequence[str]) -> None:
     """Train by rewards, unless that is done."""
-    small = ("prompts=1", "device_batch=16", "workers=1", f"steps={STEPS}", f"eval_every={STEPS}")
-    keys = (*small, f"eval_samples={REPLIES}", "max_tokens=320", "threads=1", *settings)
+    keys = ("prompts=1", "device_batch=16", "workers=1", "max_tokens=320", "threads=1", *settings)
     path = Path("configs/train/grpo_tiny.yaml")
     config = read_config(GrpoConfig, path, keys, {"model.name": str(folder / "model")})
     train_grpo(config, folder / name, True, print)
 
 
-def table(folder: Path) -> Table:
+def table(folder: Path, given: argparse.Namespace) -> Table:
     """Classes and scores of fresh replies before training and after it."""
     rows = []
     for seed in SEEDS:
@@ -119,13 +124,14 @@ def table(folder: Path) -> Table:
             record = read_training(folder / f"{number}-{seed}")
             if number == 0:
                 rows.append(row_of(record, "before", seed, 0))
-            rows.append(row_of(record, name, seed, STEPS))
+            rows.append(row_of(record, name, seed, given.steps))
     names = ("valid", "mean score", "Best@16", "mechanism classes", "entropy per token")
     notes = (
-        f"{REPLIES} fresh replies each, {STEPS} steps of 16 replies; classes of machines that "
-        "score. Entropy: of the first or last step, in nats. Unlike: a weight of 1.",
+        f"{given.replies} fresh replies each, {given.steps} steps of 16 replies; classes of "
+        "machines that score. Entropy: of the first or last step, in nats. Unlike: a weight of 1.",
     )
-    title = f"Rewards for unlike mechanisms: {TASK}, a tiny model that knows {KNOWN} machines"
+    known = f"a tiny model that knows {given.known} machines"
+    title = f"Rewards for unlike mechanisms: {TASK}, {known}"
     columns = tuple(Column("", name) for name in names)
     return Table(title, ("seed", "rewards"), columns, tuple(rows), notes=notes)
 
