@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import Awaitable, Callable
 from typing import Any, TypeVar
@@ -76,6 +77,8 @@ async def _respond(
         return told(refusal)
     except AgentflowError as error:
         return told(Refusal(400, str(error)))
+    except asyncio.CancelledError:  # the studio ends; what reaches the server would be a traceback
+        return told(Refusal(503, "the studio has ended"))
 
 
 def _shallow(value: Any, depth: int = 0) -> Any:

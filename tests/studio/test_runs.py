@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -113,6 +114,20 @@ def test_runs_of_different_tasks_are_not_compared(browser: Browser, runs: Path) 
     answer = browser.client.get("/api/pair?a=throwing&b=driving")
     assert "only runs of one task can be compared" in answer.text
     assert "--" not in answer.text
+
+
+def test_closing_while_films_are_simulated_logs_nothing(
+    runs: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with ThreadPoolExecutor() as threads, studio(runs) as served:
+        browser = served.enter()
+        [row] = browser.get("/api/runs")
+        nodes = browser.get("/api/run", run=row["run"])["nodes"]
+        for machine in {node["machine"] for node in nodes} - {None}:
+            query = {"run": row["run"], "machine": machine}
+            threads.submit(browser.client.get, "/api/machine", params=query)
+        time.sleep(0.5)  # fewer than all of them are simulated by then
+    assert [record.getMessage() for record in caplog.records] == []
 
 
 def test_scorecards_and_sweeps_have_their_pages(browser: Browser, runs: Path) -> None:
