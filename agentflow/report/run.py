@@ -24,6 +24,7 @@ from agentflow.runs.events import (
     ToolEvent,
     read_typed_events,
 )
+from agentflow.runs.locations import STAGE_WORDS
 from agentflow.runs.record import RunRecord
 from agentflow.runs.result import BUDGET, RunResult
 
@@ -114,12 +115,13 @@ class RunStory:
 
     def _sentence(self, scored: bool) -> str:
         if self.result is None:
-            return f"{'is the best so far: ' * scored}the run is {UNFINISHED[state_of(self.path)]}"
+            so_far = "is the best so far" if scored else "yet"  # follows the score
+            return f"{so_far}: the run is {UNFINISHED[state_of(self.path)]}"
         end = "; its budget was used up" * (self.result.stopped == BUDGET)
         if not self.result.valid:
             return (self.result.reason or "no valid machine was found") + end
-        stage = (self.result.best_stage or "").replace("_", " ")
-        place = f" found in the stage {stage}" if stage else ""
+        stage = STAGE_WORDS.get(self.result.best_stage or "", "")
+        place = f" found in the stage of {stage}" if stage else ""
         if not self.result.score:
             return f"is the highest score of any machine; one{place} is shown{end}"
         return f"the best machine{',' * bool(place)}{place}{end}"

@@ -15,6 +15,12 @@ FEEDBACK: StageName = "env_feedback"
 """The stage of refinement with feedback from simulations."""
 STAGES = (INITIAL, BLIND, FEEDBACK)
 """All stages in their order."""
+STAGE_WORDS: dict[str, str] = {
+    INITIAL: "first designs",
+    BLIND: "refinement without simulation",
+    FEEDBACK: "refinement with feedback",
+}
+"""Stage -> what pages call it."""
 
 _PARTS = {
     "structure": "structure",

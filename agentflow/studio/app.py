@@ -17,6 +17,7 @@ from starlette.routing import BaseRoute, Route
 from agentflow.errors import UsageError
 from agentflow.listening import end_is_asked_for, listen, serving
 from agentflow.report.page import read_bundle
+from agentflow.studio.answers import Nothing
 from agentflow.studio.building.person_runs import PersonRuns
 from agentflow.studio.building.routes import Building
 from agentflow.studio.folder import RunFolder
@@ -101,10 +102,13 @@ async def _open_app(runs: Path) -> AsyncIterator[Starlette]:
         PersonRuns(folder, simulations) as person_runs,
     ):
         with SessionRecorder(runs) as recorder:
-            routes += Watching(folder, designs, simulations).routes
+            watching = Watching(folder, designs, simulations)
+            routes += watching.routes
             routes += Building(folder, person_runs, simulations).routes
             routes += Sessions(recorder, simulations).routes
+            first = asyncio.create_task(watching.start(Nothing()))  # slow the first time
             yield Starlette(routes=routes, exception_handlers=PLAIN)
+            await first
 
 
 async def _not_found(_request: Request, error: Exception) -> Response:

@@ -40,7 +40,7 @@ def test_a_finished_run() -> None:
         "seed": 0,
         "score": result.score,
         "verified": with_holding(result.to_json()["verified"]),
-        "sentence": "the best machine, found in the stage " + result.best_stage.replace("_", " "),
+        "sentence": "the best machine, found in the stage of refinement with feedback",
         "about": f"procedural (no language model): {calls} calls, 8 machines simulated",
         "prices": False,
     }
@@ -127,7 +127,8 @@ def test_a_run_in_which_nothing_scored_praises_no_machine(tmp_path: Path) -> Non
     result = a_result(valid=True, machine=[{}], score=0.0, stages=stages, best_stage="env_feedback")
     story = RunStory.read(hostile_run(tmp_path), result, None)
     assert story.to_json(no_price, priced=False)["run"]["sentence"] == (
-        "is the highest score of any machine; one found in the stage env feedback is shown"
+        "is the highest score of any machine; one found in the stage of refinement with feedback "
+        "is shown"
     )
 
 

@@ -246,8 +246,21 @@ def test_an_empty_list_says_where_to_begin(browser: webdriver.Chrome, tmp_path: 
         browser.find_elements(By.CSS_SELECTOR, ".first a")[0].click()
         until(browser, lambda: "Step 1 of 5" in find(browser, ".guide").text)
         take_block(browser, "wooden block")
+        view = find(browser, ".stage canvas")
+        script = "try { return arguments[0].placeOf(0, arguments[1]) } catch { return null }"
+        marked = [face for face in range(6) if browser.execute_script(script, view, face)]
+        assert marked == [0]  # the front, which the first step is about
+        attach(browser, "0.3")
+        until(browser, lambda: "that is another face" in find(browser, ".guide").text)
+        find(browser, ".top button").click()
+        until(browser, lambda: len(tree(browser)) == 1)
+        take_block(browser, "wooden block")
         attach(browser, "0.0")
         until(browser, lambda: "Step 2 of 5" in find(browser, ".guide").text)
+        open_page(browser, empty, "leaderboard")
+        commands = [item.text for item in browser.find_elements(By.CSS_SELECTOR, "main li code")]
+        assert len(commands) == 3
+        assert all(command.endswith(f" --out {tmp_path / 'none'}") for command in commands)
         open_page(browser, empty, "build?example=catapult")
         assert len(tree(browser)) == 21
         assert complaints(browser) == []

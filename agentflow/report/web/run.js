@@ -54,7 +54,7 @@ export class RunView {
     this.put("talk", data.calls, this.rest, () => conversations(data, this.calls));
     this.put("facts", data.facts, this.rest, () => settings(data));
     const first = data.nodes.find((node) => node.best) ?? data.nodes.at(-1);
-    if (!first) this.player.show(null, "");
+    if (!first) this.player.show(null, "", this.growing ? "The first machine appears here when it has been simulated." : "");
     else if (!this.picked || (this.following && this.picked !== first.id)) {
       this.tree.select(first.id);
       this.show(first);

@@ -20,8 +20,10 @@ from agentflow.env.tasks.records import record_share
 from agentflow.errors import AgentflowError, RunError, UsageError
 from agentflow.runs import find_runs, read_document, state_of
 from agentflow.runs.events import EvaluationEvent, RunEvent, read_new_typed_events
+from agentflow.runs.locations import STAGE_WORDS
 from agentflow.runs.reading import CALLS, EVENTS, FILE_NAME, RESULT, Event
 from agentflow.runs.record import RunRecord
+from agentflow.studio.building.person_runs import PERSON
 from agentflow.studio.folder import RunFolder
 from agentflow.studio.watching.designs import Designs
 
@@ -226,13 +228,13 @@ async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[N
             "problem": failing,
             "best": record.best,
             "machine": follower.best,
-            "stage": record.stage and record.stage.location.name,
+            "stage": record.stage and STAGE_WORDS[record.stage.location.name],
             "calls": record.calls,
             "refused": record.calls - record.valid_calls,
             "simulations": record.evaluations,
             "retries": designs.retries(name),
             "seconds": follower.at,
-            "planned": planned,
+            "planned": {} if record.start and record.start.model == PERSON else planned,
         }
         is_news = points or now != told
         yield {**now, "points": points, "ended": state == "done"} if is_news else None

@@ -4,8 +4,9 @@ import { el, formatNumber, verifiedText } from "../../report/web/dom.js";
 import { leaderboardParts } from "../../report/web/leaderboard.js";
 import { sweepPage } from "../../report/web/sweep.js";
 import { address, ask } from "./api.js";
-import { pictureOf } from "./list.js";
+import { pictureOf, shortName } from "./list.js";
 
+const CARD = "card.json"; // the name of a scorecard
 const FIRST = 5; // cards of a task that are shown at once
 
 /** The best runs of each task, best verified score first. */
@@ -15,7 +16,7 @@ export async function galleryPage() {
   const tasks = [...Map.groupBy(scored, ({ task }) => task)].sort(([a], [b]) => a.localeCompare(b));
   const card = (row) => el("a", { class: "card", href: address("run", { run: row.run }) }, pictureOf(row, 320, 240),
     el("b", {}, formatNumber(worth(row)), row.share === null ? "" : el("small", {}, ` ${formatNumber(100 * row.share, 0)} % of the record`)),
-    el("span", {}, row.run), el("small", {}, [row.workflow, row.model, row.verified === null ? "not verified" : `verified ${verifiedText(row.verified, row.fragile)}`].join(" · ")));
+    el("span", { title: row.run }, shortName(row.run)), el("small", {}, [row.workflow, row.model, row.verified === null ? "not verified" : `verified ${verifiedText(row.verified, row.fragile)}`].join(" · ")));
   const part = ([task, rows]) => {
     const best = [...new Map(rows.sort((a, b) => worth(a) - worth(b)).map((row) => [row.machine, row])).values()].reverse();
     const cards = el("div", { class: "cards" }, ...best.slice(0, FIRST).map(card));
@@ -27,8 +28,13 @@ export async function galleryPage() {
 }
 
 export async function leaderboardPage() {
-  const boards = await ask("/api/leaderboards");
-  const none = el("p", {}, "There are no scorecards in this folder. ", el("code", {}, "agentflow benchmark --model NAME"), " writes one: it measures a model on fixed tasks of every family.");
+  const [boards, { runs }] = await Promise.all([ask("/api/leaderboards"), ask("/api/start")]);
+  const command = (words, does) => el("li", {}, el("code", {}, `agentflow benchmark ${words} --out ${runs}`), el("p", {}, does));
+  const none = el("section", {}, el("p", {}, "There is no scorecard in the folder ", el("code", {}, runs), ` yet. A scorecard, ${CARD}, tells how well one model designs machines: its scores on the same tasks as all other models. Each of these commands writes one:`),
+    el("ul", {}, command("--lite", "The built-in designer on one task of each family: no model and no key is needed."),
+      command("--model NAME --base-url URL", "A language model on all tasks, at any endpoint that speaks the protocol of OpenAI."),
+      command("--model NAME --base-url URL --lite", "The same with one task of each family. Only cards of the same tasks are compared.")),
+    el("p", { class: "quiet" }, `If you have scorecards already, put each in a folder of its own: ${runs}/NAME/${CARD}.`));
   return { elements: [el("main", { class: "alone" }, el("header", {}, el("h1", {}, boards.length > 1 ? "Leaderboards" : "Leaderboard"), el("p", { class: "lede" }, "Models side by side, on the fixed tasks of the benchmark.")),
     ...(boards.length ? boards.flatMap((board) => [el("p", { class: "quiet" }, board.about), ...leaderboardParts(board)]) : [none]))] };
 }

@@ -26,7 +26,7 @@ export async function buildPage({ task, run, machine, example, guide }) {
   editor.library = library;
   if (given) editor.take(await send("/api/build/state", { task: editor.task, machine: given.machine }), "open");
   const page = new BuildPage(editor, start, session);
-  if (guide) page.view.append(carGuide(editor));
+  if (guide) page.view.append(carGuide(editor, (way) => page.stage.lookFrom(way)));
   return page;
 }
 

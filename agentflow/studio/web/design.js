@@ -55,7 +55,8 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     if (!form.isConnected || !form.checkValidity()) return;
     try {
       const { calls, simulations, seconds } = await send("/api/designs/estimate", { ...read(form), ...fixed() });
-      needs.textContent = `About ${formatNumber(calls)} calls of the model and up to ${formatNumber(simulations)} simulations (${spell(seconds)} on this computer).`;
+      const asked = read(form).model === BUILT_IN ? "Up to" : `About ${formatNumber(calls)} calls of the model and up to`;
+      needs.textContent = `${asked} ${formatNumber(simulations)} simulations (${spell(seconds)} if this computer does nothing else).`;
     } catch (error) {
       needs.textContent = error.message;
     }

@@ -130,7 +130,7 @@ export class RunList {
     const bare = row.problem && !row.curve.length;
     const line = el("tr", { "data-run": row.run, class: row.state },
       el("td", { class: "tick" }, tick), el("td", { class: "picture" }, picture),
-      el("td", { class: "run", title: row.run }, el("a", { href: address("run", { run: row.run }) }, row.run)),
+      el("td", { class: "run", title: row.run }, el("a", { href: address("run", { run: row.run }) }, shortName(row.run))),
       el("td", { title: row.problem, class: "where", colspan: bare ? 2 : null }, el("span", { class: `state ${row.state}` }, row.state), row.problem ? el("small", { class: "why" }, row.problem) : ""),
       bare ? null : el("td", { class: "over-time" }, curve(row)), number(formatNumber(row.score), "reached"),
       number(row.share === null || row.share === undefined ? "–" : `${formatNumber(100 * row.share, 0)} %`, "share"), number(verifiedText(row.verified, row.fragile), "verified"),
@@ -147,6 +147,9 @@ export class RunList {
     location.hash = names.length === 2 ? address("pair", { a, b }) : address("curves", { runs: JSON.stringify(names) });
   }
 }
+
+/** The name of a run without the time of its start, which is shown beside it. */
+export const shortName = (run) => run.replace(/^\d{8}-\d{6}-/, "");
 
 /** The best machine of a run, as built. */
 export const pictureOf = ({ run, machine }, width, height) => el("img", { src: `/api/picture?${new URLSearchParams({ run, machine })}`, alt: "", loading: "lazy", width, height });

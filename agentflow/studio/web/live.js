@@ -112,6 +112,7 @@ class Live {
     if (state !== this.was) this.change(state);
     this.view.growing = state === "running";
     this.was = state;
+    if (!this.view.picked) this.view.update(this.view.data);
     this.state.textContent = state;
     this.state.className = `state ${state}`;
     this.fail(why ? (state === "failed" ? `Failed: ${why}` : why) : "");
@@ -120,7 +121,7 @@ class Live {
     if (retries.count > (this.tried?.count ?? 0)) this.tried = { count: retries.count, calls };
     this.waiting.textContent = this.tried?.calls === calls && state === "running" ? `Waiting for the endpoint: ${retries.last}` : "";
     const of = (count, about, name) => `${formatNumber(count)}${state !== "done" && about > count ? ` of about ${formatNumber(about)}` : ""} ${name}`;
-    this.stage.textContent = stage && state !== "done" ? `stage ${stage.replaceAll("_", " ")}` : "";
+    this.stage.textContent = stage && planned.simulations && state !== "done" ? `stage: ${stage}` : "";
     this.spent.textContent = [of(calls, planned.calls, "calls"), refused ? `${formatNumber(refused)} rejected and asked again` : "", retries.count ? `${formatNumber(retries.count)} tried again` : "", of(simulations, planned.simulations, "simulations")].filter(Boolean).join(" · ");
     this.meter.hidden = state === "done" || !planned.simulations;
     Object.assign(this.meter, { max: planned.simulations || 1, value: Math.min(simulations, planned.simulations || 1) });

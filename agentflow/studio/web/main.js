@@ -15,6 +15,7 @@ import { sessionsPage } from "./sessions.js";
 const PAGES = { runs: runsPage, run: livePage, pair: pairPage, curves: curvesPage, sweep: resultsPage, gallery: galleryPage, leaderboard: leaderboardPage, build: buildPage, sessions: sessionsPage, replay: replayPage };
 const UNDER = { run: "runs", pair: "runs", curves: "runs", replay: "sessions", sweep: "runs" }; // pages that the bar has no entry for
 const BAR = { runs: "Runs", build: "Build", gallery: "Gallery", leaderboard: "Leaderboard", sessions: "Sessions" };
+const PATIENCE = 300; // milliseconds that the page before stays while another one loads
 let close = () => {};
 let asked = 0;
 
@@ -29,12 +30,15 @@ async function open() {
   delete document.body.dataset.ready;
   const bar = el("nav", { class: "pages", "aria-label": "Studio" }, el("b", {}, "agentflow", el("span", {}, " studio")),
     ...Object.entries(BAR).map(([key, text]) => el("a", { href: `#${key}`, "aria-current": key === (UNDER[page] ?? page) ? "page" : null }, text)));
+  // The bar is there at once; a page that takes longer says so.
+  const waiting = setTimeout(() => document.body.replaceChildren(bar, el("main", { class: "alone" }, el("p", { class: "quiet", role: "status" }, "Loading …"))), number > 1 ? PATIENCE : 0);
   let made;
   try {
     made = await PAGES[page](Object.fromEntries(new URLSearchParams(query ?? "")));
   } catch (error) {
     made = { elements: [el("main", { class: "alone" }, el("h1", {}, "This page cannot be shown"), problem(error.message))] };
   }
+  clearTimeout(waiting);
   if (number !== asked) return made.close?.();
   close = () => made.close?.();
   document.body.replaceChildren(bar, ...made.elements.filter(Boolean));

@@ -24,7 +24,7 @@ export async function runsPage({ again, ...fields }) {
     show(!list.rows.size);
   });
   return {
-    elements: [el("main", { class: "alone runs" }, el("header", {}, el("h1", {}, "Runs"), el("p", { class: "lede" }, `All runs and sweeps in ${start.runs}.`)), first, design, ...list.elements)],
+    elements: [el("main", { class: "alone runs" }, el("header", {}, el("h1", {}, "Runs"), el("p", { class: "lede" }, `Runs and sweeps in the folder ${start.runs}.`)), first, design, ...list.elements)],
     close: stop,
   };
 }

@@ -55,7 +55,7 @@ export class Stage {
     this.sharpness = new Sharpness(this.picture, this.canvas, () => this.ask());
     editor.on(["state"], () => this.show());
     this.marks = new Marks(this.picture.scene);
-    editor.on(["spots"], () => { this.marks.show(editor.spots); this.ask(); });
+    editor.on(["spots"], () => { this.marks.show(this.sought); this.ask(); });
     editor.on(["point", "spots"], () => { this.marks.shade(editor.pointed); this.preview(); this.ask(); });
     editor.on(["choice"], () => { this.rim(); this.ask(); });
   }
@@ -68,6 +68,11 @@ export class Stage {
     this.picture.show(state.picture, state.shapes, film);
     this.picture.traces.forEach((trace) => (trace.visible = false));
     this.eye.begin(film, state.picture, state.shapes);
+    if (this.turned) {
+      this.remember();
+      Object.assign(this.eye, { way: this.turned, following: true });
+      this.turned = null;
+    }
     this.level.position.set(-state.middle[0], 0, state.middle[2]).add(this.level.down);
     this.eye.framing.whole = framed(this.level, state);
     this.eye.at(0);
@@ -115,6 +120,18 @@ export class Stage {
     this.tip.textContent = whyNot;
     this.tip.style.left = `${Math.min(Math.max(x + this.canvas.clientWidth / 2 + 14, 8), this.canvas.clientWidth - 250)}px`;
     this.tip.style.top = `${Math.min(Math.max(y + this.canvas.clientHeight / 2 + 14, 8), this.canvas.clientHeight - 70)}px`;
+  }
+
+  /** The faces to mark: those that a guide means, else all. */
+  get sought() {
+    const { spots, sought } = this.editor;
+    const meant = sought ? spots.filter(sought) : [];
+    return meant.length ? meant : spots;
+  }
+
+  /** Turn the camera to a direction from the machine, when the next state shows. */
+  lookFrom(way) {
+    this.turned = new THREE.Vector3(...way).normalize();
   }
 
   /** Change the view in one step that can be undone. */

@@ -111,8 +111,8 @@ export class Trials {
     this.strip.replaceChildren(...this.list.map((trial) => el("li", {}, el("button", {
       "aria-current": trial === this.shown ? "true" : null, class: trial.score === best && this.list.length > 1 ? "best" : null, title: trial.feedback, click: () => this.open(trial),
     }, el("small", {}, `#${trial.number} · ${trial.state.count} blocks`), el("span", {}, el("b", {}, trial.score === null ? trial.status : formatNumber(trial.score)), trial.score === null ? "" : unit(trial.feedback))))));
-    this.run.replaceChildren(...(this.name ? ["Recorded in ", el("a", { href: address("run", { run: this.name }) }, this.name), " ", el("button", { click: () => this.finish() }, "Finish this run")]
-      : ["Test the machine (P): its trials stay here, and in a run that the command line reads."]));
+    this.run.replaceChildren(...(this.name ? ["Recorded in ", el("a", { href: address("run", { run: this.name }) }, this.name), " ", el("button", { title: "Complete the run with its best machine as the result; the next test begins another run", click: () => this.finish() }, "Finish this run")]
+      : ["Choose Test (P) to simulate this machine. Each trial stays here, and in a run of the list."]));
   }
 
   /** Complete the run; the next test begins another one. */
