@@ -124,7 +124,7 @@ def test_scores_are_those_of_the_simulation(tmp_path: Path) -> None:
     replies = {"Task: movement\n": f"A car:\n{CAR}", "": overlapping}
     log, _ = evaluate(tmp_path, "agentflow/movement", replies)
     samples = {sample["id"]: sample for sample in log["samples"]}
-    assert list(samples) == ["movement", *(f"movement/{level}" for level in range(2, 7))]
+    assert list(samples) == ["movement", *(f"movement/{level}" for level in range(2, 8))]
 
     driven, same = samples["movement"], reward("movement", CAR, engine="mujoco")
     assert driven["value"] == {"score": same.value, "valid": True}

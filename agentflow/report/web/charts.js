@@ -169,7 +169,7 @@ function stackDots(places) {
 /** A chart that is drawn for its width.
  *  @param rows gives its numbers for a CSV file, heads first
  *  @param logs [which axes are logarithmic as {x, y}, points that tell whether an axis can be] */
-function figure(title, draw, { height = HEIGHT, rows, logs: [logs, points] = [{}, []] }) {
+function figure(title, draw, { height = HEIGHT, rows, logs: [logs, points] = [{}, []] } = {}) {
   const picture = svg("svg", { class: "chart", role: "img", "aria-label": title, height });
   const file = (suffix) => `${title.toLowerCase().replace(/[^a-z0-9]+/g, "-")}${suffix}`;
   const redraw = () => picture.replaceChildren(...draw(width).filter(Boolean));

@@ -159,6 +159,7 @@ async def test_a_worker_that_hangs_is_given_up(tmp_path: Path) -> None:
 async def test_a_worker_that_gets_no_processor_for_long_is_not_given_up() -> None:
     machine, task = CAR, get_task("movement", {"window": 60})
     async with RolloutPool(1, grace=0.1) as pool:
+        await pool.run(CAR, get_task("movement", {"window": 1}))  # it has started
         (worker,) = pool.pids
 
         async def starve() -> None:

@@ -21,6 +21,7 @@ def test_moments_are_drawn_by_the_seed_and_not_told() -> None:
     moments = [each.schedule.more[0][0] for each in trials]
     assert all(1 <= moment <= 10 for moment in moments)
     assert [each.window for each in trials] == pytest.approx([moment + 5 for moment in moments])
+    assert {each.limits.controls for each in trials} == {task.limits.controls} == {15}
     told = " ".join((*task.brief.scene, *task.brief.score))
     assert "from t = 1 to 10 s" in told
     assert not any(f"{moment:g} s" in told for moment in moments)

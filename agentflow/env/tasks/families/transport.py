@@ -126,13 +126,18 @@ class Transport(Family):
 
     @property
     def limits(self) -> Limits:
-        """Shorter machines where one would start in the wall or on uneven ground."""
+        """Shorter machines where one would start in the wall or on uneven ground.
+
+        A program may be as long as the whole task, even in trials that end earlier.
+        """
         knobs, (x, y, z) = self.parameters, SIZE_LIMIT
         if knobs.wall.height:
             z = min(z, 2 * knobs.wall.ahead - THICK)
         if knobs.ground.height:
             z = min(z, 2 * knobs.ground.first)
-        return replace(super().limits, size=(x, y, z))
+        limits = super().limits
+        longest = None if limits.controls is None else knobs.window
+        return replace(limits, size=(x, y, z), controls=longest)
 
     @property
     def brief(self) -> Brief:

@@ -76,12 +76,12 @@ def _random(machines: int) -> None:
 
 
 def test_random_machines() -> None:
-    _random(40)
+    _random(20)
 
 
 @pytest.mark.slow
 def test_many_random_machines() -> None:
-    _random(500)
+    _random(100)
 
 
 def test_it_waits_until_it_pays(monkeypatch: pytest.MonkeyPatch) -> None:
