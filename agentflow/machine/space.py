@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
@@ -16,6 +17,8 @@ MAX_FACES = 24
 """Maximum number of free faces to list; plates have hundreds."""
 ANYWHERE = Limits()
 """Limits without a task or an engine: the standard building volume."""
+ANY_SIZE = Limits(size=(inf, inf, inf))
+"""Limits of what is made or converted: how large a machine may be is a rule of its task."""
 MAX_OVERLAP_PROBLEMS = 200
 """Maximum number of overlaps reported as problems; `Report.overlaps` has them all."""
 

@@ -83,6 +83,13 @@ def test_steps_have_two_to_six_blocks(count: int) -> None:
     assert {len(step) for step in steps} <= ({1} if count == 1 else {2, 3, 4})
 
 
+def test_the_size_that_tasks_allow_is_no_limit_of_making(tmp_path: Path) -> None:
+    """The deep truss is 21 m long, which level 3 of bridge allows."""
+    truss = str(MACHINES / "bridge" / "deep_truss.json")
+    assert write_guide(truss, tmp_path / "guide.html")["blocks"] == 32
+    assert convert(truss, tmp_path / "truss.urdf", Wishes())["blocks"] == 32
+
+
 def test_what_cannot_be_built_gets_no_instructions(tmp_path: Path) -> None:
     clamp = str(MACHINES / "bridge" / "clamp.json")
     with pytest.raises(

@@ -13,6 +13,7 @@ from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
 from agentflow.machine import Machine, Problem, check, library, place, spatial_problems
 from agentflow.machine.blocks.plates import plate_of
+from agentflow.machine.space import ANY_SIZE
 
 NOTHING_ELSE = Wishes()
 
@@ -85,7 +86,7 @@ def _ignored(form: Format, wishes: Wishes) -> Iterator[str]:
 def _problems(machine: Machine, task: Task | None) -> tuple[Problem, ...]:
     """Why a file-valid machine is not valid, on this task if there is one."""
     if task is None:
-        return tuple(spatial_problems(place(machine)))
+        return tuple(spatial_problems(place(machine), ANY_SIZE))
     return check(machine, task.brief).problems
 
 

@@ -12,6 +12,7 @@ from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
 from agentflow.machine import Machine, Problem, place, spatial_problems
 from agentflow.machine.build_order import build_order
+from agentflow.machine.space import ANY_SIZE
 from agentflow.making.bill import COLUMNS, bill, bill_csv
 from agentflow.making.guide import guide, steps_of
 from agentflow.metrics.tables import Column, Row, Table, markdown
@@ -89,7 +90,7 @@ def made_file(machine: Machine, suffix: str) -> bytes:
 def _order(machine: Machine, name: str, in_order: bool = True) -> tuple[int, ...]:
     """The order in which a valid machine is built; () unless it is asked for."""
     geometry = place(machine)
-    for problem in spatial_problems(geometry):
+    for problem in spatial_problems(geometry, ANY_SIZE):
         raise UsageError(f"{name} is not a valid machine: {problem.message}")
     order = build_order(geometry) if in_order else ()
     if isinstance(order, Problem):
