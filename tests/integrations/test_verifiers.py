@@ -108,7 +108,7 @@ def play(
 def test_rewards_are_those_of_the_simulation(tmp_path: Path, car_url: str) -> None:
     traces = play(tmp_path, car_url, "movement", seeds=2)
     told = [(trace["task"]["data"]["level"], trace["task"]["data"]["seed"]) for trace in traces]
-    levels = ["movement", *(f"movement/{number}" for number in range(2, 7))]
+    levels = ["movement", *(f"movement/{number}" for number in range(2, 8))]
     assert told == [(level, seed) for level in levels for seed in (0, 1)]
     assert all(trace["ok"] and trace["stop_condition"] == "agent_completed" for trace in traces)
 
