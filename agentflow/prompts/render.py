@@ -40,9 +40,12 @@ ELSEWHERE = "_elsewhere"
 """Folder of what is added to prompts that show what was learnt elsewhere."""
 WISHES = "_wishes"
 """Folder of what is added to prompts of a task with the user's wishes or sketch."""
-_APART = frozenset({"agent", "analyst", "drafter", "_questions", "_sessions"}) | {
-    *(CONTROLS, CONTROLLERS, ELSEWHERE, WISHES)
-}
+_APART = frozenset(
+    (
+        *("agent", "analyst", "drafter", "_questions", "_sessions"),
+        *(CONTROLS, CONTROLLERS, ELSEWHERE, WISHES),
+    )
+)
 """Folders that came later, whose templates must not change the digests of runs without them: a run
 records the digest of its prompts, and can be continued and replayed only with the same ones. So
 each counts only for what uses it; `agent`, `analyst` and `drafter` are roles like others, but

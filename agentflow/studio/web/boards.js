@@ -32,7 +32,7 @@ export async function leaderboardPage() {
   const command = (words, does) => el("li", {}, el("code", {}, `agentflow benchmark ${words} --out ${runs}`), el("p", {}, does));
   const none = el("section", {}, el("p", {}, "There is no scorecard in the folder ", el("code", {}, runs), ` yet. A scorecard, ${CARD}, tells how well one model designs machines: its scores on the same tasks as all other models. Each of these commands writes one:`),
     el("ul", {}, command("--lite", "The built-in designer on one task of each family: no model and no key is needed."),
-      command("--model NAME --base-url URL", "A language model on all tasks, at any endpoint that speaks the protocol of OpenAI."),
+      command("--model NAME --base-url URL", "A language model on all tasks, at any OpenAI-compatible endpoint."),
       command("--model NAME --base-url URL --lite", "The same with one task of each family. Only cards of the same tasks are compared.")),
     el("p", { class: "quiet" }, `If you have scorecards already, put each in a folder of its own: ${runs}/NAME/${CARD}.`));
   return { elements: [el("main", { class: "alone" }, el("header", {}, el("h1", {}, boards.length > 1 ? "Leaderboards" : "Leaderboard"), el("p", { class: "lede" }, "Models side by side, on the fixed tasks of the benchmark.")),

@@ -49,7 +49,7 @@ export function carGuide(editor, look) {
       item.className = index === now ? "now" : "";
       item.setAttribute("aria-current", index === now ? "step" : "false");
     });
-    said.textContent = now < 0 ? `Your car drove ${formatNumber(score)} m; good is from ${formatNumber(editor.start.good)} m. Change one thing, and test again.`
+    said.textContent = now < 0 ? `Your car drove ${formatNumber(score)} m; ${formatNumber(editor.start.good)} m or more is good. Change one thing, and test again.`
       : `Step ${now + 1} of ${STEPS.length}${astray ? ": that is another face. Undo, and try again." : ""}`;
     editor.sought = means ? (spot) => editor.aim?.add === type && means(state, spot) : null;
     if (eye && !astray && (now !== before || state.blocks.length > count)) look(eye(state));
