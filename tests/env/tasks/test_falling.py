@@ -7,6 +7,7 @@ import pytest
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.families.transport import Transport
 from agentflow.env.tasks.registry import get_task
+from agentflow.errors import ConfigError
 from benchmarks.shelf import load
 
 WAITING, HASTY = load("transport/waiting_carrier.json"), load("transport/hasty_carrier.json")
@@ -27,6 +28,8 @@ def test_moments_are_drawn_by_the_seed_and_not_told() -> None:
     assert not any(f"{moment:g} s" in told for moment in moments)
     assert trials[0].trials(0) == (trials[0],)
     assert get_task("transport/2").trials(0) == (get_task("transport/2"),)
+    with pytest.raises(ConfigError, match=r"cargo of transport/6: falls must be 0 or at least 1"):
+        get_task("transport/6", {"cargo.falls": 0.5})
 
 
 @pytest.mark.parametrize("engine", ["pybullet", "mujoco"])

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from pydantic import model_validator
 
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.steering import steering_angles
@@ -56,6 +57,12 @@ class Cargo(Parameters):
         0, 0, 30, "s", "latest moment at which it falls, drawn for ten trials; 0: before t = 0"
     )
     within: float = knob(6, 1, 30, "s", "time after the fall at which such a trial ends")
+
+    @model_validator(mode="after")
+    def _falls_late_enough(self) -> Cargo:
+        if 0.0 < self.falls < FIRST:
+            raise ValueError(f"falls must be 0 or at least {FIRST:g}: no cargo falls earlier")
+        return self
 
 
 class Wall(Parameters):
