@@ -101,6 +101,7 @@ async def test_a_new_design_is_asked_for_another_mechanism() -> None:
     assert "traj-1" not in asked
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["mcts", "halving"])
 @pytest.mark.parametrize("name", ["hierarchical", "iterative", "single"])
 async def test_an_analyst_writes_lessons_anew_whatever_the_order_of_answers(

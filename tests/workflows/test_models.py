@@ -61,6 +61,7 @@ def with_strategy(strategy: str) -> dict[str, Any]:
     return {**SETTINGS, "search": {"strategy": strategy}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["halving", "ab-mcts", "half-and-half"])
 @pytest.mark.parametrize("name", ["hierarchical", "iterative"])
 async def test_models_are_arms_whatever_the_order_of_answers(name: str, strategy: str) -> None:

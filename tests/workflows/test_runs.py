@@ -461,6 +461,7 @@ def longer(found: Machine, rng: random.Random, brief: Brief) -> tuple[str, Machi
             return kind, made
 
 
+@pytest.mark.slow
 async def test_an_edit_may_lead_back_to_the_first_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is known without being simulated, also to the refiner that is asked next."""
     monkeypatch.setattr(stages_pooled, "local_edit", longer)
