@@ -2,7 +2,8 @@
 
 An item's share begins at its *floor*, what random machines and edits reach, and is 1 at its *par*,
 what the built-in designer and its search reach with many simulations. An item is drawn again while
-the designer's first machines come near its par, or its par is not above its floor.
+the designer's first machines come near its par. Where the search reaches no more than the floor,
+the par is the greatest possible score; without one, the item is drawn again.
 """
 
 from __future__ import annotations
@@ -49,12 +50,14 @@ class NewSet:
     pars: Mapping[str, Par]
     near: tuple[str, ...]
     """Items whose par the designer's first machines come near, whatever was drawn."""
+    unsolved: tuple[str, ...]
+    """Items whose par is the greatest possible score, as the search found nothing."""
 
     def to_json(self) -> dict[str, Any]:
         """As JSON data."""
         pars = {name: par.model_dump() for name, par in self.pars.items()}
         places = {"file": str(self.file), "machines": str(self.machines)}
-        return {**places, "pars": pars, "near": list(self.near)}
+        return {**places, "pars": pars, "near": list(self.near), "unsolved": list(self.unsolved)}
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,8 @@ class _Drawn:
     par: Par
     reached: float
     """Share of the par that first machines reach."""
-    machine: str
+    machine: str | None
+    """One that reaches the par; None if the search found none."""
 
 
 def make_benchmark(
@@ -101,8 +105,9 @@ def make_benchmark(
         drawn[name] = _draw(folder, name, template, seed, simulations, workers)
         par = drawn[name].par
         say(f"{name}: floor {par.floor:g}, par {par.par:g}; {len(drawn)} of {items} items")
-        with write_output(folder / MACHINES / f"{name}.json") as part:
-            part.write_text(drawn[name].machine, encoding="utf-8")
+        if (machine := drawn[name].machine) is not None:
+            with write_output(folder / MACHINES / f"{name}.json") as part:
+                part.write_text(machine, encoding="utf-8")
     pars = {name: item.par for name, item in drawn.items()}
     document = load_document(find_config(Path("benchmark")))
     document["title"] = f"Benchmark of seed {seed}"
@@ -119,7 +124,8 @@ def make_benchmark(
     with write_output(folder / SET) as part:
         part.write_text(yaml.safe_dump(document, sort_keys=False, width=100), encoding="utf-8")
     near = tuple(name for name, item in drawn.items() if item.reached > TRIVIAL)
-    return NewSet(folder / SET, folder / MACHINES, pars, near)
+    unsolved = tuple(name for name, item in drawn.items() if item.machine is None)
+    return NewSet(folder / SET, folder / MACHINES, pars, near, unsolved)
 
 
 def _require_same(folder: Path, plan: Mapping[str, int]) -> None:
@@ -155,37 +161,53 @@ def _draw(
 ) -> _Drawn:
     """An item that is neither trivial nor impossible, or the best of the draws."""
     found: list[_Drawn] = []
-    for number, changes in _draws(template, f"{seed}/{name}"):
-        runs = {
-            solver: _solve(folder / MAKING, f"{name}.{number}.{solver}", document, workers)
-            for solver, document in _documents(changes, seed, simulations)
-        }
-        scores = {solver: _score(run) for solver, run in runs.items()}
-        floor, par = scores["floor"], max(scores.values())
-        if par > floor:
-            reached = (scores["first"] - floor) / (par - floor)
-            best = best_machine(max(runs.values(), key=_score))
-            assert best is not None  # it has a score
-            found.append(_Drawn(changes, Par(floor=floor, par=par), reached, best.to_text()))
-            if reached <= TRIVIAL:
-                return found[-1]
+    for number, changes, greatest in _draws(template, f"{seed}/{name}"):
+        scores, best = dict[str, float](), dict[str, str]()
+        for solver, document in _documents(changes, seed, simulations):
+            if solver == "par" and greatest and _share(scores, greatest) > TRIVIAL:
+                break  # whatever its par would be
+            run = _solve(folder / MAKING, f"{name}.{number}.{solver}", document, workers)
+            scores[solver] = run.verified_score or 0.0
+            if machine := best_machine(run):
+                best[solver] = machine.to_text()
+        floor, solver = scores["floor"], max(scores, key=scores.__getitem__)
+        if (par := scores[solver]) > floor:
+            item = _Drawn(changes, Par(floor=floor, par=par), _share(scores, par), best[solver])
+        elif greatest and greatest > floor:
+            item = _Drawn(changes, Par(floor=floor, par=greatest), 0.0, None)
+        else:
+            continue
+        if item.reached <= TRIVIAL:
+            return item
+        found.append(item)
     if not found:
         raise UsageError(f"{name}: nothing in {DRAWS} draws scored more than random machines")
     return min(found, key=lambda item: item.reached)
 
 
-def _draws(template: Mapping[str, Any], seed: str) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Numbered changes of an item, without those that make no task: a target over a hole, say."""
+def _share(scores: Mapping[str, float], par: float) -> float:
+    """Share of a par that first machines reach; 1 if it is not above the floor."""
+    floor = scores["floor"]
+    return (scores["first"] - floor) / (par - floor) if par > floor else 1.0
+
+
+def _draws(
+    template: Mapping[str, Any], seed: str
+) -> Iterator[tuple[int, dict[str, Any], float | None]]:
+    """Numbered changes of an item, without those that make no task: a target over a hole, say.
+
+    With each, the greatest possible score, if there is one.
+    """
     fitting = 0
     for number in range(10 * DRAWS):
         changes = draw_numbers(template, Random(f"{seed}/{number}"))
         knobs = {key: value for key, value in changes.items() if key not in ("task", "workflow")}
         try:
-            get_task(changes["task"], knobs, content()["engine"])
+            greatest = get_task(changes["task"], knobs, content()["engine"]).brief.greatest
         except ConfigError:
             continue
         fitting += 1
-        yield number, changes
+        yield number, changes, greatest
         if fitting == DRAWS:
             return
 
@@ -216,8 +238,3 @@ def _solve(folder: Path, name: str, document: Mapping[str, Any], workers: int) -
     if run.score and run.verified_score is None:
         raise RunError(f"{path}: a simulation of its verification failed: delete it, and continue")
     return run
-
-
-def _score(run: RunResult) -> float:
-    """0 if no machine scored."""
-    return run.verified_score or 0.0

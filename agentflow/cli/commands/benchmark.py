@@ -142,6 +142,8 @@ def new_benchmark(
     print(f"solutions, to be kept apart: {escape_controls(str(made.machines))}")
     if made.near:
         print(f"first machines come near the par of: {', '.join(made.near)}")
+    if made.unsolved:
+        print(f"the par is the greatest possible score of: {', '.join(made.unsolved)}")
     print(f"use it: agentflow benchmark {quote(str(made.file))}")
 
 

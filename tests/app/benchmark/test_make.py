@@ -31,9 +31,10 @@ def test_shares_begin_at_the_floor_and_end_at_one_and_a_half() -> None:
 @for_each(sorted(make.content()["items"]))
 def test_draws_differ_and_are_in_their_ranges(family: str) -> None:
     for template in make.content()["items"][family]:
-        drawn = dict(make._draws(template, "0/x"))
+        drawn = {number: changes for number, changes, _ in make._draws(template, "0/x")}
         assert len(drawn) == make.DRAWS
-        assert drawn == dict(make._draws(template, "0/x")), "from the seed alone"
+        again = {number: changes for number, changes, _ in make._draws(template, "0/x")}
+        assert drawn == again, "from the seed alone"
         for key, value in template.items():
             ends = ends_of(value)
             numbers = [changes[key] for changes in drawn.values()]
@@ -60,6 +61,44 @@ def test_a_verification_that_failed_sets_no_par(
     with pytest.raises(RunError, match=r"throwing-1\.0\.floor: a simulation of its verification"):
         make.make_benchmark(tmp_path, items=1, simulations=8, say=print)
     assert not (tmp_path / "set.yaml").exists()
+
+
+def _scores(monkeypatch: pytest.MonkeyPatch, **scores: float) -> list[str]:
+    """Give each solver a score; the names of the runs that were made."""
+    machine = SimpleNamespace(to_text=lambda: "[]")
+    runs: list[str] = []
+
+    def solve(_folder: Path, name: str, *_rest: object) -> SimpleNamespace:
+        runs.append(name)
+        return SimpleNamespace(verified_score=scores[name.rpartition(".")[2]])
+
+    monkeypatch.setattr(make, "_solve", solve)
+    monkeypatch.setattr(make, "best_machine", lambda run: machine if run.verified_score else None)
+    return runs
+
+
+def test_an_unsolved_item_has_the_greatest_possible_score_as_its_par(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = _scores(monkeypatch, floor=0.0, first=0.0, par=0.0)
+    template = make.content()["items"]["jumping"][0]
+    item = make._draw(tmp_path, "jumping-1", template, 0, 8, 1)
+    assert (item.par.floor, item.par.par, item.machine) == (0.0, 10.0, None)
+    assert runs == ["jumping-1.0.floor", "jumping-1.0.first", "jumping-1.0.par"]
+    template = make.content()["items"]["throwing"][0]
+    with pytest.raises(UsageError, match="throwing-1: nothing in 8 draws scored more than random"):
+        make._draw(tmp_path, "throwing-1", template, 0, 8, 1)
+
+
+def test_an_item_that_first_machines_solve_is_drawn_again_without_a_search(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = _scores(monkeypatch, floor=0.0, first=9.0, par=10.0)
+    template = make.content()["items"]["lifting"][0]
+    item = make._draw(tmp_path, "lifting-1", template, 0, 8, 1)
+    assert item.reached == 1.0
+    assert len(runs) == 2 * make.DRAWS
+    assert not [name for name in runs if name.endswith("par")]
 
 
 @pytest.mark.slow
