@@ -11,6 +11,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from agentflow.docstrings import split_docstring
+
 PACKAGE = Path(__file__).parent.parent / "agentflow"
 LIST = Path(__file__).with_name("messages.txt")
 ERRORS = {
@@ -38,7 +40,9 @@ def _texts(tree: ast.Module) -> Iterator[tuple[str, str]]:
     }
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef) and _is_command(node):
-            yield "help", " ".join((ast.get_docstring(node) or "").split("\b")[0].split())
+            about, told = split_docstring(ast.get_docstring(node) or "")
+            yield "help", " ".join(about.split("\b")[0].split())
+            yield from (("help", text) for text in told.values())
         if isinstance(node, ast.Call):
             name = getattr(node.func, "id", getattr(node.func, "attr", ""))
             helps = [word.value for word in node.keywords if word.arg in ("help", "epilog")]

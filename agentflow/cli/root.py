@@ -9,15 +9,42 @@ import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
+from typer.core import TyperCommand
 
 from agentflow.cli.display.text import escape_controls
+from agentflow.docstrings import split_docstring
 from agentflow.errors import UsageError
 from agentflow.version import __version__
 
-commands = typer.Typer(
+Command = TypeVar("Command", bound=Callable[..., None])
+
+
+class Documented(TyperCommand):
+    """A command whose docstring describes its own options and arguments, under `Args:`.
+
+    Those of several commands, whose help is made, or that have it with their type keep it.
+    """
+
+    def __init__(self, name: str | None, *, params: list[Any], help: str, **rest: Any) -> None:
+        about, told = split_docstring(help)
+        for each in params:
+            if not each.help:
+                each.help, each.secondary_opts = told[each.name], []  # no --no-... beside a flag
+        super().__init__(name, params=params, help=about, **rest)
+
+
+class Commands(typer.Typer):
+    """Commands that are `Documented`."""
+
+    def command(self, name: str | None = None, **settings: Any) -> Callable[[Command], Command]:
+        """Decorate a function that is a command."""
+        return super().command(name, cls=Documented, **settings)
+
+
+commands = Commands(
     name="agentflow",
     help="Language models design machines; physics decides whether they work.",
     epilog="Example: agentflow design --task movement --seed 3",
@@ -28,9 +55,9 @@ commands = typer.Typer(
 )
 
 
-def subcommands(name: str, *, help: str, epilog: str) -> typer.Typer:
+def subcommands(name: str, *, help: str, epilog: str) -> Commands:
     """Add a command that has commands of its own, such as `study`."""
-    group = typer.Typer(help=help, epilog=epilog, no_args_is_help=True, rich_markup_mode=None)
+    group = Commands(help=help, epilog=epilog, no_args_is_help=True, rich_markup_mode=None)
     commands.add_typer(group, name=name)
     return group
 

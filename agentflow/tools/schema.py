@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_type_hints
@@ -11,13 +10,13 @@ from typing import Any, Literal, get_type_hints
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic.fields import FieldInfo
 
+from agentflow.docstrings import split_docstring
 from agentflow.tools.results import RefusedCall, ToolResult, ToolSpec
 from agentflow.tools.workspace import Call
 
 ToolFunction = Callable[..., Awaitable[ToolResult]]
 """Takes a `Call` and typed arguments."""
 Need = Literal["", "simulations", "pictures", "controls"]
-_ARGUMENT = re.compile(r"^    (\w+): (.+(?:\n {5,}.+)*)", re.MULTILINE)
 
 
 class _Arguments(BaseModel):
@@ -55,8 +54,7 @@ class BenchTool:
             with_controls: What the description adds where machines bring control programs.
             label: The step of designing that a call is, as docs/how-to/studies.md labels people's.
         """
-        summary, _, rest = (inspect.getdoc(function) or "").partition("\n\n")
-        about = {name: " ".join(text.split()) for name, text in _ARGUMENT.findall(rest)}
+        summary, about = split_docstring(inspect.getdoc(function) or "")
         hints = get_type_hints(function, include_extras=True)
         _, *parameters = inspect.signature(function).parameters.values()
         name = inspect.unwrap(function).__name__

@@ -44,58 +44,20 @@ def design(
     settings: options.Settings = None,
     engine: options.Engine = None,
     seed: options.RunSeed = None,
-    seeds: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Make this many runs, with seeds from --seed on; report the best."
-        ),
-    ] = None,
-    minutes: Annotated[
-        float | None,
-        typer.Option(min=0, help="With --seeds: start no more runs after this many minutes."),
-    ] = None,
-    start: Annotated[
-        str | None,
-        typer.Option(
-            help="Machine file or run directory: improve this machine instead of designing one."
-        ),
-    ] = None,
-    brief: Annotated[
-        str | None,
-        typer.Option(help='Your wishes, added to the task: "a machine that ...".'),
-    ] = None,
-    sketch: Annotated[
-        str | None,
-        typer.Option(help="PNG file with your sketch, for a model that sees pictures."),
-    ] = None,
-    rationale_from: Annotated[
-        str | None, typer.Option(help="Reuse the designers' rationales from this run directory.")
-    ] = None,
-    lessons: Annotated[
-        Path | None,
-        typer.Option(
-            help="Show designers and refiners what earlier runs at the task have written in this "
-            "file (JSON lines), and add what this run learns."
-        ),
-    ] = None,
-    rollouts: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Maximum number of simulations of the run, verification not counted."
-        ),
-    ] = None,
+    seeds: Annotated[int | None, typer.Option(min=1)] = None,
+    minutes: Annotated[float | None, typer.Option(min=0)] = None,
+    start: str | None = None,
+    brief: str | None = None,
+    sketch: str | None = None,
+    rationale_from: str | None = None,
+    lessons: Path | None = None,
+    rollouts: Annotated[int | None, typer.Option(min=1)] = None,
     out: options.RunsFolder = Path("runs"),
-    name: Annotated[
-        str | None,
-        typer.Option(help="Name of the run directory; default: date, task, workflow and seed."),
-    ] = None,
+    name: str | None = None,
     workers: Annotated[int | None, typer.Option(help=options.WORKERS)] = None,
     backend: options.Backend = "local",
-    keep_rollouts: Annotated[
-        Literal["best", "all"] | None,
-        typer.Option(help="Which rollouts to save: those of each stage's best machine, or all."),
-    ] = None,
-    resume: Annotated[Path | None, typer.Option(help="Run directory to resume.")] = None,
+    keep_rollouts: Literal["best", "all"] | None = None,
+    resume: Path | None = None,
     trust: options.Trust = False,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
@@ -103,6 +65,20 @@ def design(
     """Design a machine for a task and draw the best one found.
 
     Resuming a finished run prints its result, and draws its pictures if they are missing.
+
+    Args:
+        seeds: Make this many runs, with seeds from --seed on; report the best.
+        minutes: With --seeds: start no more runs after this many minutes.
+        start: Machine file or run directory: improve this machine instead of designing one.
+        brief: Your wishes, added to the task: "a machine that ...".
+        sketch: PNG file with your sketch, for a model that sees pictures.
+        rationale_from: Reuse the designers' rationales from this run directory.
+        lessons: Show designers and refiners what earlier runs at the task have written in this file
+            (JSON lines), and add what this run learns.
+        rollouts: Maximum number of simulations of the run, verification not counted.
+        name: Name of the run directory; default: date, task, workflow and seed.
+        keep_rollouts: Which rollouts to save: those of each stage's best machine, or all.
+        resume: Run directory to resume.
     """
     from agentflow.app.design import run
     from agentflow.app.design.config import load_config
@@ -184,18 +160,12 @@ def design(
 def tune(
     machine: options.MachineOrRun,
     task: options.NamedTask,
-    simulations: Annotated[
-        int,
-        typer.Option(min=2, help="Number of simulations, the first of the machine included."),
-    ] = 100,
+    simulations: Annotated[int, typer.Option(min=2)] = 100,
     knobs: options.Knobs = None,
     engine: options.Engine = None,
     seed: options.RunSeed = None,
     out: options.RunsFolder = Path("runs"),
-    name: Annotated[
-        str | None,
-        typer.Option(help="Name of the run directory; default: date, task, workflow and seed."),
-    ] = None,
+    name: str | None = None,
     workers: Annotated[int | None, typer.Option(help=options.WORKERS)] = None,
     backend: options.Backend = "local",
     quiet: options.Quiet = False,
@@ -204,6 +174,10 @@ def tune(
     """Improve the numbers of a machine's controls (times, levels, gains) by CMA-ES.
 
     Blocks stay as they are. This is a run like others, which `agentflow design --resume` continues.
+
+    Args:
+        simulations: Number of simulations, the first of the machine included.
+        name: Name of the run directory; default: date, task, workflow and seed.
     """
     design(
         task=task,
@@ -247,22 +221,22 @@ def replay(run: options.Run) -> None:
     epilog="Example: agentflow doctor --model qwen3 --base-url http://127.0.0.1:8000/v1"
 )
 def doctor(
-    model: Annotated[
-        str | None, typer.Option(help="Model name; default: value of AGENTFLOW_MODEL.")
-    ] = None,
+    model: str | None = None,
     base_url: options.BaseUrl = None,
     config: options.Config = None,
     settings: options.Settings = None,
-    role: Annotated[
-        str, typer.Option(help="Check the model of this role; agent: that it calls tools.")
-    ] = "designer",
-    sandbox: Annotated[
-        bool, typer.Option("--sandbox", help="Only tell whether agent programs run isolated here.")
-    ] = False,
+    role: str = "designer",
+    sandbox: bool = False,
     trust: options.Trust = False,
     as_json: options.Json = False,
 ) -> None:
-    """Ask a model endpoint for one small machine, and report what works."""
+    """Ask a model endpoint for one small machine, and report what works.
+
+    Args:
+        model: Model name; default: value of AGENTFLOW_MODEL.
+        role: Check the model of this role; agent: that it calls tools.
+        sandbox: Only tell whether agent programs run isolated here.
+    """
     if sandbox:
         from agentflow.integrations.external.sandbox import sandbox_problem
 

@@ -12,10 +12,7 @@ from agentflow.cli.root import commands, print_result
 
 @commands.command(epilog="Example: agentflow engines --machines 200")
 def engines(
-    machines: Annotated[
-        int,
-        typer.Option(min=0, help="Machines of the procedural model per family, to rank."),
-    ] = 20,
+    machines: Annotated[int, typer.Option(min=0)] = 20,
     workers: options.Workers = 2,
     as_json: options.Json = False,
 ) -> None:
@@ -25,6 +22,9 @@ def engines(
     break, difference. Then machines of the procedural model are ranked by their scores on each
     engine. The rank correlation (Spearman's) is 1 if both rank them alike, and 0 if one ranking
     says nothing about the other.
+
+    Args:
+        machines: Machines of the procedural model per family, to rank.
     """
     from agentflow.app.subjects.engines import compare_engines
     from agentflow.cli.display.show_scores import show_engines

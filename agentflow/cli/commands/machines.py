@@ -12,6 +12,8 @@ from agentflow.cli import options
 from agentflow.cli.root import commands, level_of, print_json, print_result
 from agentflow.errors import UsageError
 
+InputFormat = Literal["auto", "tree", "coordinates", "bsg"]
+
 
 @commands.command(epilog="Example: agentflow check machine.json --task throwing --json")
 def check(
@@ -20,26 +22,22 @@ def check(
     knobs: options.Knobs = None,
     engine: options.Engine = None,
     form: Annotated[
-        Literal["auto", "tree", "coordinates", "bsg"],
-        typer.Option("--format", help="Input format; auto detects the format."),
+        Literal["auto", "tree", "coordinates", "bsg"], typer.Option("--format")
     ] = "auto",
-    geometry: Annotated[
-        bool, typer.Option("--geometry", help="Print the position of every block.")
-    ] = False,
+    geometry: bool = False,
     lines: options.Lines = False,
-    strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict",
-            help="Exit with status 1 if there is any problem or warning, or if the text had to be "
-            "repaired; with --jsonl, if this holds for any line.",
-        ),
-    ] = False,
+    strict: bool = False,
     as_json: options.Json = False,
 ) -> None:
     """Check whether a machine is valid: its format, its geometry and the rules of a task.
 
     The exit status is 0 even for an invalid machine, unless --strict is given.
+
+    Args:
+        form: Input format; auto detects the format.
+        geometry: Print the position of every block.
+        strict: Exit with status 1 if there is any problem or warning, or if the text had to be
+            repaired; with --jsonl, if this holds for any line.
     """
     from agentflow.app.machines import files as machines
     from agentflow.cli.display.show_machines import show_report
@@ -70,21 +68,22 @@ def _brief(task: str | None, knobs: list[str] | None, engine: str | None = None)
 )
 def edit(
     machine: options.MachineOrRun,
-    script: Annotated[str, typer.Option(help="Script file; default: standard input.")] = "-",
+    script: str = "-",
     task: options.Task = None,
     knobs: options.Knobs = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Write the edited machine to this .json file.")
-    ] = None,
-    lines: Annotated[
-        bool, typer.Option("--jsonl", help="Read one machine and one script per line.")
-    ] = False,
+    out: Path | None = None,
+    lines: Annotated[bool, typer.Option("--jsonl")] = False,
     as_json: options.Json = False,
 ) -> None:
     """Edit a machine with a script of commands, such as Add, Move and Replace.
 
     If one command fails, the machine stays unchanged, and no file is written. The exit status is 0
     even then; --json says whether all commands succeeded.
+
+    Args:
+        script: Script file; default: standard input.
+        out: Write the edited machine to this .json file.
+        lines: Read one machine and one script per line.
     """
     from agentflow.app.machines import edits
     from agentflow.cli.display.show_machines import show_edit
@@ -104,43 +103,13 @@ def edit(
 @commands.command(epilog="Example: agentflow convert machine.json machine.bsg")
 def convert(
     source: options.MachineOrRun,
-    out: Annotated[
-        Path,
-        typer.Argument(
-            help="Output file: .json, .coords.json, .bsg, .glb, .urdf, .xml, .step, .stl, .3mf or "
-            ".usda."
-        ),
-    ],
-    task: Annotated[
-        str | None,
-        typer.Option(
-            help="Task whose scene an .xml file holds, such as movement/3; default: that of the "
-            "run."
-        ),
-    ] = None,
+    out: Path,
+    task: str | None = None,
     knobs: options.Knobs = None,
-    scale: Annotated[
-        float | None,
-        typer.Option(
-            help="N of 1 : N, for what is made (default: 20 for .stl and .3mf, 1 for .step and "
-            ".usda)."
-        ),
-    ] = None,
-    parts: Annotated[
-        bool, typer.Option("--parts", help="Print each block as a part of its own (.stl, .3mf).")
-    ] = False,
-    pegs: Annotated[
-        str | None,
-        typer.Option(
-            help="Print parts with pegs and holes where they join; their diameter, such as 5mm."
-        ),
-    ] = None,
-    strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict", help="Fail if any block is unsupported or the machine is invalid."
-        ),
-    ] = False,
+    scale: float | None = None,
+    parts: bool = False,
+    pegs: str | None = None,
+    strict: bool = False,
     as_json: options.Json = False,
 ) -> None:
     """Convert a machine, or the best machine of a run, to another format.
@@ -151,6 +120,14 @@ def convert(
     the machine in the scene of a task. Four are for making it: .step for CAD programs, .stl and
     .3mf for 3D printers, .usda for films and renderers. All six hold valid machines only; notes say
     what is lost.
+
+    Args:
+        out: Output file: .json, .coords.json, .bsg, .glb, .urdf, .xml, .step, .stl, .3mf or .usda.
+        task: Task whose scene an .xml file holds, such as movement/3; default: that of the run.
+        scale: N of 1 : N, for what is made (default: 20 for .stl and .3mf, 1 for .step and .usda).
+        parts: Print each block as a part of its own (.stl, .3mf).
+        pegs: Print parts with pegs and holes where they join; their diameter, such as 5mm.
+        strict: Fail if any block is unsupported or the machine is invalid.
     """
     from agentflow.app.machines.convert import convert as rewrite
     from agentflow.app.machines.formats import Wishes, format_of
@@ -168,12 +145,14 @@ def convert(
 @commands.command(epilog="Example: agentflow bom machine.json --out bom.csv")
 def bom(
     machine: options.MachineOrRun,
-    out: Annotated[
-        Path | None, typer.Option(help="Write the list to this .csv or .md file.")
-    ] = None,
+    out: Path | None = None,
     as_json: options.Json = False,
 ) -> None:
-    """List the parts of a machine: how many of which blocks, their sizes and masses."""
+    """List the parts of a machine: how many of which blocks, their sizes and masses.
+
+    Args:
+        out: Write the list to this .csv or .md file.
+    """
     from agentflow.app.machines.making import list_parts
     from agentflow.cli.display.show_machines import show_parts
 
@@ -183,12 +162,15 @@ def bom(
 @commands.command(epilog="Example: agentflow instructions machine.json --out guide.html")
 def instructions(
     machine: options.MachineOrRun,
-    out: Annotated[Path, typer.Option(help="Write the page to this .html file.")],
+    out: Annotated[Path, typer.Option()],
     as_json: options.Json = False,
 ) -> None:
     """Show step by step how a machine is put together, as a page to read or print.
 
     Blocks come in an order in which each slides onto its face past those that are there already.
+
+    Args:
+        out: Write the page to this .html file.
     """
     from agentflow.app.machines.making import write_guide
     from agentflow.cli.display.show_machines import show_guide
@@ -203,36 +185,29 @@ def simulate(
     knobs: options.Knobs = None,
     engine: options.Engine = None,
     seed: options.Seed = 0,
-    rate: Annotated[float | None, typer.Option(help="Time steps per second; default: 120.")] = None,
-    interval: Annotated[
-        float | None,
-        typer.Option(help="Seconds between recorded states and rows of --query; default: 0.2."),
-    ] = None,
-    power: Annotated[
-        Literal["on", "off"],
-        typer.Option(help="If off, motors, springs and winches never start."),
-    ] = "on",
-    query: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Report recorded states of one block: JSON with its id, a time interval "
-            "(duration) and properties, such as "
-            '{"id": 3, "duration": [0, 1], "properties": ["position"]}; repeatable.'
-        ),
-    ] = None,
-    save: Annotated[
-        Path | None, typer.Option(help="Save the recorded states to this .npz file.")
-    ] = None,
+    rate: float | None = None,
+    interval: float | None = None,
+    power: Literal["on", "off"] = "on",
+    query: list[str] | None = None,
+    save: Path | None = None,
     lines: options.Lines = False,
-    workers: Annotated[
-        int, typer.Option(min=1, help="Worker processes, for trials and with --jsonl.")
-    ] = 2,
+    workers: Annotated[int, typer.Option(min=1)] = 2,
     backend: options.Backend = "local",
     as_json: options.Json = False,
 ) -> None:
     """Simulate a machine on a task and print its score.
 
     Without --task, the best machine of a run is simulated on its own task.
+
+    Args:
+        rate: Time steps per second; default: 120.
+        interval: Seconds between recorded states and rows of --query; default: 0.2.
+        power: If off, motors, springs and winches never start.
+        query: Report recorded states of one block: JSON with its id, a time interval (duration) and
+            properties, such as {"id": 3, "duration": [0, 1], "properties": ["position"]};
+            repeatable.
+        save: Save the recorded states to this .npz file.
+        workers: Worker processes, for trials and with --jsonl.
     """
     from agentflow.app.pools import pools_on
     from agentflow.app.subjects.simulate import simulate_lines, simulate_one
@@ -279,54 +254,41 @@ def _print_all(results: AsyncIterator[Any]) -> None:
 
 @commands.command(epilog="Example: agentflow render car.json --task movement --out car.mp4")
 def render(
-    source: Annotated[str, typer.Argument(help="Run directory or machine file.")],
+    source: str,
     task: options.Task = None,
     knobs: options.Knobs = None,
     engine: options.Engine = None,
     seed: options.Seed = 0,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Output file: .png, .gif, .mp4 or .glb. Without an extension, both a .png and a "
-            ".gif are written."
-        ),
-    ] = None,
-    view: Annotated[
-        str,
-        typer.Option(
-            help="Viewpoint: front, back, left, right, top, three-quarter or sheet (all six)."
-        ),
-    ] = "three-quarter",
-    size: Annotated[
-        str | None, typer.Option(help="Width and height in pixels, such as 1920x1080.")
-    ] = None,
-    style: Annotated[str, typer.Option(help="Ground: screen or paper (white).")] = "screen",
-    fps: Annotated[int | None, typer.Option(help="Frames per second of a film, up to 60.")] = None,
-    moments: Annotated[
-        int | None,
-        typer.Option(
-            help="Draw so many moments of the simulation side by side, until the score is earned."
-        ),
-    ] = None,
-    scene: Annotated[
-        bool, typer.Option("--scene", help="Draw the level, with the machine where it starts.")
-    ] = False,
-    axes: Annotated[bool, typer.Option("--axes", help="Draw the axes x+, y+ and z+.")] = False,
-    scale: Annotated[
-        bool,
-        typer.Option(
-            "--scale", help="Draw without perspective, with a scale bar; a sheet has one scale."
-        ),
-    ] = False,
-    transparent: Annotated[
-        bool, typer.Option("--transparent", help="Draw nothing behind the machine.")
-    ] = False,
+    out: Path | None = None,
+    view: str = "three-quarter",
+    size: str | None = None,
+    style: str = "screen",
+    fps: int | None = None,
+    moments: int | None = None,
+    scene: bool = False,
+    axes: bool = False,
+    scale: bool = False,
+    transparent: bool = False,
 ) -> None:
     """Draw a machine (.png), film its simulation (.gif, .mp4) or export it in 3D (.glb).
 
     Films have the course, distance marks, and a dotted line for the path of the boulder or of the
     root block. Blocks that broke off are red. From the moment at which the score is earned, a flag
     and a card tell it. An invalid machine can only be drawn; the blocks that overlap are red.
+
+    Args:
+        source: Run directory or machine file.
+        out: Output file: .png, .gif, .mp4 or .glb. Without an extension, both a .png and a .gif are
+            written.
+        view: Viewpoint: front, back, left, right, top, three-quarter or sheet (all six).
+        size: Width and height in pixels, such as 1920x1080.
+        style: Ground: screen or paper (white).
+        fps: Frames per second of a film, up to 60.
+        moments: Draw so many moments of the simulation side by side, until the score is earned.
+        scene: Draw the level, with the machine where it starts.
+        axes: Draw the axes x+, y+ and z+.
+        scale: Draw without perspective, with a scale bar; a sheet has one scale.
+        transparent: Draw nothing behind the machine.
     """
     from agentflow.app.design.plan import level_note
     from agentflow.app.pages.pictures import Wanted, read_size, render_file, render_run
@@ -361,17 +323,17 @@ def render(
 
 @commands.command(epilog="Example: agentflow blocks 63")
 def blocks(
-    name: Annotated[str | None, typer.Argument(help="A block's type id or name.")] = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            help="Draw the block with numbered faces and axes to this .png file; without a block, "
-            "draw all blocks to this directory."
-        ),
-    ] = None,
+    name: Annotated[str | None, typer.Argument()] = None,
+    picture: Path | None = None,
     as_json: options.Json = False,
 ) -> None:
-    """List all blocks, or show one block and its faces."""
+    """List all blocks, or show one block and its faces.
+
+    Args:
+        name: A block's type id or name.
+        picture: Draw the block with numbered faces and axes to this .png file; without a block,
+            draw all blocks to this directory.
+    """
     from agentflow.app.machines.files import find_block, list_blocks
     from agentflow.cli.display.show_machines import show_block, show_blocks
 

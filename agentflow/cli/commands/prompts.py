@@ -45,12 +45,14 @@ def show(
         list[str] | None,
         typer.Option("--knob", help=options.SET_KNOB),
     ] = None,
-    machine: Annotated[
-        str | None, typer.Option(help="Machine to include in the prompt; default: a small example.")
-    ] = None,
+    machine: str | None = None,
     as_json: options.Json = False,
 ) -> None:
-    """Print a prompt exactly as a model gets it, with an estimate of its token count."""
+    """Print a prompt exactly as a model gets it, with an estimate of its token count.
+
+    Args:
+        machine: Machine to include in the prompt; default: a small example.
+    """
     from agentflow.app.machines.files import machine_text
     from agentflow.app.prompts import render_prompt
     from agentflow.app.tasks import find_task

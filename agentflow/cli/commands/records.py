@@ -36,12 +36,15 @@ def show_config(
 
 @commands.command(epilog="Example: agentflow runs runs")
 def runs(
-    folder: Annotated[Path, typer.Argument(help="Directory that contains runs.")] = Path("runs"),
+    folder: Annotated[Path, typer.Argument()] = Path("runs"),
     as_json: options.Json = False,
 ) -> None:
     """List runs with task, workflow, model, score, cost and state.
 
     States: done, running, stopped (resume it with `design --resume`), damaged.
+
+    Args:
+        folder: Directory that contains runs.
     """
     from agentflow.app.inspect.overview import run_list
     from agentflow.cli.display.show_runs import show_runs
@@ -61,18 +64,17 @@ def show(run: options.Run, as_json: options.Json = False) -> None:
 @commands.command(epilog="Example: agentflow rescore runs/recorded-throwing")
 def rescore(
     run: options.Run,
-    engine: Annotated[
-        str | None,
-        typer.Option(help="Another physics engine, such as mujoco; default: that of the run."),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Worker processes; default: as in the run.")
-    ] = None,
+    engine: str | None = None,
+    workers: Annotated[int | None, typer.Option(min=1)] = None,
     as_json: options.Json = False,
 ) -> None:
     """Simulate the machines of a run again, also with another engine; list the differences.
 
     The run itself is not changed.
+
+    Args:
+        engine: Another physics engine, such as mujoco; default: that of the run.
+        workers: Worker processes; default: as in the run.
     """
     from agentflow.app.subjects.rescore import rescore as simulate_again
     from agentflow.cli.display.show_runs import show_rescored

@@ -20,7 +20,7 @@ Films = Annotated[int, typer.Option(min=0, help="Number of machines to film, bes
 
 @commands.command(epilog="Example: agentflow report runs/recorded-throwing --out report.html")
 def report(
-    run: Annotated[Path, typer.Argument(help="Directory of a run, a sweep or a training run.")],
+    run: Path,
     out: Out = None,
     films: Films = 200,
     workers: options.Workers = 2,
@@ -31,7 +31,11 @@ def report(
         ),
     ] = None,
 ) -> None:
-    """Write an HTML report about a run (3D films), a sweep (tables) or training (curves, films)."""
+    """Write an HTML report about a run (3D films), a sweep (tables) or training (curves, films).
+
+    Args:
+        run: Directory of a run, a sweep or a training run.
+    """
     write = PAGES[page or page_of(run)]
     say = show_count("simulation")
     print(write(run, out or run / "report.html", films=films, workers=workers, say=say))
@@ -41,27 +45,26 @@ def report(
     epilog="Example: agentflow compare runs/recorded-throwing catapult.json --out compare.html"
 )
 def compare(
-    a: Annotated[str, typer.Argument(help="Machine file, or run directory (its best machine).")],
-    b: Annotated[str, typer.Argument(help="The other machine file or run directory.")],
-    task: Annotated[
-        str | None,
-        typer.Option(
-            help="Task on which to simulate both; default: the task of the runs. Without a task, "
-            "only blocks are compared."
-        ),
-    ] = None,
+    a: str,
+    b: str,
+    task: str | None = None,
     knobs: options.Knobs = None,
     engine: options.Engine = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Random seed; default: that of the first run, else 0.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Also write an HTML page with both films to this file.")
-    ] = None,
+    seed: int | None = None,
+    out: Path | None = None,
     workers: options.Workers = 2,
     as_json: options.Json = False,
 ) -> None:
-    """Compare two machines: which blocks differ, and what both score on the same task."""
+    """Compare two machines: which blocks differ, and what both score on the same task.
+
+    Args:
+        a: Machine file, or run directory (its best machine).
+        b: The other machine file or run directory.
+        task: Task on which to simulate both; default: the task of the runs. Without a task, only
+            blocks are compared.
+        seed: Random seed; default: that of the first run, else 0.
+        out: Also write an HTML page with both films to this file.
+    """
     from agentflow.app.pages.compare import compare as find_difference
     from agentflow.cli.display.show_machines import show_comparison
 
@@ -74,13 +77,16 @@ def compare(
 
 @commands.command(epilog="Example: agentflow gallery runs --out gallery.html")
 def gallery(
-    runs: Annotated[
-        list[Path], typer.Argument(help="Run directories, or directories that contain runs.")
-    ],
-    out: Annotated[Path, typer.Option(help="Output file.")] = Path("gallery.html"),
+    runs: list[Path],
+    out: Path = Path("gallery.html"),
     workers: options.Workers = 2,
 ) -> None:
-    """Write an HTML gallery of the best machines, with films and scores."""
+    """Write an HTML gallery of the best machines, with films and scores.
+
+    Args:
+        runs: Run directories, or directories that contain runs.
+        out: Output file.
+    """
     from agentflow.app.pages.gallery import gallery as write
 
     print(write(runs, out, workers=workers, say=show_count("simulation")))

@@ -14,23 +14,18 @@ from agentflow.extras import needs_extra
 
 @commands.command(epilog="Example: agentflow studio --runs runs")
 def studio(
-    runs: Annotated[Path, typer.Option(help="Directory of the runs to show and to add to.")] = Path(
-        "runs"
-    ),
-    port: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=65535,
-            help="Port on 127.0.0.1; 0 is any free one. Without one, it is the same each time for "
-            "a directory of runs, if it is free.",
-        ),
-    ] = None,
+    runs: Path = Path("runs"),
+    port: Annotated[int | None, typer.Option(min=0, max=65535)] = None,
 ) -> None:
     """Open a local page to watch runs, start them, and build machines by hand.
 
     The printed address opens it in one browser, once. Nothing leaves this computer unless you name
     a model endpoint. Only the directory of runs is read and written.
+
+    Args:
+        runs: Directory of the runs to show and to add to.
+        port: Port on 127.0.0.1; 0 is any free one. Without one, it is the same each time for a
+            directory of runs, if it is free.
     """
     if runs.exists() and not runs.is_dir():
         raise UsageError(f"{runs} is not a directory; name the directory of your runs with --runs")

@@ -29,28 +29,17 @@ NO_ENDPOINT = 4
 
 @commands.command(epilog="Example: agentflow sweep inspector --dry-run")
 def sweep(
-    config: Annotated[
-        Path,
-        typer.Argument(help="Sweep file, name of one in configs, or existing sweep directory."),
-    ],
+    config: Path,
     model: options.ModelName = None,
     base_url: options.BaseUrl = None,
     settings: options.Settings = None,
     engine: options.Engine = None,
-    seeds: Annotated[
-        int | None, typer.Option(min=1, help="Use seeds 0 to N-1 instead of those in the file.")
-    ] = None,
+    seeds: Annotated[int | None, typer.Option(min=1)] = None,
     jobs: options.Jobs = 2,
     workers: options.SharedWorkers = None,
     backend: options.Backend = "local",
-    store: Annotated[
-        str | None,
-        typer.Option(
-            help="URL of a store of simulations that sweeps share, such as s3://bucket/store or "
-            "file:///shared/store."
-        ),
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Parent directory for sweeps.")] = Path("sweeps"),
+    store: str | None = None,
+    out: Path = Path("sweeps"),
     resume: options.ResumeRuns = False,
     dry_run: options.DryRun = False,
     trust: options.Trust = False,
@@ -60,6 +49,13 @@ def sweep(
     """Run configurations that differ in a few settings.
 
     `agentflow table` compares the results.
+
+    Args:
+        config: Sweep file, name of one in configs, or existing sweep directory.
+        seeds: Use seeds 0 to N-1 instead of those in the file.
+        store: URL of a store of simulations that sweeps share, such as s3://bucket/store or
+            file:///shared/store.
+        out: Parent directory for sweeps.
     """
     from agentflow.app.design.trust import trust_option
     from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
@@ -94,35 +90,9 @@ def sweep(
 
 @commands.command(epilog="Example: agentflow table sweeps/inspector --format md --published")
 def table(
-    folders: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Sweeps, finished or not, and directories of runs, in one table; or directories "
-            "that are or contain evaluations and training runs."
-        ),
-    ],
-    show: Annotated[
-        options.ViewName,
-        typer.Option(
-            help="View. published: columns as in the published table. scores: means with "
-            "intervals; for a sweep, also Best@N (expected best score of N machines). "
-            "For a sweep only: usage (calls, tokens, time); human (best score divided by the "
-            "mean score of experienced players); expansions (best score by number of new "
-            "machines); verified (scores of best machines and their verified scores); mechanisms "
-            "(how many runs found machines of each mechanism class, and how good). For "
-            "evaluations and training runs only: transfer (scores next to the tasks of training); "
-            "best (Best@N, also by step of training); curves (every number logged in training, "
-            "by step)."
-        ),
-    ] = "published",
-    against: Annotated[
-        str | None,
-        typer.Option(
-            metavar="CONDITION",
-            help="Show differences from this condition of a sweep: paired by seed, with intervals, "
-            "how often each condition is better, and how many seeds would be needed.",
-        ),
-    ] = None,
+    folders: list[Path],
+    show: options.ViewName = "published",
+    against: Annotated[str | None, typer.Option(metavar="CONDITION")] = None,
     form: options.FormatOrJson = "text",
     published: options.Published = False,
 ) -> None:
@@ -130,6 +100,20 @@ def table(
 
     Runs outside a sweep are compared by what differs between them. Evaluations with the same name
     are pooled into one row.
+
+    Args:
+        folders: Sweeps, finished or not, and directories of runs, in one table; or directories that
+            are or contain evaluations and training runs.
+        show: View. published: columns as in the published table. scores: means with intervals; for
+            a sweep, also Best@N (expected best score of N machines). For a sweep only: usage
+            (calls, tokens, time); human (best score divided by the mean score of experienced
+            players); expansions (best score by number of new machines); verified (scores of best
+            machines and their verified scores); mechanisms (how many runs found machines of each
+            mechanism class, and how good). For evaluations and training runs only: transfer (scores
+            next to the tasks of training); best (Best@N, also by step of training); curves (every
+            number logged in training, by step).
+        against: Show differences from this condition of a sweep: paired by seed, with intervals,
+            how often each condition is better, and how many seeds would be needed.
     """
     from agentflow.app.sweeps.several import holds_runs
     from agentflow.app.sweeps.views import format_view

@@ -16,25 +16,21 @@ from agentflow.errors import UsageError
 
 @commands.command(epilog="Example: agentflow tasks throwing/4 --picture throwing-4.png")
 def tasks(
-    name: Annotated[
-        str | None, typer.Argument(help="Level to show: its name, or the path of a YAML file.")
-    ] = None,
+    name: Annotated[str | None, typer.Argument()] = None,
     knobs: options.Knobs = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(help="Save a drawing of the level (top and right views) to this .png file."),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Directory in which to save drawings of the level, or of all levels."),
-    ] = None,
-    html: Annotated[
-        Path | None,
-        typer.Option(help="Write an HTML page with drawings of the level, or of all levels."),
-    ] = None,
+    picture: Path | None = None,
+    out: Path | None = None,
+    html: Path | None = None,
     as_json: options.Json = False,
 ) -> None:
-    """List all levels, or show one level: scene, schedule, score, blocks and knobs."""
+    """List all levels, or show one level: scene, schedule, score, blocks and knobs.
+
+    Args:
+        name: Level to show: its name, or the path of a YAML file.
+        picture: Save a drawing of the level (top and right views) to this .png file.
+        out: Directory in which to save drawings of the level, or of all levels.
+        html: Write an HTML page with drawings of the level, or of all levels.
+    """
     from agentflow.app.tasks import list_tasks, task_json
     from agentflow.cli.display.show_tasks import show_task, show_tasks
 
@@ -52,19 +48,17 @@ def tasks(
 
 @commands.command(epilog="Example: agentflow new-plugin mine --kind strategy")
 def new_plugin(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="New directory; its name is that of the part.")
-    ],
-    kind: Annotated[
-        Literal["family", "strategy", "role", "metric", "prompts"],
-        typer.Option(
-            help="Kind of part: a family of tasks, a search strategy, a role and a workflow that "
-            "asks it, a metric, or a prompt set."
-        ),
-    ],
+    folder: Annotated[Path, typer.Argument(metavar="DIR")],
+    kind: Annotated[Literal["family", "strategy", "role", "metric", "prompts"], typer.Option()],
     as_json: options.Json = False,
 ) -> None:
-    """Write a new package with one part of your own and its test, ready to install."""
+    """Write a new package with one part of your own and its test, ready to install.
+
+    Args:
+        folder: New directory; its name is that of the part.
+        kind: Kind of part: a family of tasks, a search strategy, a role and a workflow that asks
+            it, a metric, or a prompt set.
+    """
     from agentflow.app.plugins.scaffold import new_plugin as write
 
     made = write(folder, kind)

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 from agentflow.cli import options
 from agentflow.cli.root import commands, print_result
 
 
 @commands.command(epilog="Example: agentflow verify examples/car.json --task movement")
 def verify(
-    source: Annotated[
-        str, typer.Argument(help="Machine file, - for standard input, or run directory.")
-    ],
+    source: str,
     task: options.Task = None,
     knobs: options.Knobs = None,
     engine: options.Engine = None,
@@ -32,6 +26,9 @@ def verify(
 
     For a run, its best machine is used. Without --task, the run's own task, knobs and seed are
     used, and the result is stored in the run unless it has one already.
+
+    Args:
+        source: Machine file, - for standard input, or run directory.
     """
     from agentflow.app.subjects.subject import resolve
     from agentflow.app.subjects.verify import verify as simulate_again

@@ -19,42 +19,29 @@ def mcp(
         str | None,
         typer.Option(help=options.TASK, show_default="throwing"),
     ] = None,
-    rollouts: Annotated[
-        int | None, typer.Option(min=1, help="Simulations of a session.", show_default="24")
-    ] = None,
-    max_pictures: Annotated[
-        int | None, typer.Option(min=1, help="Pictures of a session.", show_default="24")
-    ] = None,
-    no_vision: Annotated[
-        bool, typer.Option("--no-vision", help="Offer no pictures (tool `look`).")
-    ] = False,
-    stages: Annotated[
-        bool,
-        typer.Option(
-            "--stages",
-            help="Let agents design in three stages, of which only the last has simulations, and "
-            "submit up to 8 machines in each. By default, they simulate at once and submit one.",
-        ),
-    ] = False,
+    rollouts: Annotated[int | None, typer.Option(min=1, show_default="24")] = None,
+    max_pictures: Annotated[int | None, typer.Option(min=1, show_default="24")] = None,
+    no_vision: bool = False,
+    stages: bool = False,
     settings: options.Settings = None,
     out: options.RunsFolder = Path("runs"),
-    http: Annotated[
-        str | None,
-        typer.Option(
-            metavar="HOST:PORT",
-            help="Serve any number of agents over HTTP, each with a run of its own; needs "
-            "--token-file. By default, serve one over stdin and stdout.",
-        ),
-    ] = None,
-    token_file: Annotated[
-        Path | None,
-        typer.Option(help="File with the token that agents must send; created if missing."),
-    ] = None,
+    http: Annotated[str | None, typer.Option(metavar="HOST:PORT")] = None,
+    token_file: Path | None = None,
 ) -> None:
     """Give coding agents the tools to design a machine, over the Model Context Protocol (MCP).
 
     Agents such as Claude Code, Codex and VS Code start this command themselves: see
     docs/how-to/mcp.md. The work of an agent is a run, like those of `agentflow design`.
+
+    Args:
+        rollouts: Simulations of a session.
+        max_pictures: Pictures of a session.
+        no_vision: Offer no pictures (tool `look`).
+        stages: Let agents design in three stages, of which only the last has simulations, and
+            submit up to 8 machines in each. By default, they simulate at once and submit one.
+        http: Serve any number of agents over HTTP, each with a run of its own; needs --token-file.
+            By default, serve one over stdin and stdout.
+        token_file: File with the token that agents must send; created if missing.
     """
     if (http is None) != (token_file is None):
         raise UsageError(

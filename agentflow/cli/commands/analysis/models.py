@@ -25,10 +25,7 @@ QUESTIONS = 24
 
 @commands.command(epilog="Example: agentflow behaviour runs/language-model-throwing")
 def behaviour(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(metavar="SOURCE...", help="Run, or directory that contains runs."),
-    ],
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...")],
     form: options.Format = "text",
     as_json: options.Json = False,
 ) -> None:
@@ -37,6 +34,9 @@ def behaviour(
     One row per source: edits that failed although success was predicted, repairs that keep the
     moving types of a failed machine, how large edits are, errors of predicted scores, and each
     role's share of the tokens. The rules are in docs/reference/behaviour.md.
+
+    Args:
+        sources: Run, or directory that contains runs.
     """
     from agentflow.app.inspect.behaviour import format_results, observe
 
@@ -47,28 +47,13 @@ def behaviour(
 
 @commands.command(epilog="Example: agentflow diagnose overlap --model NAME --out overlap")
 def diagnose(
-    name: Annotated[
-        Literal["overlap", "facing", "outcome"],
-        typer.Argument(
-            metavar="DIAGNOSTIC",
-            help="overlap: which blocks overlap. facing: which way blocks face, where their "
-            "centres are. outcome: will the machine stand, drive or throw; judged by simulation.",
-        ),
-    ],
-    out: Annotated[Path, typer.Option(help="Directory of the diagnosis; resumed if it exists.")],
+    name: Annotated[Literal["overlap", "facing", "outcome"], typer.Argument(metavar="DIAGNOSTIC")],
+    out: Annotated[Path, typer.Option()],
     model: options.ModelName = None,
     base_url: options.BaseUrl = None,
-    pairs: Annotated[
-        int | None,
-        typer.Option(
-            min=1, help="Total number of overlapping pairs, for overlap.", show_default=str(PAIRS)
-        ),
-    ] = None,
-    questions: Annotated[
-        int | None,
-        typer.Option(min=1, help="Questions, for facing and outcome.", show_default=str(QUESTIONS)),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Random seed of the questions.")] = 0,
+    pairs: Annotated[int | None, typer.Option(min=1, show_default=str(PAIRS))] = None,
+    questions: Annotated[int | None, typer.Option(min=1, show_default=str(QUESTIONS))] = None,
+    seed: int = 0,
     form: options.Format = "text",
     published: options.Published = False,
     settings: options.Settings = None,
@@ -80,6 +65,14 @@ def diagnose(
 
     The machines are random ones and designs of the built-in model. Replies without an answer count
     as wrong.
+
+    Args:
+        name: overlap: which blocks overlap. facing: which way blocks face, where their centres are.
+            outcome: will the machine stand, drive or throw; judged by simulation.
+        out: Directory of the diagnosis; resumed if it exists.
+        pairs: Total number of overlapping pairs, for overlap.
+        questions: Questions, for facing and outcome.
+        seed: Random seed of the questions.
     """
     from agentflow.app.design.config import load_config
     from agentflow.app.diagnose.results import (
@@ -128,23 +121,10 @@ def _size(name: str, pairs: int | None, questions: int | None) -> int:
 
 @commands.command(epilog="Example: agentflow diversity runs/recorded-throwing --published")
 def diversity(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="SOURCE...",
-            help="Run, sweep, training run (one row per step), or folder of .json or .bsg files.",
-        ),
-    ],
-    valid: Annotated[bool, typer.Option("--valid", help="Leave out invalid machines.")] = False,
-    most: Annotated[
-        int,
-        typer.Option(
-            "--n", min=2, help="Machines of each source; if it has more, a random sample is used."
-        ),
-    ] = 20,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Random seed of samples, embedding and intervals.")
-    ] = 0,
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...")],
+    valid: bool = False,
+    most: Annotated[int, typer.Option("--n", min=2)] = 20,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
     form: options.Format = "text",
     published: options.Published = False,
     as_json: options.Json = False,
@@ -153,6 +133,12 @@ def diversity(
 
     Two measures compare surfaces (Chamfer and Hausdorff distance), one volumes (IoU), and two the
     trees of blocks (graph similarity, tree edit distance). Each is a mean over all pairs.
+
+    Args:
+        sources: Run, sweep, training run (one row per step), or folder of .json or .bsg files.
+        valid: Leave out invalid machines.
+        most: Machines of each source; if it has more, a random sample is used.
+        seed: Random seed of samples, embedding and intervals.
     """
     from agentflow.app.diversity.results import format_results, measure_sources, published_json
 

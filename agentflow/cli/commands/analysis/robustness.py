@@ -17,15 +17,11 @@ def robustness(
     task: options.Task = None,
     knobs: options.Knobs = None,
     engine: options.Engine = None,
-    count: Annotated[
-        int, typer.Option("--n", min=0, help="Neighbours to simulate, drawn at random; 0: none.")
-    ] = 100,
-    every: Annotated[bool, typer.Option("--all", help="Simulate all neighbours.")] = False,
+    count: Annotated[int, typer.Option("--n", min=0)] = 100,
+    every: Annotated[bool, typer.Option("--all")] = False,
     seed: options.Seed = 0,
     workers: options.Workers = 2,
-    out: Annotated[
-        Path | None, typer.Option(help="Also write an HTML page with a figure to this file.")
-    ] = None,
+    out: Path | None = None,
     as_json: options.Json = False,
 ) -> None:
     """Measure how robust a design is: change its world, and change the design by one edit.
@@ -39,6 +35,11 @@ def robustness(
 
     For a run, its best machine is used. Without --task, the run's own task, knobs and seed are
     used, and the result is kept in the run, whose report then shows it.
+
+    Args:
+        count: Neighbours to simulate, drawn at random; 0: none.
+        every: Simulate all neighbours.
+        out: Also write an HTML page with a figure to this file.
     """
     from agentflow.app.pages.robustness import page_writer
     from agentflow.app.subjects.robustness import measure_robustness

@@ -27,10 +27,7 @@ SessionPath = Annotated[
 @study.command(epilog="Example: agentflow study segments runs/sessions/one --transcript one.vtt")
 def segments(
     session: SessionPath,
-    transcript: Annotated[
-        Path | None,
-        typer.Option(help="What was said, with times: a .vtt or .srt file."),
-    ] = None,
+    transcript: Path | None = None,
     model: options.ModelName = None,
     base_url: options.BaseUrl = None,
     settings: options.Settings = None,
@@ -42,6 +39,9 @@ def segments(
     Labels are Plan, Hypothesize, Build, Test, Observe, Diagnose, Revise, Restructure, Reflect and
     Query. The result is episodes.json in the folder of the session. The procedural model labels by
     rules on actions; a language model gets the actions, notes and transcript of the session.
+
+    Args:
+        transcript: What was said, with times: a .vtt or .srt file.
     """
     from agentflow.app.design.config import load_config
     from agentflow.cli.display.live import print_remark
@@ -66,14 +66,14 @@ def segments(
 @study.command(epilog="Example: agentflow study elan runs/sessions/one")
 def elan(
     session: SessionPath,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="File to write.", show_default="session.eaf in that folder"),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(show_default="session.eaf in that folder")] = None,
 ) -> None:
     """Write a session as a file for the annotation program ELAN.
 
     Labels, episodes, speech, notes, actions, trials and pauses each have a tier.
+
+    Args:
+        out: File to write.
     """
     from agentflow.study.session import read_session
 
@@ -86,10 +86,7 @@ def elan(
 
 @study.command(epilog="Example: agentflow study metrics runs/sessions runs/recorded-throwing")
 def metrics(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(metavar="SOURCE...", help="Session, run, or directory that contains some."),
-    ],
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...")],
     form: options.Format = "text",
     as_json: options.Json = False,
 ) -> None:
@@ -97,6 +94,9 @@ def metrics(
 
     One row per session or run: scores, behaviour, use of time, type of design, clusters. Sessions
     without episodes.json are labelled by rules. docs/how-to/studies.md explains the columns.
+
+    Args:
+        sources: Session, run, or directory that contains some.
     """
     with needs_extra(EXTRA):
         from agentflow.study.results import format_results, measure
