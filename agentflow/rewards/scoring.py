@@ -6,6 +6,7 @@ Worker processes are started on first use and stay until this process ends, howe
 from __future__ import annotations
 
 import asyncio
+import atexit
 import json
 import os
 from collections.abc import Coroutine, Mapping, Sequence
@@ -77,11 +78,18 @@ class Scorer:
         )
 
     def close(self) -> None:
-        """End the worker processes."""
-        self.wait_for(self.pool.__aexit__(None, None, None))
+        """End the worker processes, and cancel what still waits for them."""
+        self.wait_for(self._end())
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
+
+    async def _end(self) -> None:
+        await self.pool.__aexit__(None, None, None)
+        waiting = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in waiting:
+            task.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
 
     def wait_for(self, work: Coroutine[Any, Any, T]) -> T:
         """The result of work on the event loop of the worker processes."""
@@ -146,5 +154,8 @@ _LOCK = Lock()
 
 
 @cache
-def _scorer(workers: int, process: int) -> Scorer:  # noqa: ARG001 - forks need their own
-    return Scorer(workers)
+def _scorer(workers: int, process: int) -> Scorer:
+    """One for each process, because forks need their own; it ends with that process."""
+    scorer = Scorer(workers)
+    atexit.register(lambda: scorer.close() if os.getpid() == process else None)
+    return scorer
