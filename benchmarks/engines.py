@@ -27,7 +27,7 @@ from alike import (
 from exact import determinism, memory, soundness, splits, stacks
 from figures import Figure, Options
 from floor import floor
-from rates import speed
+from rates import pools, speed, worlds
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import installed_engines
@@ -35,6 +35,8 @@ from agentflow.env.physics.engines import installed_engines
 PARTS: dict[str, Callable[[Options], Iterator[Figure]]] = {
     "speed": speed,
     "floor": floor,
+    "worlds": worlds,
+    "pools": pools,
     "splits": splits,
     "stacks": stacks,
     "agreement": agreement,

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 from shelf import load
 
@@ -14,6 +19,8 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.tree import Machine
 
+ROOT = Path(__file__).parent.parent
+MAIN = "import sys; from agentflow_command import main; sys.exit(main())"
 PYBULLET, MUJOCO = "pybullet", "mujoco"
 
 
@@ -66,3 +73,21 @@ def reach(rollout: Rollout) -> float:
 def shipped(name: str) -> Machine:
     """A machine of tests/machines."""
     return load(f"{name}.json")
+
+
+def cost_of(command: list[str], lines: Iterable[bytes] = ()) -> tuple[float, float]:
+    """CPU seconds of an agentflow command that gets these lines, with its children, and the
+    greatest memory of one process, MB."""
+    arguments = [sys.executable, "-c", MAIN, *command]
+    with subprocess.Popen(
+        arguments, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, cwd=ROOT
+    ) as process:
+        assert process.stdin is not None
+        for line in lines:
+            process.stdin.write(line)
+        process.stdin.close()
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"{command[0]} failed")
+    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024

@@ -12,7 +12,6 @@ import argparse
 import json
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
@@ -22,6 +21,7 @@ from random import Random
 from typing import Any
 
 from cars import PLAIN_CAR
+from figures import ROOT, cost_of
 
 from agentflow.env.physics.engines import installed_engines
 from agentflow.env.simulation.simulate import simulate
@@ -29,10 +29,8 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.machine import check
 from agentflow.machine.edits.random import random_machine
 
-ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "results" / "growth.md"
 RUN = ROOT / "runs" / "recorded-throwing"
-MAIN = "import sys; from agentflow_command import main; sys.exit(main())"
 BLOCKS = 10, 20, 40, 80
 Point = tuple[str, int, float, float | None]
 """Name of the curve, size, seconds of CPU time, and greatest memory, MB."""
@@ -61,7 +59,7 @@ def machines(lines: int, rollouts: int) -> Iterator[Point]:
         (["simulate", "-", "--jsonl", "--workers", "1", *LEVEL], rollouts),
     ):
         for count in _sizes(100, most):
-            yield f"{command[0]} --jsonl", count, *_run(command, (line for _ in range(count)))
+            yield f"{command[0]} --jsonl", count, *cost_of(command, (line for _ in range(count)))
 
 
 LEVEL = ["--task", "movement", "--set", "window=1", "--engine", "mujoco"]
@@ -76,7 +74,7 @@ def runs(most: int) -> Iterator[Point]:
             place = Path(folder) / f"runs {count}"
             for number in range(count):
                 shutil.copytree(first, place / f"run {number}", copy_function=os.link)
-            yield "runs FOLDER", count, *_run(["runs", str(place)], iter(()))
+            yield "runs FOLDER", count, *cost_of(["runs", str(place)])
             shutil.rmtree(place)
 
 
@@ -100,23 +98,6 @@ def _least(work: Callable[[], Any], times: int = 3) -> float:
         work()
         found.append(time.process_time() - began)
     return min(found)
-
-
-def _run(command: list[str], lines: Iterator[bytes]) -> tuple[float, float]:
-    """CPU seconds of a process with its children, and the memory of the process, MB."""
-    arguments = [sys.executable, "-c", MAIN, *command]
-    with subprocess.Popen(
-        arguments, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, cwd=ROOT
-    ) as process:
-        assert process.stdin is not None
-        for line in lines:
-            process.stdin.write(line)
-        process.stdin.close()
-        _, status, used = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise SystemExit(f"{command[0]} failed")
-    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
 
 
 PARTS = {

@@ -10,11 +10,15 @@ import pytest
 from agentflow.env.archive import read_npz, write_npz
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import World
+from agentflow.env.physics.engines import default_engine
+from agentflow.env.physics.model import Assembly
 from agentflow.env.pool.store import rollout_key
 from agentflow.env.rollout import Rollout
-from agentflow.env.simulation.requirements import SCORE_IF_MET, search_value
+from agentflow.env.scene import Scene
+from agentflow.env.simulation.requirements import DRAWS, SCORE_IF_MET, search_value
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.simulation.variations import displace
+from agentflow.env.simulation.variations import DEFAULT, VARIATIONS, displace
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.geometry.placement import place
@@ -144,6 +148,35 @@ def test_tolerance_is_the_same_for_a_seed_and_smaller_for_larger_displacements()
     wanted = {"requirements.wanted": texts[0]}
     other = simulate(CAR, task_of(CAR, window=1.0, **wanted), seed=1)
     assert other.requirements[0] != found.requirements[0]
+
+
+class Counted:
+    """An engine that counts the worlds it builds."""
+
+    def __init__(self) -> None:
+        self.engine, self.builds = default_engine().start(), 0
+        self.identity, self.close = self.engine.identity, self.engine.close
+
+    def build(self, assembly: Assembly, scene: Scene, rate: float) -> World:
+        self.builds += 1
+        return self.engine.build(assembly, scene, rate)
+
+
+def test_blocks_are_displaced_in_variations_only_if_the_score_can_count() -> None:
+    wanted = ["tolerance of 0.01 m >= 80 %", "mass <= 3 kg"]
+    lost = task_of(CAR, window=1.0, **{"requirements.wanted": wanted})
+    other = task_of(CAR, window=1.0, **{"requirements.wanted": wanted[:1]})
+    engine = Counted()
+    for task, variation, builds in (
+        (lost, DEFAULT, 1 + DRAWS),
+        (lost, VARIATIONS["4 x step rate"], 1),
+        (other, VARIATIONS["4 x step rate"], 1 + DRAWS),
+    ):
+        engine.builds = 0
+        rollout = simulate(CAR, task, engine=engine, variation=variation)
+        assert (rollout.score == 0.0) == (task is lost)
+        assert engine.builds == builds
+    engine.close()
 
 
 def test_blocks_are_displaced_by_at_most_the_distance() -> None:

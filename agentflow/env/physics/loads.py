@@ -18,8 +18,8 @@ from agentflow.machine.geometry.mobility import JAMMED
 
 NEAR = 0.05
 """How near to its strength, as a share of it, the load of a marginal connection comes."""
-SAFE = (1.0 - NEAR) ** 2 / 3
-"""Three squares of at most this are not a marginal load."""
+SAFE = (1.0 - NEAR) ** 2 * (1.0 - 1e-9)
+"""Sums of three squares of at most this are not a marginal load, however they are rounded."""
 
 
 class _Plan(NamedTuple):
@@ -68,9 +68,9 @@ class Loads:
         """Filtered force and moment over strength (0 where it broke), the same one step earlier,
         and scratch space: allocating arrays would take longer than the sums."""
         self._squared = self._spare.reshape(-1)
-        self._foreseen: list[tuple[Array, Array, float]] = []
+        self._foreseen: list[tuple[Array, Array, float, float]] = []
         """Of parts of steps to come, the last one first: loads before and after, and the greatest
-        square of a component."""
+        square of a component and of a force or moment."""
         self._source = self.level
         """The array of their reactions: others are of steps that were not foreseen."""
         self.near: Mapping[int, float] = {}
@@ -122,8 +122,8 @@ class Loads:
             return
         keep, take = self._weigh(divisions)
         levels, squares = foreseen.filter(foreseen.reactions, self.level, keep, take)
-        pairs = zip(levels[:-1], levels[1:], squares.tolist(), strict=True)
-        self._foreseen, self._source = list(pairs)[::-1], foreseen.reactions
+        parts = zip(levels[:-1], levels[1:], *squares.tolist(), strict=True)
+        self._foreseen, self._source = list(parts)[::-1], foreseen.reactions
 
     def update(self, reactions: Array, divisions: int = 1) -> dict[int, float]:
         """Filter one step's loads and find the joints that break.
@@ -144,8 +144,8 @@ class Loads:
         if not self._joints:
             return {}
         if self._foreseen and reactions.base is self._source:
-            self._before, self.level, square = self._foreseen.pop()
-            return self._judge(square)
+            self._before, self.level, square, most = self._foreseen.pop()
+            return self._judge(square, most)
         self._foreseen = []
         if self._plan.loops:
             reactions = reactions.copy()
@@ -160,14 +160,16 @@ class Loads:
         np.multiply(before, keep, spare)
         np.add(level, spare, level)
         np.multiply(level, level, spare)
-        return self._judge(self._squared.item(self._squared.argmax()))  # max takes three times that
+        square = self._squared.item(self._squared.argmax())  # max takes three times that
+        return self._judge(square, 3 * square)
 
-    def _judge(self, square: float) -> dict[int, float]:
-        """As `update`, once loads are filtered; `square` is the greatest square of a component."""
+    def _judge(self, square: float, most: float) -> dict[int, float]:
+        """As `update`, once loads are filtered: the greatest square of a component, and what that
+        of a force or moment is at most, but for rounding."""
         level, before = self.level, self._before
         self.peak = sqrt(square)
         self.finite, self.near = isfinite(square), {}
-        if square <= SAFE or not self.finite:
+        if most <= SAFE or not self.finite:
             return {}
         share = np.sqrt(self._squares().max(axis=1))
         most = np.maximum.reduce(share)

@@ -111,10 +111,16 @@ def _judge(
     run: Callable[[Task, Variation, float], Rollout],
 ) -> Rollout:
     """The rollout of a trial with its requirements, which may need more simulations; those share
-    its limit: `until` is a `thread_time`."""
+    its limit: `until` is a `thread_time`. Of a variation only the score is asked for, so where it
+    is lost anyway, there are none."""
     brief = task.brief
     kept: dict[Requirement, list[float]] = {}
-    for item, variations in displaced(variation, brief, seed).items():
+    draws = displaced(variation, brief, seed)
+    if draws and variation != DEFAULT and rollout.score and brief.requirements.mode == "must":
+        judged = judge(rollout, machine, brief, kept)
+        if not all(item.met for item in judged.requirements if not item.requirement.within):
+            draws = {}
+    for item, variations in draws.items():
         for by in variations if rollout.status == "ok" and rollout.score else ():
             again = run(task, by, until - thread_time())
             if again.score is None:

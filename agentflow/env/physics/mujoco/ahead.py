@@ -7,7 +7,6 @@ one by one, to the same bits: that path says what a step is, and this one only r
 from __future__ import annotations
 
 import ctypes
-from itertools import pairwise
 from math import isfinite, sqrt
 from pathlib import Path
 from typing import Any
@@ -47,9 +46,9 @@ class Ahead:
         built, drag, motors = now.built, now.forces.drag, now.motors
         self._now, self._springs, self._motors = now, springs, motors
         self._model, self._data = built.model, built.data
-        self.queue: list[tuple[Array, tuple[float, float], Array, Kept]] = []
+        self.queue: list[tuple[Array, tuple[float, float], float, Array, Kept]] = []
         """Of the steps that were taken and not shown, the last one first: table and greatest speeds
-        of rows, reactions, and contacts."""
+        of rows, power of drag, reactions, and contacts."""
         self.taken = self._noted = 0
         """Steps that were taken last, and how many of them were noted for work."""
         self._first = 6 * len(built.links)
@@ -96,8 +95,10 @@ class Ahead:
         self._warm = np.empty((steps, data.qvel.size))
         sensed = np.empty((steps, data.sensordata.size))
         self._efforts, self._contacts = np.empty(ROOM), np.empty((ROOM, 9), np.int32)
-        self._counts = np.zeros((steps + 1, 3), np.intp)
-        speeds, self._lengths = np.empty((steps, 2)), np.empty((steps, 2, lines))
+        self._counts = np.zeros((steps + 1, 2), np.intp)
+        self._torques = np.empty((steps, len(motors.row)))
+        speeds, air = np.empty((steps, 2)), np.empty(steps)
+        self._lengths = np.empty((steps, 2, lines))
         self._angles, self._pulled, self._step, self._began = angles, pulled, step, data.time
         taken = _run(
             steps,
@@ -109,8 +110,8 @@ class Ahead:
             self._drag,
             self._lines,
             (tuned, pulled, self._lengths),
-            (motors.row, motors.changes, held, angles),
-            (self._qpos, self._qvel, self._warm, sensed, speeds),
+            (motors.row, motors.changes, held, angles, self._torques),
+            (self._qpos, self._qvel, self._warm, sensed, speeds, air),
             (self._efforts, self._contacts, self._counts),
         )
         self.taken, self._noted = taken, 0
@@ -125,6 +126,7 @@ class Ahead:
             *zip(
                 tables.take(ROW_ORDER, axis=2),
                 map(tuple, speeds[:taken].tolist()),
+                air[:taken].tolist(),
                 reactions,
                 [(*kept, i) for i in range(taken)],
                 strict=True,
@@ -138,13 +140,9 @@ class Ahead:
         if first == last:
             return
         self._noted = last
-        counts, motors = self._counts.tolist(), self._motors
+        motors, steps = self._motors, slice(first, last + 1)
         motors.angles[:] = self._angles[last].tolist()
-        ends = [count[0] for count in counts[first : last + 1]]
-        efforts = [self._efforts[a:b] for a, b in pairwise(ends)]
-        motions = [(self._qvel[i], None, self._qpos[i]) for i in range(first, last + 1)]
-        equalities = [count[2] for count in counts[first + 1 : last + 1]]
-        motors.catch_up(self._step, equalities, efforts, motions)
+        motors.catch_up(self._step, self._torques[first:last], self._qvel[steps], self._qpos[steps])
         if self._springs.parts:
             lengths = self._lengths[first:last].tolist()
             pulled = [(pull, before) for pull, before in self._pulled[last].tolist()]
@@ -261,13 +259,14 @@ def filter_loads(reactions: Array, level: Array, keep: float, take: Array) -> tu
         take: (J, 6) weights of a step's.
 
     Returns:
-        (S + 1, J, 6) levels, before the first step and after each, and (S,) the greatest square.
+        (S + 1, J, 6) levels, before the first step and after each, and (2, S) the greatest square
+        of a component and of a force or moment.
     """
     steps, joints = reactions.shape[0], reactions.shape[1]
-    levels, squares = np.empty((steps + 1, joints, 6)), np.zeros(steps)
+    levels, squares = np.empty((steps + 1, joints, 6)), np.zeros((2, steps))
     levels[0] = level
     for s in range(steps):
-        most = 0.0
+        most = greatest = total = 0.0
         for j in range(joints):
             for k in range(6):
                 new = reactions[s, j, k] * take[j, k] + levels[s, j, k] * keep
@@ -275,9 +274,11 @@ def filter_loads(reactions: Array, level: Array, keep: float, take: Array) -> tu
                 square = new * new
                 if square > most or square != square:
                     most = square
+                total = total + square if k % 3 else square
+                greatest = max(greatest, total)
             if most != most:
                 break
-        squares[s] = most
+        squares[0, s], squares[1, s] = most, greatest
     return levels, squares
 
 
@@ -299,6 +300,18 @@ def _moved(row: Array, offset: Array) -> Any:
         (row[0] + a, row[1] + b, row[2] + c),
         (row[7] + (wy * c - wz * b), row[8] + (wz * a - wx * c), row[9] + (wx * b - wy * a)),
     )
+
+
+@njit
+def _resist(own: Array, i: int, round_: Array, general: Array) -> Any:
+    """Force and torque of drag on the cluster with this row, the one with law `i`."""
+    if i >= round_.shape[0]:
+        return _drag(own, general[i - round_.shape[0]])
+    loss, spin = round_[i, 0], round_[i, 1]
+    x, y, z = 0.0, 0.0, 0.0
+    if spin != 0.0:
+        x, y, z = -spin * own[10], -spin * own[11], -spin * own[12]
+    return (-loss * own[7], -loss * own[8], -loss * own[9]), (x, y, z)
 
 
 @njit
@@ -406,14 +419,13 @@ def _run(
     """Take steps as `MuJoCoWorld._advance` does; how many there was room for."""
     qpos, qvel, warm, applied, sensordata = state
     dragged, bodies, round_, general = drag
-    row, changes, held, angles = motors
-    positions, velocities, warms, sensed, speeds = motion
+    row, changes, held, angles, torques = motors
+    positions, velocities, warms, sensed, speeds, air = motion
     efforts, contacts, counts = kept
     model, data = addresses[0], addresses[1]
     ints = numba.carray(_pointer(data), (ROWS + 1,), np.int32)
     pointers = numba.carray(_pointer(data), (FORCES + 1,), np.intp)
     table = sensordata[first:].reshape(-1, WIDTH)
-    isotropic = round_.shape[0]
     positions[0], velocities[0] = qpos, qvel
     for s in range(steps):
         rows, touching = ints[ROWS], ints[COUNT]
@@ -424,16 +436,9 @@ def _run(
             for side in range(2):
                 applied[lines[2][i, side]] = 0.0
         for i in range(len(dragged)):
-            own, body = table[dragged[i]], bodies[i]
-            if i < isotropic:
-                loss, spin = round_[i, 0], round_[i, 1]
-                for k in range(3):
-                    applied[body, k] = -loss * own[7 + k]
-                    applied[body, 3 + k] = -spin * own[10 + k] if spin != 0.0 else 0.0
-            else:
-                force, torque = _drag(own, general[i - isotropic])
-                for k in range(3):
-                    applied[body, k], applied[body, 3 + k] = force[k], torque[k]
+            force, torque = _resist(table[dragged[i]], i, round_, general)
+            for k in range(3):
+                applied[bodies[i], k], applied[bodies[i], 3 + k] = force[k], torque[k]
         if lines[0].shape[0]:
             _pull(table, lines, springs, half if s == 0 else step / 2, step / 2, s, applied)
         angles[s + 1] = angles[s]
@@ -449,6 +454,8 @@ def _run(
         _two(model, data)
         exerted = numba.carray(_pointer(pointers[FORCES]), (rows,), np.float64)
         efforts[used : used + rows] = exerted
+        for i in range(len(row)):
+            torques[s, i] = exerted[equalities + row[i]]
         words = numba.carray(_pointer(pointers[CONTACTS]), (touching, SIZE), np.int32)
         for i in range(touching):
             for k in range(6):
@@ -457,8 +464,17 @@ def _run(
             contacts[met + i, 7] = words[i, SHAPES + 1]
             contacts[met + i, 8] = words[i, ROW]
         counts[s + 1, 0], counts[s + 1, 1] = used + rows, met + touching
-        counts[s + 1, 2] = equalities
         _one(model, data)
+        power = 0.0
+        for i in range(len(dragged)):
+            own, each = table[dragged[i]], 0.0
+            force, torque = _resist(own, i, round_, general)
+            for k in range(3):
+                each += force[k] * own[7 + k]
+            for k in range(3):
+                each += torque[k] * own[10 + k]
+            power += each
+        air[s] = power
         positions[s + 1], velocities[s + 1], warms[s], sensed[s] = qpos, qvel, warm, sensordata
         linear = angular = 0.0
         for r in range(table.shape[0]):

@@ -44,6 +44,12 @@ _ROW = (
     mujoco.mjtSensor.mjSENS_FRAMELINVEL,
     mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
 )
+CHANGED = (
+    *("body_mass", "body_subtreemass", "body_inertia", "body_invweight0", "dof_invweight0"),
+    *("dof_frictionloss", "eq_obj2id", "eq_data"),
+)
+"""Arrays of a model that something writes to besides `set_step_length`: loads, motors that differ,
+grabbers, cogs."""
 _KINDS = {
     "revolute": mujoco.mjtJoint.mjJNT_HINGE,
     "prismatic": mujoco.mjtJoint.mjJNT_SLIDE,
@@ -87,6 +93,8 @@ class CompiledModel:
     """Whether each shape rebounds more than usual."""
     grips: Mapping[int, int]
     """Constraint of each part that is a grabber."""
+    fresh: Mapping[str, Any]
+    """Of the model's arrays, those that a rollout changes (`CHANGED`), as they were compiled."""
 
 
 def build(
@@ -99,6 +107,14 @@ def build(
 ) -> CompiledModel:
     """Compile the model of a world, with the machine at rest where it was assembled."""
     return _Builder(physics, assembly, plan, scene, step).finish(layout)
+
+
+def begin_again(built: CompiledModel, step: float) -> None:
+    """Bring a model back to the state in which it was compiled, for steps of this length, s."""
+    for name, values in built.fresh.items():
+        getattr(built.model, name)[:] = values
+    mujoco.mj_resetData(built.model, built.data)
+    set_step_length(built.model, step)
 
 
 def set_step_length(model: Any, step: float) -> None:
@@ -209,6 +225,7 @@ class _Builder:
                 grip.part: model.equality(_name(grip.part)).id
                 for grip in self._assembly.devices.grippers
             },
+            fresh={name: getattr(model, name).copy() for name in CHANGED},
         )
 
     def _item(self, item: SceneObject, cluster: int) -> None:

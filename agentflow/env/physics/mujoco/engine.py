@@ -12,7 +12,7 @@ from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.engine import EngineIdentity
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco import MUJOCO
-from agentflow.env.physics.mujoco.world import MuJoCoWorld
+from agentflow.env.physics.mujoco.world import MuJoCoWorld, Structure
 from agentflow.env.scene import Scene
 
 PATIENCE = 50
@@ -20,12 +20,14 @@ PATIENCE = 50
 
 
 class MuJoCoEngine:
-    """An `engine.Engine`; see there for its members. Worlds are all that it holds."""
+    """An `engine.Engine`; see there for its members."""
 
     def __init__(self, physics: Constants | None = None) -> None:
         self.physics = physics or constants()
         self.patience = PATIENCE
         """How many more worlds take steps one by one, which changes no bit."""
+        self.kept: list[Structure] = []
+        """For further worlds with the same machine, which change no bit either."""
         # MuJoCo would write warnings of machines that explode to a file in the working directory;
         # the speeds and loads of such a machine show the same.
         mujoco.set_mju_user_warning(_ignore)
@@ -37,10 +39,10 @@ class MuJoCoEngine:
     def build(self, assembly: Assembly, scene: Scene, rate: float) -> MuJoCoWorld:
         compiled = None if self.patience else compiled_steps()
         self.patience -= bool(self.patience)
-        return MuJoCoWorld(self.physics, assembly, scene, rate, compiled)
+        return MuJoCoWorld(self.physics, assembly, scene, rate, self.kept, compiled)
 
     def close(self) -> None:
-        pass
+        self.kept.clear()
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from struct import Struct
 
-from agentflow.env.physics.laws.select import Forces, Law
+from agentflow.env.physics.laws.select import Forces, Law, Power
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco.bodies import CompiledModel
 from agentflow.env.physics.mujoco.sensing import Rows
@@ -33,6 +33,7 @@ class AppliedForces(Forces):
         laws: Sequence[Law],
     ) -> None:
         super().__init__(assembly, plan, layout, rows, laws)
+        self._known = rows
         objects = [built.objects[name] for name in layout.objects]
         self._leading = [built.parts[part] for part in layout.leading] + objects
         self.at = [*built.parts, *objects]
@@ -67,6 +68,10 @@ class AppliedForces(Forces):
                 if part >= self._count and place is not None:
                     self._turn(own, part, force, place)
         self._write(total)
+
+    def power(self) -> Power:
+        known = self._known.air
+        return super().power() if known is None else Power(0.0, known)
 
     def _write(self, total: dict[int, list[float]]) -> None:
         """Replace the forces of the last step."""

@@ -175,14 +175,11 @@ class Motors:
         if len(self._noted) == TOGETHER:
             self._add_works(self._motion())
 
-    def catch_up(
-        self, step: float, equalities: list[int], efforts: list[Array], motions: list[Any]
-    ) -> None:
-        """Note several steps, with the motions before each and after the last."""
-        for i, exerted in enumerate(efforts):
-            self._noted.append((step, equalities[i], exerted, motions[i]))
-            if len(self._noted) == TOGETHER:
-                self._add_works(motions[i + 1])
+    def catch_up(self, step: float, torques: Array, speeds: Array, places: Array) -> None:
+        """Note steps of this length, s, with the (S, M) torque of each motor in them and, before
+        each and after the last, the speeds and positions of all joints."""
+        self._add_works((speeds[0], None, places[0]))
+        self._works.append(self._work(step, torques, speeds, places))
 
     def take_works(self) -> Array:
         """(S, 2) work of suspensions and of motors in each step since the last call, J."""
@@ -190,27 +187,35 @@ class Motors:
         works, self._works = self._works, []
         return np.concatenate([np.zeros((0, 2)), *works])
 
-    def _add_works(self, after: tuple[Array, ...]) -> None:
+    def _add_works(self, after: tuple[Any, ...]) -> None:
         """Compute the work in all steps that were noted, at once; `after` is the motion after
         the last of them."""
         noted, self._noted = self._noted, []
         if not noted:
             return
-        works = np.zeros((len(noted), 2))
         lengths, equalities, efforts, before = zip(*noted, strict=True)
+        torques, places = np.zeros((len(noted), 0)), np.zeros(0)
         if self._joints:
-            speeds = np.array([*(each[0] for each in before), after[0]])[:, self._velocity]
             ends = np.cumsum([len(each) for each in efforts])
             starts = np.concatenate([[0], ends[:-1]]) + equalities
             torques = np.concatenate(efforts)[starts[:, None] + self.row]
             if self._mixed:
                 torques += np.array([each[1] for each in before])[:, self._velocity]
-            powers = (torques * (speeds[:-1] + speeds[1:])).sum(axis=1) / 2
-            works[:, 1] = powers * lengths
         if len(self._sliding):
-            places = np.array([*(each[2] for each in before), after[2]])[:, self._sliding]
-            works[:, 0] = -np.diff((self._stiffness * places**2).sum(axis=1)) / 2
-        self._works.append(works)
+            places = np.array([*(each[2] for each in before), after[2]])
+        speeds = np.array([*(each[0] for each in before), after[0]])
+        self._works.append(self._work(np.array(lengths), torques, speeds, places))
+
+    def _work(self, lengths: Any, torques: Array, speeds: Array, places: Array) -> Array:
+        """(S, 2) work of suspensions and of motors in steps of these lengths, J."""
+        works = np.zeros((len(torques), 2))
+        if self._joints:
+            speeds = speeds[:, self._velocity]
+            works[:, 1] = (torques * (speeds[:-1] + speeds[1:])).sum(axis=1) / 2 * lengths
+        if len(self._sliding):
+            energy = (self._stiffness * places[:, self._sliding] ** 2).sum(axis=1)
+            works[:, 0] = -np.diff(energy) / 2
+        return works
 
     def _aim(self, motor: int, speed: float) -> None:
         self.changes[motor] = speed / (self.step * TIGHT)

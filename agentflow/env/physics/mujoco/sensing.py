@@ -24,7 +24,7 @@ ROW_ORDER = np.array([0, 1, 2, 4, 5, 6, 3, 7, 8, 9, 10, 11, 12])
 COMPACT = slice(0, 6), slice(6, 8), slice(8, 9)
 """Place, two shapes and row of a contact among its 4-byte words, where only these are kept."""
 Kept = tuple[Any, Array, Any, int]
-"""(C, 9) contacts and what constraints exerted in several steps, (S + 1, 3) where those of each
+"""(C, 9) contacts and what constraints exerted in several steps, (S + 1, 2) where those of each
 step begin in both, and the number of a step."""
 
 
@@ -36,6 +36,8 @@ class Rows:
         self._source = built.data.sensordata[numbers:].reshape(-1, WIDTH)
         self._list: list[Row] = []
         self._speeds: tuple[float, float] | None = None
+        self.air: float | None = None
+        """Power of drag at these rows, W, if it is known."""
         self.table: Array = self._source.take(ROW_ORDER, axis=1)
         """(C, 13) every row; a new array after each step."""
 
@@ -43,11 +45,11 @@ class Rows:
         """Read the rows after a step."""
         self.table = self._source.take(ROW_ORDER, axis=1)
         self._list = []
-        self._speeds = None
+        self._speeds = self.air = None
 
-    def show(self, table: Array, speeds: tuple[float, float]) -> None:
-        """Show rows that were read before, and their greatest speeds."""
-        self.table, self._list, self._speeds = table, [], speeds
+    def show(self, table: Array, speeds: tuple[float, float], air: float) -> None:
+        """Show rows that were read before, with their greatest speeds and power of drag."""
+        self.table, self._list, self._speeds, self.air = table, [], speeds, air
 
     def __getitem__(self, row: int) -> Row:
         """One row."""
@@ -178,7 +180,7 @@ class Contacts:
         """The contacts."""
         if self._late:
             (found, efforts, counts, i), self._late = self._late, None
-            (first, begin), (last, end) = counts[i : i + 2, :2].tolist()
+            (first, begin), (last, end) = counts[i : i + 2].tolist()
             self._found, self._efforts = found[begin:end], efforts[first:last]
             self._at = COMPACT
         return self._found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -18,6 +18,7 @@ from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco.bodies import (
     CompiledModel,
     JointAddress,
+    begin_again,
     build,
     inertia_of,
     set_step_length,
@@ -32,7 +33,8 @@ from agentflow.env.physics.mujoco.shapes import wxyz
 from agentflow.env.physics.mujoco.surfaces import Calming, Yielding
 from agentflow.env.physics.readings import Readings, joint_motion, relative_motion
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY
-from agentflow.env.physics.structure.layout import lay_out
+from agentflow.env.physics.structure.layout import RowLayout, lay_out
+from agentflow.env.physics.structure.spanning_tree import Skeleton
 from agentflow.env.physics.world import BaseWorld, UnsplitMachine
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import matrices, turn_back
@@ -41,6 +43,20 @@ from agentflow.machine.geometry.vectors import Vec3, add, rotate_vector
 
 LEAST = 3
 """Fewer steps are taken one by one."""
+KEPT = 12
+"""Structures that an engine keeps for worlds with the same machine, enough for the scenes of ten
+trials; each takes 1 to 2 MB."""
+
+
+class Structure(NamedTuple):
+    """What depends on the machine, the scene's objects and what broke alone."""
+
+    of: tuple[object, ...]
+    plan: Skeleton
+    layout: RowLayout
+    built: CompiledModel
+    readings: Readings
+    reactions: Reactions
 
 
 @dataclass(frozen=True)
@@ -70,11 +86,21 @@ class MuJoCoWorld(BaseWorld[Model]):
         assembly: Assembly,
         scene: Scene,
         rate: float,
+        kept: list[Structure],
         compiled: ModuleType | None = None,
     ) -> None:
-        """Set everything up; `compiled` is the module `ahead`, if steps may be taken with it."""
+        """Set everything up.
+
+        Args:
+            physics: The constants.
+            assembly: The machine.
+            scene: Where it is.
+            rate: Steps per second.
+            kept: Structures of earlier worlds, the last one first, of which none is in use.
+            compiled: The module `ahead`, if steps may be taken with it.
+        """
         super().__init__(physics, assembly, scene, rate)
-        self._compiled = compiled
+        self._kept, self._compiled = kept, compiled
         self.settle_rate = physics["step_rate"]
         """Settling four times as finely changes scores of cars by 0.0 %, of throwers by 1 %."""
         self.now = self._build_structure()
@@ -101,8 +127,8 @@ class MuJoCoWorld(BaseWorld[Model]):
             if not now.ahead.queue and ahead >= LEAST:
                 known = now.ahead.run(ahead, self._interval)
             if now.ahead.queue:
-                table, speeds, self.reactions, kept = now.ahead.queue.pop()
-                now.rows.show(table, speeds)
+                table, speeds, air, self.reactions, kept = now.ahead.queue.pop()
+                now.rows.show(table, speeds, air)
                 now.contacts.show(kept)
                 return known
             now.ahead.note()
@@ -154,9 +180,7 @@ class MuJoCoWorld(BaseWorld[Model]):
     def _build_structure(self, broken: Sequence[int] = ()) -> Model:
         """The model of what is whole, at rest, and everything that refers to it."""
         assembly, scene = self._assembly, self._scene
-        plan = self._plan(broken)
-        layout = lay_out(assembly, plan, scene.moving)
-        built = build(self._physics, assembly, plan, layout, scene, self._interval)
+        _, plan, layout, built, readings, reactions = self._structure(broken)
         rows = Rows(built)
         calming = Calming(built.data, built.lively, self._physics["restitution"])
         soft: dict[Body, float] = {
@@ -166,9 +190,9 @@ class MuJoCoWorld(BaseWorld[Model]):
         model = Model(
             layout,
             built=built,
-            readings=Readings(assembly, layout),
+            readings=readings,
             contacts=Contacts(built),
-            reactions=Reactions(built, assembly.joints),
+            reactions=reactions,
             forces=AppliedForces(built, assembly, plan, layout, rows, self._laws(layout)),
             motors=Motors(self._levels, built, assembly.joints, self._interval),
             calming=calming if any(built.lively) else None,
@@ -179,6 +203,24 @@ class MuJoCoWorld(BaseWorld[Model]):
         if self._compiled and self._compiled.can_run(model):
             model = replace(model, ahead=self._compiled.Ahead(model, self._springs))
         return model
+
+    def _structure(self, broken: Sequence[int]) -> Structure:
+        """The structure of what is whole: one that is kept, as it was, or a new one."""
+        assembly, scene, kept = self._assembly, self._scene, self._kept
+        self._broken |= set(broken)
+        of = self._broken, scene.friction, scene.objects, assembly
+        for number, one in enumerate(kept):
+            if one.of == of:
+                begin_again(one.built, self._interval)
+                kept.insert(0, kept.pop(number))
+                return one
+        del kept[KEPT - 1 :]
+        plan = self._plan()
+        layout = lay_out(assembly, plan, scene.moving)
+        built = build(self._physics, assembly, plan, layout, scene, self._interval)
+        reactions = Reactions(built, assembly.joints)
+        kept.insert(0, Structure(of, plan, layout, built, Readings(assembly, layout), reactions))
+        return kept[0]
 
     def _refresh(self) -> None:
         """Take the first half of a step again, after positions, motors or its length changed."""

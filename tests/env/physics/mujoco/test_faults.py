@@ -43,7 +43,7 @@ class Struck(MuJoCoEngine):
     def build(self, assembly: Assembly, scene: Scene, rate: float) -> MuJoCoWorld:
         if self.velocity is None:
             return super().build(assembly, scene, rate)
-        world = StruckWorld(self.physics, assembly, scene, rate)
+        world = StruckWorld(self.physics, assembly, scene, rate, self.kept)
         world.velocity, self.velocity = self.velocity, None
         return world
 
