@@ -22,7 +22,7 @@ from agentflow.env.drawing.cameras import (
 )
 from agentflow.env.drawing.mp4 import save_mp4
 from agentflow.env.drawing.solids import MachineSolids, Pose
-from agentflow.env.drawing.stills import GRID, INK, caption, render_image
+from agentflow.env.drawing.stills import GRID, INK, caption, render_image, tiled
 from agentflow.env.rollout import Array, Rollout, Trace
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.tasks.base import Task
@@ -89,10 +89,7 @@ def save_strip(
     last = int(np.searchsorted(trace.times, end - 1e-9).clip(max=len(trace.times) - 1))
     wanted = np.linspace(0, last, count).round().astype(int).tolist()
     frames = list(_frames(machine, task, rollout, trace, size, ground, wanted))
-    strip = Image.new("RGB", (count * size[0], size[1]))
-    for column, frame in enumerate(frames):
-        strip.paste(frame, (column * size[0], 0))
-    strip.save(path, "PNG", optimize=True)
+    tiled(frames, count, framed=False).save(path, "PNG", optimize=True)
 
 
 def tracked_block(machine: Machine) -> int:

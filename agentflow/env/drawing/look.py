@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from math import dist
 
 import numpy as np
@@ -26,9 +25,11 @@ from agentflow.env.drawing.solids import MachineSolids, Pose
 from agentflow.env.drawing.stills import (
     INK,
     caption,
+    content_of,
     draw_axes,
     draw_scale,
     render_image,
+    tiled,
 )
 from agentflow.env.feedback.fragments import held_pairs, joined_to
 from agentflow.env.rollout import Array, Rollout
@@ -107,9 +108,7 @@ def look_at(
     for moment, (target, _) in zip(moments, fits, strict=True):
         camera = camera_at(target, distance, seen)
         panels.append(_draw(shapes, moment, camera, f"{view}, {moment.said}"))
-    content = BytesIO()
-    _joined(panels).save(content, "PNG", optimize=True)
-    return content.getvalue()
+    return content_of(tiled(panels, COLUMNS))
 
 
 def _at(rollout: Rollout, time: float) -> _Moment:
@@ -179,19 +178,6 @@ def _draw(shapes: MachineSolids, moment: _Moment, camera: Camera, said: str) -> 
     draw_scale(picture, camera)
     caption(picture, said)
     return picture
-
-
-def _joined(panels: Sequence[Image.Image]) -> Image.Image:
-    """Pictures of equal size as one, in rows."""
-    if len(panels) == 1:
-        return panels[0]
-    width, height = panels[0].size
-    rows = -(-len(panels) // COLUMNS)
-    whole = Image.new("RGB", (COLUMNS * width, rows * height), "white")
-    for index, panel in enumerate(panels):
-        ImageDraw.Draw(panel).rectangle((0, 0, width - 1, height - 1), outline=INK)
-        whole.paste(panel, (index % COLUMNS * width, index // COLUMNS * height))
-    return whole
 
 
 def _label_blocks(picture: Image.Image, camera: Camera, centres: Array) -> None:

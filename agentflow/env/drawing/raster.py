@@ -107,9 +107,13 @@ def draw(
 
 def corners_of(item: SceneObject) -> Array:
     """(8, 3) corners of the box around a solid, in the world."""
-    size = np.repeat(item.size[0], 3) if item.shape == "sphere" else np.asarray(item.size)
-    corners: Array = CORNERS * size @ rotated_axes(item.rotation) + item.position
+    corners: Array = CORNERS * _extents(item) @ rotated_axes(item.rotation) + item.position
     return corners
+
+
+def _extents(item: SceneObject) -> Array:
+    """(3,) sides of the box around a solid, in its own frame."""
+    return np.array(item.size[:1] * 3 if item.shape == "sphere" else item.size)
 
 
 def _apply_colours(
@@ -197,9 +201,8 @@ def _in_front(ends: Array, camera: Camera) -> Array | None:
 
 def _is_inside(item: SceneObject, point: Vec3) -> bool:
     """Whether a point is in the box around a solid."""
-    size = np.repeat(item.size[0], 3) if item.shape == "sphere" else np.asarray(item.size)
     away = rotated_axes(item.rotation) @ np.subtract(point, item.position)
-    return bool((np.abs(away) <= size / 2).all())
+    return bool((np.abs(away) <= _extents(item) / 2).all())
 
 
 def _surface(
@@ -245,8 +248,7 @@ def _rows(camera: Camera, rows: slice) -> Array:
 
 def _ray(camera: Camera, item: SceneObject, place: tuple[slice, slice]) -> _Ray:
     frame = rotated_axes(item.rotation)
-    half = np.asarray(item.size) / 2
-    half = np.repeat(half[0], 3) if item.shape == "sphere" else half
+    half = _extents(item) / 2
     right, up, towards = camera.axes
     a, b, c = (frame @ np.subtract(camera.eye, item.position) / half).tolist()
     numbers = np.arange(place[1].start, place[1].stop)

@@ -82,7 +82,7 @@ def render_png(
 
 def png(machine: Machine, *, view: str, size: Size) -> bytes:
     """The picture of `render_png` as the content of a file."""
-    return _content(_picture(machine, view, size))
+    return content_of(_picture(machine, view, size))
 
 
 def png_url(machine: Machine, *, view: str, size: Size, red: Collection[int] = ()) -> str:
@@ -92,7 +92,7 @@ def png_url(machine: Machine, *, view: str, size: Size, red: Collection[int] = (
 
 def picture_url(picture: Image.Image) -> str:
     """Any picture as a data URL of a PNG."""
-    return "data:image/png;base64," + base64.b64encode(_content(picture)).decode()
+    return "data:image/png;base64," + base64.b64encode(content_of(picture)).decode()
 
 
 def render_image(
@@ -127,7 +127,8 @@ def caption(picture: Image.Image, text: str) -> None:
     ImageDraw.Draw(picture).text((10, 8), text, fill=INK, font=font)
 
 
-def _content(picture: Image.Image) -> bytes:
+def content_of(picture: Image.Image) -> bytes:
+    """A picture as the content of a PNG file."""
     content = BytesIO()
     picture.save(content, "PNG", optimize=True)
     return content.getvalue()
@@ -149,14 +150,14 @@ def _picture(
     if scene is not None:
         bounds = np.array(frame_of(scene.objects, points))
         points = CORNERS * np.ptp(bounds, axis=0) + bounds.mean(axis=0)
-    names = VIEWS if view == SHEET else (view,)
+    names = tuple(VIEWS) if view == SHEET else (view,)
     if view == SHEET:
         size = (size[0] // 2, size[1] // 2)
     views = [View(VIEWS[name], size, ORTHOGRAPHIC if options.scale else 30.0) for name in names]
     fits = [fit(points, each) for each in views]
     same = max(distance for _, distance in fits) if options.scale else None
     tiles = []
-    for each, (target, distance) in zip(views, fits, strict=True):
+    for name, each, (target, distance) in zip(names, views, fits, strict=True):
         camera = camera_at(target, same or distance, each)
         others = () if scene is None else scene.objects
         spacing = 1.0 if scene is None else GRID
@@ -165,19 +166,24 @@ def _picture(
             draw_axes(tile, camera)
         if options.scale:
             draw_scale(tile, camera)
+        if view == SHEET:
+            caption(tile, name)
         tiles.append(tile)
-    return _sheet(tiles, size) if view == SHEET else tiles[0]
+    return tiled(tiles, COLUMNS)
 
 
-def _sheet(tiles: Sequence[Image.Image], size: Size) -> Image.Image:
-    """All views in rows, each labelled with its name."""
-    rows = -(-len(VIEWS) // COLUMNS)
-    sheet = Image.new(tiles[0].mode, (COLUMNS * size[0], rows * size[1]))
-    for index, (name, tile) in enumerate(zip(VIEWS, tiles, strict=True)):
-        caption(tile, name)
-        ImageDraw.Draw(tile).rectangle((0, 0, size[0] - 1, size[1] - 1), outline=INK)
-        sheet.paste(tile, (index % COLUMNS * size[0], index // COLUMNS * size[1]))
-    return sheet
+def tiled(tiles: Sequence[Image.Image], columns: int, *, framed: bool = True) -> Image.Image:
+    """Pictures of equal size as one, in rows; a single one stays as it is."""
+    if len(tiles) == 1:
+        return tiles[0]
+    width, height = tiles[0].size
+    rows = -(-len(tiles) // columns)
+    whole = Image.new(tiles[0].mode, (columns * width, rows * height), "white")
+    for index, tile in enumerate(tiles):
+        if framed:
+            ImageDraw.Draw(tile).rectangle((0, 0, width - 1, height - 1), outline=INK)
+        whole.paste(tile, (index % columns * width, index // columns * height))
+    return whole
 
 
 def draw_axes(picture: Image.Image, camera: Camera) -> None:
