@@ -26,8 +26,7 @@ import ray
 from cars import CAR
 from ray.cluster_utils import Cluster
 
-from agentflow.cluster.pace import MOST
-from agentflow.cluster.pool import RayPool
+from agentflow.cluster.pool import MOST, RayPool
 from agentflow.env.pool.base import Pool
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.simulation.simulate import simulate

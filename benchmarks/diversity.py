@@ -18,8 +18,8 @@ import gensim.models.word2vec as gensim
 import numpy as np
 
 from agentflow.app.diversity.sources import read_sources
-from agentflow.diversity import embedding, solid
-from agentflow.diversity.embedding import cosines, embed
+from agentflow.diversity import measures, solid
+from agentflow.diversity.measures import cosines, embed
 from agentflow.diversity.solid import Solid, surface_points
 from agentflow.diversity.topology import tree_edit_distance
 from agentflow.machine import Machine
@@ -103,7 +103,7 @@ def measure_graphs(sets: dict[str, list[Machine]]) -> None:
     for name, values in (("WALKS", (2, 20)), ("LENGTH", (20, 40)), ("WINDOW", (2, 5)),
                          ("DIMENSIONS", (16, 64))):  # fmt: skip
         for value in values:
-            with changed(embedding, **{name: value}):
+            with changed(measures, **{name: value}):
                 similarities(f"{name} {value}")
     for options in ({"epochs": 5}, {"sample": 1e-3}, {"sg": 0}, {"sg": 0, "epochs": 5}):
         with changed(gensim, Word2Vec=word2vec(**options)):

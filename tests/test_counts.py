@@ -20,8 +20,7 @@ from agentflow.app.pages.runs import BEST
 from agentflow.cli.commands.analysis.models import PAIRS, QUESTIONS
 from agentflow.cli.commands.sweeps import LISTED
 from agentflow.config.run import DesignConfig
-from agentflow.diversity.embedding import DIMENSIONS
-from agentflow.diversity.measures import Measures
+from agentflow.diversity.measures import DIMENSIONS, Measures
 from agentflow.diversity.solid import POINTS
 from agentflow.env.constants import constants
 from agentflow.env.physics.registry import ENGINES

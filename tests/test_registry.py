@@ -82,7 +82,7 @@ HOMES = ("env/physics/", "prompts/", "search/", "workflows/")
 """Parts that these consist of."""
 EXCEPTIONS = {
     "api.py": "the function of the workflow tune",
-    "app/machines/formats.py": "the format of one engine, which writes it",
+    "app/machines/convert.py": "the format of one engine, which writes it",
     "cli/commands/agents/bench.py": "the tool tune, which has the name of the workflow",
     "cli/commands/design.py": "the command of the workflow tune",
     "cli/commands/machines.py": "the format of one engine, which writes it",

@@ -30,7 +30,7 @@ ON_EACH = [
 def bodies_of(machine: Machine) -> tuple[Geometry, dict[int, Any], dict[int, Any]]:
     """The geometry, and the bodies without and with pegs."""
     from agentflow.making.parts import parts_of
-    from agentflow.making.solids import body, with_pegs
+    from agentflow.making.printing import body, with_pegs
 
     plain = {part.block: body(part, SCALE) for part in parts_of(machine) if not part.kind.linear}
     geometry = place(machine)
@@ -84,7 +84,7 @@ def test_a_machine_is_put_together_in_its_order() -> None:
 
 def test_a_peg_thicker_than_a_face_is_refused() -> None:
     from agentflow.making.parts import parts_of
-    from agentflow.making.solids import body, with_pegs
+    from agentflow.making.printing import body, with_pegs
 
     machine = build((55, 0, 0))
     bodies = {part.block: body(part, SCALE) for part in parts_of(machine)}

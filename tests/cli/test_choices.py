@@ -10,7 +10,7 @@ import pytest
 
 from agentflow.agents.registry import ROLES
 from agentflow.app.diagnose.run import DIAGNOSTICS
-from agentflow.app.machines.formats import FORMATS as FILE_FORMATS
+from agentflow.app.machines.convert import FORMATS as FILE_FORMATS
 from agentflow.app.pages.registry import PAGES
 from agentflow.app.plugins.scaffold import KINDS
 from agentflow.app.pools import Where

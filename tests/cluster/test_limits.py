@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("ray")
 
-from agentflow.cluster.limits import Keeper
+from agentflow.cluster.tasks import Keeper
 from agentflow.llm.settings import LimitSettings
 
 pytestmark = pytest.mark.cluster

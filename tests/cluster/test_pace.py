@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.cluster.pace import MOST, RECENT, SHARE, Pace
+from agentflow.cluster.pool import MOST, RECENT, SHARE, Pace
 
 
 def pace(cost: float, work: float, count: int = 1) -> Pace:

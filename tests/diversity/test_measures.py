@@ -10,8 +10,17 @@ from statistics import fmean
 import numpy as np
 import pytest
 
-from agentflow.diversity.embedding import LENGTH, WALKS, Graph, cosines, embed
-from agentflow.diversity.measures import Measure, Measures, compare, diversity
+from agentflow.diversity.measures import (
+    LENGTH,
+    WALKS,
+    Graph,
+    Measure,
+    Measures,
+    compare,
+    cosines,
+    diversity,
+    embed,
+)
 from agentflow.diversity.topology import tree_edit_distance
 from agentflow.machine import ROOT, Machine
 from agentflow.machine.edits.random import random_machine

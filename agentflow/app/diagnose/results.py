@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from agentflow.app.diagnose.facing import CLOSE
+from agentflow.app.diagnose.geometry import CLOSE, Overlap
 from agentflow.app.diagnose.outcome import ALL, STAND, TESTS
-from agentflow.app.diagnose.overlap import Overlap
 from agentflow.app.diagnose.question import Diagnosis
 from agentflow.errors import UsageError
 from agentflow.metrics import published as literature

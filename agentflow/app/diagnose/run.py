@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agentflow.agents.designer import Designer
-from agentflow.app.diagnose.facing import Facing
+from agentflow.app.diagnose.geometry import Facing, Overlap
 from agentflow.app.diagnose.outcome import Outcome
-from agentflow.app.diagnose.overlap import Overlap
 from agentflow.app.diagnose.question import (
     DOCUMENT,
     Diagnosis,

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.machines.convert import FORMATS, Wishes
 from agentflow.app.machines.files import read_one
-from agentflow.app.machines.formats import FORMATS, Wishes
 from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
 from agentflow.machine import Machine, Problem, place, spatial_problems

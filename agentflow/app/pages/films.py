@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from agentflow.app.machines.formats import FORMATS, Wishes
+from agentflow.app.machines.convert import FORMATS, Wishes
 from agentflow.env.drawing.film import landing_of, tracked_block
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.mechanism import classify

@@ -129,8 +129,8 @@ def convert(
         pegs: Print parts with pegs and holes where they join; their diameter, such as 5mm.
         strict: Fail if any block is unsupported or the machine is invalid.
     """
+    from agentflow.app.machines.convert import Wishes, format_of
     from agentflow.app.machines.convert import convert as rewrite
-    from agentflow.app.machines.formats import Wishes, format_of
     from agentflow.app.subjects.subject import Subject
     from agentflow.cli.display.show_machines import show_conversion
     from agentflow.making.sizes import making

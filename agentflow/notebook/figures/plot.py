@@ -8,11 +8,16 @@ from typing import TYPE_CHECKING
 
 from agentflow.errors import UnknownNameError
 from agentflow.files.atomic import write_output
-from agentflow.notebook.figures.comparisons import draw_ranks, draw_scores, draw_validity
 from agentflow.notebook.figures.data import Source, read_rows
-from agentflow.notebook.figures.lines import draw_curve, draw_pareto
 from agentflow.notebook.figures.rows import CSV, Datum, write_csv
 from agentflow.notebook.figures.style import drawing_style
+from agentflow.notebook.figures.views import (
+    draw_curve,
+    draw_pareto,
+    draw_ranks,
+    draw_scores,
+    draw_validity,
+)
 from agentflow.notebook.words import By, View, require_word
 
 if TYPE_CHECKING:

@@ -7,10 +7,9 @@ from itertools import combinations
 
 import pytest
 
-from agentflow.app.diagnose.facing import Facing
+from agentflow.app.diagnose.geometry import MOST, Facing, Overlap
 from agentflow.app.diagnose.machines import SIZES
 from agentflow.app.diagnose.outcome import EDITS, Outcome
-from agentflow.app.diagnose.overlap import MOST, Overlap
 from agentflow.app.diagnose.question import Diagnostic, Mark, digest_of
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.inspect.failures import count_failures
-from agentflow.app.inspect.rationales import count_blocks, unfollowed_rationales
+from agentflow.app.inspect.failures import count_blocks, count_failures, unfollowed_rationales
 from agentflow.metrics.failure_kinds import RATIONALE
 
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
