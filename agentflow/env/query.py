@@ -20,6 +20,10 @@ from agentflow.machine.tree import Machine
 MAX_QUERIES = 12
 CONTROLLERS = "controllers"
 """Key of what controllers read and gave in the data of feedback, and their id in queries."""
+STEP = 1 / 120
+"""Shortest time between samples, s."""
+CONNECTIONS, LOAD = "connections", "load"
+"""Id in queries of all connections, and the property that they have."""
 MAX_ROWS = 30
 """Most rows of a table; longer intervals are shown without the samples between regular ones."""
 MOST_ROWS = 240
@@ -44,6 +48,8 @@ class _Query:
     start: float
     end: float
     properties: tuple[str, ...]
+    problems: tuple[str, ...]
+    """Why there are no others, of which some were asked for."""
     every: float | None
     """Seconds between rows; None: as usual."""
 
@@ -83,13 +89,14 @@ def answer_each(
                 raise _InvalidQuery(f"only the first {MAX_QUERIES} queries of a call are answered")
             if isinstance(rollout, str):
                 raise _InvalidQuery(rollout)
-            if isinstance(item, Mapping) and item.get("id") == CONTROLLERS:
+            of = item.get("id") if isinstance(item, Mapping) else None
+            if isinstance(item, Mapping) and of == CONTROLLERS:
                 text, answered = _answer_controllers(rollout, item, every)
-                texts.append(text)
-                data.append(answered)
-                continue
-            objects = rollout.trace.objects if rollout.trace is not None else ()
-            text, answered = _answer(machine, rollout, _read(machine, objects, item), every)
+            elif isinstance(item, Mapping) and of == CONNECTIONS:
+                text, answered = _answer_connections(rollout, item)
+            else:
+                objects = rollout.trace.objects if rollout.trace is not None else ()
+                text, answered = _answer(machine, rollout, _read(machine, objects, item), every)
         except _InvalidQuery as refusal:
             text = f"Query {index + 1}: no answer: {refusal}"
             answered = {"query": item, "problem": str(refusal)}
@@ -99,9 +106,13 @@ def answer_each(
 
 
 def wanted_interval(item: object) -> float | None:
-    """The seconds between rows that a query asks for; None if it names no such number."""
-    value = _number(item.get("interval")) if isinstance(item, Mapping) else None
-    return value if value is not None and value > 0.0 else None
+    """The seconds between samples that a query asks for; None if it names no such number, except
+    about all connections, whose loads rise within a few steps before a break."""
+    asked = item if isinstance(item, Mapping) else {}
+    value = _number(asked.get("interval"))
+    if value is not None and value > 0.0:
+        return value
+    return STEP if asked.get("id") == CONNECTIONS else None
 
 
 def wanted_trial(item: object) -> int | None:
@@ -124,7 +135,7 @@ def _read(machine: Machine, objects: Sequence[str], item: object) -> _Query:
         raise _InvalidQuery(
             f'"interval" must be a number of seconds above 0, not {item["interval"]!r}'
         )
-    return _Query(body, start, end, _read_properties(machine, body, item["properties"]), every)
+    return _Query(body, start, end, *_read_properties(machine, body, item["properties"]), every)
 
 
 def _number(value: object) -> float | None:
@@ -157,27 +168,39 @@ def _read_duration(value: object) -> tuple[float, float]:
     return pair[0], pair[1]
 
 
-def _read_properties(machine: Machine, body: Body, value: object) -> tuple[str, ...]:
+def _read_properties(
+    machine: Machine, body: Body, value: object
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The properties to show, and why others cannot be shown."""
     names = [value] if isinstance(value, str) else value
     known = ", ".join(PROPERTIES)
     if not isinstance(names, list | tuple) or not names:
         raise _InvalidQuery(f'"properties" must list some of {known}')
+    found, problems = dict[str, None](), []
     for name in names:
         if not isinstance(name, str) or name not in PROPERTIES:
-            raise _InvalidQuery(f"unknown property {name!r}; known: {known}")
-        if lacking := PROPERTIES[name].lacking(machine, body):
-            raise _InvalidQuery(lacking)
-    return tuple(dict.fromkeys(names))
+            problems.append(f"unknown property {name!r}; known: {known}")
+        elif lacking := PROPERTIES[name].lacking(machine, body):
+            problems.append(lacking)
+        else:
+            found[name] = None
+    if not found:
+        raise _InvalidQuery(problems[0])
+    return tuple(found), tuple(problems)
+
+
+def _trace_of(rollout: Rollout) -> Trace:
+    if rollout.trace is None:
+        raise _InvalidQuery(
+            f"nothing was recorded because the rollout ended with status {rollout.status}"
+        )
+    return rollout.trace
 
 
 def _answer(
     machine: Machine, rollout: Rollout, query: _Query, usual: float
 ) -> tuple[str, dict[str, Any]]:
-    trace = rollout.trace
-    if trace is None:
-        raise _InvalidQuery(
-            f"nothing was recorded because the rollout ended with status {rollout.status}"
-        )
+    trace = _trace_of(rollout)
     times = trace.times
     name = body_name(machine, query.body)
     title = name[0].upper() + name[1:]
@@ -201,6 +224,7 @@ def _answer(
     ]
     if isfinite(broke):
         lines.append(f"{title} broke off at {number(broke)} s; its table ends there.")
+    lines += [f"Not shown: {problem}" for problem in query.problems]
     data = {
         "id": query.body,
         "type": machine[query.body].type if isinstance(query.body, int) else None,
@@ -210,6 +234,56 @@ def _answer(
         "headings": headings,
         "trial": int(trial) if isinstance(trial, float) else None,
         "broke": broke if isfinite(broke) else None,
+        **({"problems": list(query.problems)} if query.problems else {}),
+    }
+    return "\n".join(lines), data
+
+
+def _answer_connections(rollout: Rollout, item: Mapping[str, object]) -> tuple[str, dict[str, Any]]:
+    """The loads of all connections in an interval, and just before the first break there."""
+    if item.get("properties") not in ([LOAD], LOAD):
+        raise _InvalidQuery(f'"properties" of {CONNECTIONS!r} must be ["{LOAD}"]')
+    trace, (start, end) = _trace_of(rollout), _read_duration(item.get("duration"))
+    times = trace.times
+    first = min(
+        (broken for broken in rollout.broken if start <= broken.time <= end),
+        key=lambda broken: broken.time,
+        default=None,
+    )
+    last = end if first is None else first.time - EPSILON
+    kept = np.flatnonzero((times >= start - EPSILON) & (times <= last + EPSILON))
+    if not len(kept):
+        raise _InvalidQuery(f"no sample lies between {start:g} and {last:g} s")
+    loads = np.nan_to_num(trace.utilisation[kept])
+    for broken in rollout.broken:
+        if first is not None and first.time <= broken.time < first.time + STEP:
+            loads[-1, trace.connections.index((broken.block, broken.partner))] = broken.load
+    now, peaks, at = loads[-1], loads.max(axis=0), times[kept][loads.argmax(axis=0)]
+    order = np.lexsort((-peaks, -now))
+    held = [index for index in order if peaks[index] > 0.0]
+    why = ""
+    if first is not None:
+        why = f", then {first.block}-{first.partner} broke off at {number(first.time, 3)} s"
+    lines = [
+        f"All connections (block-partner), {start:g} to {times[kept[-1]]:.3f} s{why}:",
+        "connection | load (share of strength; breaks at 1) at the end | greatest | at s",
+        *(
+            f"{'-'.join(map(str, trace.connections[i]))} | {number(now[i])} | {number(peaks[i])} | "
+            f"{at[i]:.3f}"
+            for i in held[:MAX_ROWS]
+        ),
+    ]
+    if rest := held[MAX_ROWS:]:
+        lines.append(f"and {len(rest)} more, at most {number(peaks[rest].max())}")
+    data = {
+        "id": CONNECTIONS,
+        "duration": [start, end],
+        "time": float(times[kept[-1]]),
+        "broke": None if first is None else [first.block, first.partner, first.time],
+        "connections": [list(trace.connections[i]) for i in order],
+        LOAD: now[order].tolist(),
+        "peak": peaks[order].tolist(),
+        "peak_at": at[order].tolist(),
     }
     return "\n".join(lines), data
 
@@ -223,8 +297,9 @@ def _answer_controllers(
         raise _InvalidQuery("nothing was sensed: the machine has no controllers, or did not run")
     known = {**told["laws"], **told["sensors"]}  # a sensor with the name of a law comes first
     wanted = item.get("properties") or [*known]
-    names = [name for name in wanted if isinstance(name, str)] if isinstance(wanted, list) else []
-    if not names or not set(names) <= set(known):
+    asked = wanted if isinstance(wanted, list) else [wanted]
+    names = [name for name in asked if isinstance(name, str) and name in known]
+    if not names:
         raise _InvalidQuery(f"unknown property in {wanted!r}; known: {', '.join(known)}")
     start, end = _read_duration(item.get("duration"))
     step = max(usual, wanted_interval(item) or 0.0, (end - start) / MAX_ROWS)
@@ -237,6 +312,8 @@ def _answer_controllers(
         raise _InvalidQuery(f"nothing was sensed from {start:g} to {end:g} s")
     columns = {name: np.array(known[name])[kept, None] for name in names}
     rows = _table(np.array(times)[kept], columns, {name: name for name in names})
+    unknown = [name for name in asked if name not in names]
+    rows += [f"Not shown: unknown property {name!r}; known: {', '.join(known)}" for name in unknown]
     data = {"id": CONTROLLERS, "duration": [start, end], "times": [times[row] for row in kept]}
     values = {name: _plain(column) for name, column in columns.items()}
     return "\n".join([f"Controllers, {start:g} to {end:g} s:", *rows]), {**data, **values}

@@ -88,7 +88,7 @@ async def edit(call: Call, machine: str, script: str) -> ToolResult:
         script: One command per line: `Add TYPE to ID in FACE`, `Remove ID`, `Move ID to ID in
             FACE`, `Replace ID with TYPE`, `Mirror ID` (or a side: x+, x-); for two-ended blocks
             `Add TYPE to ID in FACE to ID in FACE` and `Move ID end a to ID in FACE` (or b). FACE
-            is a number or where the face looks, such as x+.
+            is a number or where the face looks in the machine frame, such as x+.
     """
     workspace = call.workspace
     known = workspace.machines.find(machine)

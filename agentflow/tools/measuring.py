@@ -17,6 +17,7 @@ from agentflow.tools.workspace import Call, KnownMachine, Workspace, require_com
 MOST_AT_ONCE = 8
 """Most machines of one call of `simulate`."""
 Trial = Annotated[int, Field(ge=0)]
+_FRAME = " In the world frame; forces and moments along the axes of blocks as built:"
 MOST_NOTED = 60
 """Most characters of a note or an edit in a table of results."""
 NAMES: dict[str, Any] = {"type": "array", "items": {"type": "string"}, "maxItems": 8}
@@ -36,7 +37,7 @@ _PROPERTIES = (
 
 
 class Query(BaseModel):
-    """What to show of a block or a moving object of the scene."""
+    """What to show of a block, a moving object of the scene, or all connections."""
 
     id: int | Annotated[str, Field(max_length=80)]
     duration: Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -63,7 +64,7 @@ async def simulate(
 
     Args:
         machine: Name of the machine; or a list of up to 8 names, which are simulated at the same
-            time and compared in a table.
+            time and compared in a table with a row for each.
         trial: In tasks with trials, number of the trial that the feedback tells about; by default
             the one with the middle conditions, the same for every machine.
     """
@@ -81,7 +82,10 @@ async def _simulate_one(call: Call, machine: str, trial: int) -> ToolResult:
     if _is_greatest(workspace, result):
         told = f"No machine can score higher; `submit` it. {told}"
     happened = await _feedback(workspace, known.machine, trial)
-    text = f"Machine {known.name}: {_result_text(result)}\n{happened.text}\n{told}"
+    broke = _breaks(happened.data) if "trials" in happened.data else ""
+    happening = f"{happened.text}\nFirst break: {broke}" if broke else happened.text
+    frame = _FRAME * bool(happened.data)
+    text = f"Machine {known.name}: {_result_text(result)}{frame}\n{happening}\n{told}"
     data = {
         "score": result.score,
         "status": result.status,
@@ -98,23 +102,24 @@ async def _compare(call: Call, names: Sequence[str], trial: int) -> ToolResult:
     asked = list(named.values())
     results = await _simulate(call, [known.machine for known in asked])
     told = [await _feedback(workspace, known.machine, trial) for known in asked]
-    rows = [
-        {
+    moment = next((m["name"] for item in told if (m := item.data.get("moment"))), "")
+    head = ["machine", "score", "status", *([moment] if moment else []), "first break"]
+    rows, lines = [], [" | ".join([*head, "result", "note"])]
+    for known, result, happened in zip(asked, results, told, strict=True):
+        about = {
             "machine": known.name,
-            "note": known.note or known.script or None,
             "score": result.score,
             "status": result.status,
-            "feedback": happened.text,
-            "numbers": brief_numbers(happened.data),
+            **({"moment": _moment_text(happened.data)} if moment else {}),
+            "first_break": _breaks(happened.data, result.broken) or "none",
+            "result": _first_finding(happened.text),
+            "note": known.note or known.script or None,
         }
-        for known, result, happened in zip(asked, results, told, strict=True)
-    ]
-    lines = ["machine | score | status | result | note"]
-    for known, result, happened in zip(asked, results, told, strict=True):
         score = "-" if result.score is None else f"{result.score:.2f}"
-        outcome = _first_finding(happened.text)
         note = "; ".join((known.note or known.script or "-").split("\n"))[:MOST_NOTED]
-        lines.append(f"{known.name} | {score} | {result.status} | {outcome} | {note}")
+        lines.append(" | ".join(map(str, {**about, "score": score, "note": note}.values())))
+        numbers = brief_numbers(happened.data)
+        rows.append({**about, "feedback": happened.text, "numbers": numbers})
     if any(_is_greatest(workspace, result) for result in results):
         lines.append("No machine can score higher than the best of these; `submit` it.")
     lines.append("`simulate` one of them alone for its feedback, at no cost.")
@@ -125,6 +130,30 @@ def _first_finding(feedback: str) -> str:
     """The first line of a feedback after the score, which says how it came about."""
     lines = [line for line in feedback.splitlines() if not line.startswith("Score:")]
     return lines[0].removeprefix("Result: ") if lines else "-"
+
+
+def _breaks(data: Mapping[str, Any], broken: Sequence[tuple[int, int, float]] = ()) -> str:
+    """The connection that broke first, and when; of several trials, in which; "" if none did."""
+    trials = data.get("trials", [{"first_break": item} for item in broken[:1]])
+    found = [(n, item) for n, trial in enumerate(trials, 1) if (item := trial.get("first_break"))]
+    if not found:
+        return ""
+    number, (block, partner, time) = found[0]
+    told = f"{block} off {partner} at {time:.2f} s"
+    if "trials" not in data:
+        return told
+    which = ", ".join(str(number) for number, _ in found)
+    some = f"something breaks in {len(found)} of {len(trials)} trials ({which})"
+    return f"{told} in trial {number}; {some}"
+
+
+def _moment_text(data: Mapping[str, Any]) -> str:
+    """When the decisive moment of a simulation was, such as the release, and how fast it left."""
+    if not data.get("moment"):
+        return "none"
+    release = data.get("release")
+    left = f"{release['speed']:.1f} m/s at {release['elevation']:.0f} degrees, " if release else ""
+    return f"{left}{data['moment']['time']:.2f} s"
 
 
 def _is_greatest(workspace: Workspace, result: Simulation) -> bool:
@@ -140,9 +169,12 @@ async def verify(call: Call, machine: str) -> ToolResult:
             verified again.
     """
     known = _simulated(call.workspace, machine)
-    told = await call.workspace.verify(known)
-    text = f"Machine {known.name}: {told.text}."
-    return _counted(call.workspace, text, {"machine": known.name, **told.data})
+    told, cost = await call.workspace.verify(known)
+    count = len(told.data["scores"])
+    idle = f", {cost + 1 - count} of them for changes without effect" if cost >= count else ""
+    paid = f"{cost} simulation{'s' * (cost != 1)}{idle}" if cost else "nothing"
+    text = f"Machine {known.name}: {told.text}. `default` is as simulated before; this cost {paid}."
+    return _counted(call.workspace, text, {"machine": known.name, **told.data, "cost": cost})
 
 
 async def query(
@@ -159,7 +191,8 @@ async def query(
         queries: Each names a block id or a moving object of the scene, an interval [from, to] in
             seconds since t = 0, and properties. Rotations are in degrees; `joint_angle` and
             `joint_speed` are those against the parent; `pull` (N) and `work` (J since t = 0) are
-            those of springs and winches; `load` is that of its own connections.
+            those of springs and winches; `load` is that of its own connections. The id
+            "connections" shows the `load` of all, up to the first break in the interval.
         interval: Seconds between rows, down to a simulation step (0.0083); by default 0.2, and
             0.02 around events.
         trial: In tasks with trials, number of the trial; by default as for `simulate`.
@@ -212,7 +245,7 @@ async def look(
             raise RefusedCall(str(error)) from None
     seconds = ", ".join(f"{each:g}" for each in times)
     states = f"state{'s' * (len(times) > 1)} nearest to {seconds} s"
-    when = f"the recorded {states}" if times else "at rest, as built"
+    when = f"the recorded {states}, world frame" if times else "at rest, as built, machine frame"
     data = {"machine": known.name, "view": view, "time": time, "moments": list(times)}
     told = _counted(workspace, f"Machine {known.name}, {view} view, {when}.", data)
     return ToolResult(told.text, told.data, image)

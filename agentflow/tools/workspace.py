@@ -208,10 +208,9 @@ class Workspace:
         new = [m for m in machines if self.result_of(m) is None and not self._waiting[m]]
         simulations.take(len(new))
         self._waiting.update(machines)
-        places = [
-            replace(location, candidate=number if len(machines) > 1 else 0)
-            for number in range(1, len(machines) + 1)
-        ]
+        places = [location]  # which names its machine if one of several is simulated again
+        if len(machines) > 1:
+            places = [replace(location, candidate=n) for n in range(1, len(machines) + 1)]
         try:
             jobs = map(self.host.simulate, machines, places)
             found = await asyncio.gather(*jobs, return_exceptions=True)
@@ -221,8 +220,9 @@ class Workspace:
             simulations.give_back(len(unused))
         return [_result(each) for each in found]
 
-    async def verify(self, known: KnownMachine) -> Told:
-        """Verify a simulated machine, and charge its simulations unless it was verified before."""
+    async def verify(self, known: KnownMachine) -> tuple[Told, int]:
+        """Verify a simulated machine, and charge its simulations unless it was verified before;
+        also how many those were."""
         simulations = self.budget.simulations
         assert simulations is not None, "only simulated machines are verified"
         cost = 0 if known.verified else self.host.count_changes(known.machine)
@@ -235,8 +235,9 @@ class Workspace:
             told = await self.host.verify(known.machine)
         if told.data["score"] is None or (cost and known.verified):
             simulations.give_back(cost)
+            cost = 0
         known.verified = told.data["score"] is not None
-        return told
+        return told, cost
 
     def charge_changes(self, known: KnownMachine) -> None:
         """Charge a verification that an earlier process has made."""

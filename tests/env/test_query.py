@@ -149,6 +149,45 @@ def test_an_invalid_query_gets_a_reason_and_the_others_their_answer(
     )
 
 
+def test_a_property_that_a_block_lacks_leaves_the_others() -> None:
+    query = {"id": 1, "duration": [0, 0.2], "properties": ["mass", "position", "length"]}
+    given = answer_queries(MACHINE, ROLLOUT, [query])
+    *rows, unknown, lacking = given.text.splitlines()
+    assert rows[-1] == "0.2 | 0.10, 0.00, 0.00"
+    assert unknown.startswith("Not shown: unknown property 'mass'; known: position, rotation")
+    assert lacking.startswith("Not shown: block 1 (Wooden Block) has no length")
+    assert [len(given.data[0]["position"]), len(given.data[0]["problems"])] == [2, 2]
+
+
+def test_the_loads_of_all_connections_up_to_the_first_break() -> None:
+    trace = replace(
+        make_trace(4, 5, 0.1),
+        connections=((1, 0), (2, 1), (3, 0)),
+        utilisation=np.array(
+            [[0.1, 0.2, 0], [0.9, 0.3, 0], [0.7, 0.8, 0], [0.6, np.nan, 0], [2, np.nan, 0]]
+        ),
+    )
+    rollout = make_rollout(trace, (Broken(2, 15, 1, 0.25, 1.02),))
+    query = {"id": "connections", "duration": [0, 0.4], "properties": ["load"]}
+    given = answer_queries(MACHINE, rollout, [query])
+    assert given.text.splitlines() == [
+        "All connections (block-partner), 0 to 0.200 s, then 2-1 broke off at 0.250 s:",
+        "connection | load (share of strength; breaks at 1) at the end | greatest | at s",
+        "2-1 | 1.02 | 1.02 | 0.200",
+        "1-0 | 0.70 | 0.90 | 0.100",
+    ]
+    assert given.data[0]["connections"] == [[2, 1], [1, 0], [3, 0]]
+    assert given.data[0]["broke"] == [2, 1, 0.25]
+    after = answer_queries(MACHINE, rollout, [{**query, "duration": [0.3, 0.4]}])
+    assert (after.data[0]["load"][0], after.data[0]["broke"]) == (2.0, None)
+    for wrong, words in (
+        ({"properties": ["position"]}, '"properties" of \'connections\' must be ["load"]'),
+        ({"duration": [9, 10]}, "no sample lies between 9 and 10 s"),
+        ({"duration": [0.24, 0.3]}, "no sample lies between 0.24 and 0.249999 s"),
+    ):
+        assert answer_queries(MACHINE, rollout, [query | wrong]).data[0]["problem"] == words
+
+
 def test_only_twelve_queries_are_answered() -> None:
     queries = [{"id": 0, "duration": [0, 0], "properties": ["position"]}] * 14
     problems = [item.get("problem") for item in answer_queries(MACHINE, ROLLOUT, queries).data]

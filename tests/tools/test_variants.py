@@ -12,6 +12,7 @@ from agentflow.runs import Event
 from agentflow.runs.events import typed_event
 from agentflow.tools import Bench
 from agentflow.tools.designing import _renumbered
+from agentflow.tools.measuring import _breaks, _moment_text
 from tests.tools.benches import CAR, open_bench
 from tests.tools.test_repeat import repeat
 
@@ -41,11 +42,31 @@ async def test_several_machines_are_simulated_at_once_and_compared() -> None:
         assert told.data["results"][0]["score"] == alone.data["score"]
         assert told.data["simulations_left"] == 1  # the first was known
         lines = told.text.splitlines()
-        assert lines[0] == "machine | score | status | result | note"
-        assert lines[1].startswith(f"{names[0]} | {alone.data['score']:.2f} | ok | Root: ")
+        assert lines[0] == "machine | score | status | first break | result | note"
+        assert lines[1].startswith(f"{names[0]} | {alone.data['score']:.2f} | ok | none | Root: ")
         assert lines[4] == "`simulate` one of them alone for its feedback, at no cost."
         evaluated = [label for kind, label in record.events if kind == "evaluation"]
         assert evaluated[1:] == [f"env_feedback/traj-1/candidate-{n}/call-5" for n in (1, 2, 3)]
+        machines = {known.machine.digest: known.machine for known in bench.machines}
+    events = [typed_event(Event(*key, data)) for key, data in record.events.items()]
+    async with open_bench(rollouts=4) as (again, repeated):
+        await repeat(again, events, machines)
+    assert repeated.events == record.events
+
+
+def test_the_table_tells_the_decisive_moment_and_the_first_break() -> None:
+    release = {"speed": 24.06, "elevation": 38.2}
+    moment = {"name": "release", "time": 0.31}
+    assert _moment_text({"release": release, "moment": moment}) == (
+        "24.1 m/s at 38 degrees, 0.31 s"
+    )
+    assert _moment_text({"release": None, "moment": None}) == "none"
+    assert _breaks({}, [(7, 2, 0.25), (4, 3, 1.5)]) == "7 off 2 at 0.25 s"
+    assert _breaks({}) == ""
+    trials = [{"first_break": item} for item in (None, [4, 0, 2.633], None, [1, 0, 2.6])]
+    assert _breaks({"trials": trials}) == (
+        "4 off 0 at 2.63 s in trial 2; something breaks in 2 of 4 trials (2, 4)"
+    )
 
 
 @pytest.mark.slow

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Mapping
+from datetime import datetime
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from agentflow.agents.registry import ROLES
@@ -13,10 +17,12 @@ from agentflow.llm.procedural.mechanisms import MECHANISMS
 from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.registry import Registry
 from agentflow.search.registry import STRATEGIES
+from agentflow.version import __version__
 from agentflow.workflows.registry import WORKFLOWS
 
 PLUGINS = "plugins"
 """Key of run.yaml: the identities of the parts from other distributions."""
+PACKAGE = Path(__file__).parents[2]
 
 
 def plugins_of(config: DesignConfig, family: str) -> dict[str, str]:
@@ -54,6 +60,33 @@ def recorded_plugins(document: Mapping[str, Any]) -> Mapping[str, Any]:
     """What `plugins_of` found when a run with this run.yaml began."""
     found = document.get(PLUGINS)
     return found if isinstance(found, Mapping) else {}
+
+
+def code_change(document: Mapping[str, Any]) -> str:
+    """How the code differs from that which began the run with this run.yaml; "" if it does not."""
+    for key, now in (("agentflow", __version__), ("commit", commit())):
+        if document.get(key, now) != now:
+            return f"{key} {str(document[key])[:10]}, now {str(now)[:10]}"
+    began = document.get("began")
+    files = PACKAGE.rglob("*.py")
+    if began and max(f.stat().st_mtime for f in files) > datetime.fromisoformat(began).timestamp():
+        return "its files are newer than the run"
+    return ""
+
+
+@cache
+def commit() -> str | None:
+    """The git commit of the code, if it runs from a checkout."""
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    except OSError:
+        return None
+    return done.stdout.strip() or None
 
 
 def _flat(conditions: Mapping[str, Any]) -> dict[str, Any]:

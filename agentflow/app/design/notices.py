@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
+from agentflow.app.design.conditions import code_change
 from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.messages import Reply, Request
 from agentflow.models.clients import Models
-from agentflow.runs import Listener, Notify, RunDirectory, read_events
+from agentflow.runs import Listener, Notify, RunDirectory, read_document, read_events
 from agentflow.runs.events import CallsEvent, RemarkEvent
 from agentflow.runs.locations import Location
 from agentflow.runs.reading import EVENTS
@@ -19,7 +20,6 @@ FAILED = {"diverged", "timeout", "crashed"}
 """Statuses of rollouts without a measured score."""
 SEVERAL = 3
 """Rollouts that have failed, from which on it may be the task's fault."""
-WHY = "a rollout had been cut off, a file was edited, or agentflow has changed"
 
 
 class Remarks:
@@ -66,15 +66,25 @@ def _differences(run: RunDirectory) -> Iterator[str]:
         first = run.replaced[0]
         yield (
             f"recorded events that now differ: {len(run.replaced)} (first: {first.kind} "
-            f"{first.label}), because {WHY}; both versions are kept, the later one counts"
+            f"{first.label}), because {_why(run)}; both versions are kept, the later one counts"
         )
     missing = [event for event in run.unreproduced() if event.kind != REMARK]
     if missing:
         first = missing[0]
         yield (
             f"recorded events that were not reproduced: {len(missing)} (first: {first.kind} "
-            f"{first.label}), because {WHY}; they are kept"
+            f"{first.label}), because {_why(run)}; they are kept"
         )
+
+
+def _why(run: RunDirectory) -> str:
+    """What made a run differ from its record, as far as can be told."""
+    if change := code_change(read_document(run.path)):
+        return (
+            f"agentflow has changed since the run began ({change}), not because of what you did: "
+            "to compare scores, begin a new run"
+        )
+    return f"a file in {run.path} was edited, or a simulation that had been cut off went through"
 
 
 def watch_calls(models: Models, listener: Listener) -> Models:

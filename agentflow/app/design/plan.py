@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import platform
-import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from agentflow.agents.designer import Designer
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.conditions import (
     PLUGINS,
+    commit,
     describe_changes,
     plugins_of,
     recorded_plugins,
@@ -285,7 +285,7 @@ class RunPlan:
         """Content of run.yaml: the resolved configuration, the conditions, and provenance."""
         return {
             "agentflow": __version__,
-            "commit": _commit(),
+            "commit": commit(),
             **self.conditions,
             "began": datetime.now(timezone.utc).isoformat(timespec="seconds"),
             "python": platform.python_version(),
@@ -388,18 +388,3 @@ def level_note(path: Path, document: Mapping[str, Any]) -> str:
         change = "cannot be read here"
     used = "its copy in the run is used"
     return f"{path}: the level {level.name} {change}; {used}" if change else ""
-
-
-@cache
-def _commit() -> str | None:
-    """The git commit of the code, if it runs from a checkout."""
-    try:
-        done = subprocess.run(
-            ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-    except OSError:
-        return None
-    return done.stdout.strip() or None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from agentflow.cli.display.text import escape_controls
 from agentflow.metrics.failure_kinds import CUT_OFF, EMPTY, FILTERED
 from agentflow.metrics.formats import counted, number
 from agentflow.metrics.niches import Elites, best_by_class
+from agentflow.progress import TALLY, Tally
 from agentflow.runs import Event, Listener, Notify
 from agentflow.runs.events import (
     AttemptEvent,
@@ -38,6 +40,8 @@ from agentflow.runs.events import (
 from agentflow.runs.record import RunRecord
 
 BARS, WIDEST = "▁▂▃▄▅▆▇█", 40
+MOMENT_S, BETWEEN_S = 1.0, 10.0
+"""Seconds of simulations of which nothing is told, and after that until the next line, at first."""
 
 
 @contextmanager
@@ -70,6 +74,38 @@ def print_remark(line: str, quiet: bool = False) -> None:
     """Print a remark of a command to stderr, unless the user wants none."""
     if not quiet:
         print_line(f"agentflow: {line}")
+
+
+@contextmanager
+def watch_simulations() -> Iterator[None]:
+    """Tell on stderr how many simulations are done, while they take longer than a moment: in a line
+    that changes on a terminal, else in a line at first and then now and then."""
+    tally, over = Tally(), threading.Event()
+    again = TALLY.set(tally)
+    console = SafeConsole(stderr=True, highlight=False)
+
+    def tell() -> None:
+        pause, told = MOMENT_S, ""
+        while not over.wait(pause):
+            if (done := str(tally)) not in ("", told):
+                pause, told = min(max(BETWEEN_S, 2 * pause), EVERY_S), done
+                print_remark(done)
+
+    def draw() -> None:
+        if over.wait(MOMENT_S):
+            return
+        with console.status("") as status:
+            while not over.wait(MOMENT_S / 4):
+                status.update(str(tally))
+
+    telling = threading.Thread(target=draw if console.is_terminal else tell, daemon=True)
+    telling.start()
+    try:
+        yield
+    finally:
+        over.set()
+        telling.join()
+        TALLY.reset(again)
 
 
 @dataclass

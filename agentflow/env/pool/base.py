@@ -14,6 +14,7 @@ from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
+from agentflow.progress import TALLY
 
 GRACE = 30.0
 """Seconds of computing beyond a rollout's limit after which its worker counts as hung."""
@@ -97,7 +98,14 @@ class Pool(ABC):
             {"machine": machine, "task": trial, "seed": seed, "variation": variation, **options}
             for trial in trials
         )
-        return combine_trials(await asyncio.gather(*map(self._run_trial, jobs)), trials)
+        with TALLY.get().count(len(trials)) as end_one:
+
+            async def run_one(job: dict[str, Any]) -> Rollout:
+                rollout = await self._run_trial(job)
+                end_one()
+                return rollout
+
+            return combine_trials(await asyncio.gather(*map(run_one, jobs)), trials)
 
     @abstractmethod
     async def _start(self) -> None:

@@ -82,17 +82,13 @@ class Store:
         """Load the rollout, or simulate and store it.
 
         Concurrent calls for one rollout simulate it once. Rollouts without a score, which failed
-        because of the computer, are not stored, nor are those with another interval between
-        samples.
+        because of the computer, are not stored.
 
         Raises:
             UsageError: The rollout cannot be written.
         """
-        if interval is not None:
-            return await self._pool.run(
-                machine, task, seed=seed, variation=variation, interval=interval
-            )
         key = rollout_key(machine, task, seed, variation)
+        key += "" if interval is None else f"-every-{interval}"
         async with self._busy.setdefault(key, asyncio.Lock()):
             path = self._rollouts / f"{key}.npz"
             if path.exists():
@@ -101,7 +97,9 @@ class Store:
                 # (https://github.com/python/cpython/issues/106905).
                 with suppress(UsageError):
                     return load_npz(path)
-            rollout = await self._pool.run(machine, task, seed=seed, variation=variation)
+            rollout = await self._pool.run(
+                machine, task, seed=seed, variation=variation, interval=interval
+            )
             if rollout.score is not None:
                 with write_output(path) as part:
                     save_npz(rollout, part)

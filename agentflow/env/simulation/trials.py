@@ -19,6 +19,8 @@ from agentflow.env.tasks.knobs import knobs_of
 SUCCESS, OUTCOME, MISS = "success", "outcome", "miss"
 """Terms of every trial: whether it succeeded, a phrase on its outcome, and by how many metres it
 missed success (None if it succeeded or no distance applies)."""
+BROKE = "first_break"
+"""What the data of feedback add to these: block, partner and time of the first break, if any."""
 RESULT = "Result: "
 """How the line of a trial's feedback begins that says its outcome."""
 SHOWN_TRIAL = "shown_trial"
@@ -104,7 +106,11 @@ def _feedback(played: Sequence[Rollout], score: float, index: int) -> Feedback:
         *(line for line in shown.text.splitlines() if not line.startswith(told)),
     ]
     trials: list[dict[str, Any]] = [
-        {**rollout.terms, OUTCOME: outcome}
+        {
+            **rollout.terms,
+            OUTCOME: outcome,
+            BROKE: next(([b.block, b.partner, b.time] for b in rollout.broken), None),
+        }
         for rollout, outcome in zip(played, outcomes, strict=True)
     ]
     data = {**shown.data, "score": score, "trials": trials, SHOWN_TRIAL: index + 1}

@@ -17,6 +17,7 @@ from mcp.types.version import HANDSHAKE_PROTOCOL_VERSIONS, MODERN_PROTOCOL_VERSI
 
 from agentflow.errors import AgentflowError
 from agentflow.integrations.mcp import content
+from agentflow.progress import TALLY, Tally
 from agentflow.tools import READING, Bench, ToolResult
 from agentflow.version import __version__
 
@@ -25,6 +26,7 @@ BEAT: Final = 1.0
 LONGEST_NAME: Final = 60
 """Characters of a client's name that are kept."""
 _SESSION: Final = "agentflow"
+_TALLY: Final = "tally"
 Context = ServerRequestContext[Any, Any]
 
 
@@ -132,8 +134,10 @@ class _Answers:
         self._sessions = sessions
 
     def _session(self, ctx: Context) -> ClientSession:
-        """The session of the connection that a request came on."""
+        """The session of the connection that a request came on, whose simulations are counted
+        from here on."""
         connection = ctx.session._connection  # the SDK offers handlers no other way to it
+        TALLY.set(connection.state.setdefault(_TALLY, Tally()))
         if _SESSION not in connection.state:
             session = self._sessions(_client_name(ctx))
             connection.state[_SESSION] = session
@@ -258,12 +262,14 @@ def _client_name(ctx: Context) -> str:
 
 @asynccontextmanager
 async def _progress(ctx: Context) -> AsyncIterator[None]:
-    """Tell the client every second that its call is still being worked on."""
+    """Tell the client every second that its call is still being worked on, and what is done."""
+    tally = TALLY.get()
 
     async def beat() -> None:
         seconds = 0.0
         while True:
-            await ctx.session.report_progress(seconds, message=f"working for {seconds:g} s")
+            done = f"{tally}, " * bool(str(tally))
+            await ctx.session.report_progress(seconds, message=f"{done}working for {seconds:g} s")
             await asyncio.sleep(BEAT)
             seconds += BEAT
 

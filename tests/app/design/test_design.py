@@ -171,9 +171,9 @@ def test_an_edited_record_is_reported_and_corrected(run: Path, tmp_path: Path) -
     said: list[str] = []
     assert resume(other, RunOptions(said.append)).score == read_result(run).score
     assert said == [
-        f"recorded events that now differ: 1 (first: evaluation {event.label}), because a rollout "
-        "had been cut off, a file was edited, or agentflow has changed; both versions are kept, "
-        "the later one counts"
+        f"recorded events that now differ: 1 (first: evaluation {event.label}), because a file "
+        f"in {other} was edited, or a simulation that had been cut off went through; both "
+        "versions are kept, the later one counts"
     ]
     assert (other / "events.jsonl").read_bytes().startswith(edited)
     assert replay(other, ignore) is None

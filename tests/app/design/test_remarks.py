@@ -14,6 +14,7 @@ from agentflow.errors import DamagedError, UnreachableError
 from agentflow.llm.messages import Request
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.runs import Event, RunDirectory, read_events
+from agentflow.version import __version__
 from tests.runs.sources import InProcess
 
 CONFIG = build_config({"task": "movement", "workflow": "single", "workers": 1})
@@ -39,7 +40,7 @@ def test_differences_are_reported_and_both_versions_kept(tmp_path: Path) -> None
     said: list[str] = []
     Remarks(again, said.append).tell_differences()
     again.close()
-    why = "a rollout had been cut off, a file was edited, or agentflow has changed"
+    why = f"a file in {run.path} was edited, or a simulation that had been cut off went through"
     assert said == [
         f"{run.path / 'events.jsonl'}: dropped a half-written last line (6 bytes)",
         f"recorded events that now differ: 1 (first: stage edited), because {why}; "
@@ -50,6 +51,29 @@ def test_differences_are_reported_and_both_versions_kept(tmp_path: Path) -> None
     assert (run.path / "events.jsonl").read_bytes().startswith(recorded)
     told = [event.data["text"] for event in read_events(run.path) if event.kind == REMARK]
     assert told == ["waiting", *said]
+
+
+@pytest.mark.parametrize(
+    ("document", "how"),
+    [
+        ({"agentflow": "0.0.1"}, f"agentflow 0.0.1, now {__version__}"),
+        ({"commit": "0123456789abcdef"}, "commit 0123456789, now "),
+        ({"began": "2001-01-01T00:00:00+00:00"}, "its files are newer than the run"),
+    ],
+)
+def test_a_difference_by_other_code_is_told_as_such(
+    document: dict[str, str], how: str, tmp_path: Path
+) -> None:
+    run = RunDirectory.create(tmp_path, "run", document)
+    run.event(Event("stage", "initial", {"valid": 1}))
+    run.close()
+    again = RunDirectory.resume(run.path)
+    again.event(Event("stage", "initial", {"valid": 2}))
+    said: list[str] = []
+    Remarks(again, said.append).tell_differences()
+    again.close()
+    assert f"because agentflow has changed since the run began ({how}" in said[0]
+    assert "not because of what you did: to compare scores, begin a new run" in said[0]
 
 
 def test_a_run_that_matches_its_record_reports_nothing(tmp_path: Path) -> None:

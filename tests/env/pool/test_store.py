@@ -48,6 +48,7 @@ class Counter:
         *,
         seed: int = 0,  # noqa: ARG002
         variation: Variation = DEFAULT,  # noqa: ARG002
+        interval: float | None = None,  # noqa: ARG002
     ) -> Rollout:
         self.count += 1
         await asyncio.sleep(0)

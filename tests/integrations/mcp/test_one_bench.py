@@ -49,9 +49,11 @@ async def test_tools_come_with_schemas_and_hints() -> None:
 @pytest.mark.slow
 async def test_a_design_with_progress_picture_and_end() -> None:
     beats: list[float] = []
+    told: list[str] = []
 
-    async def note(progress: float, _total: float | None, _message: str | None) -> None:
+    async def note(progress: float, _total: float | None, message: str | None) -> None:
         beats.append(progress)
+        told.append(message or "")
 
     async with connected(submissions=1) as (client, bench):
         checked = await client.call_tool("check", {"machine": CAR})
@@ -61,6 +63,8 @@ async def test_a_design_with_progress_picture_and_end() -> None:
         assert data_of(simulated)["score"] > 10
         assert beats[:1] == [0.0]
         assert beats == sorted(set(beats))
+        counted = "0 of 1 simulations done, working for"
+        assert set(told[1:]) <= {f"{counted} {n} s" for n in range(1, 300)}
         looked = await client.call_tool("look", {"machine": name, "view": "side"})
         picture = looked.content[1]
         assert isinstance(picture, types.ImageContent)

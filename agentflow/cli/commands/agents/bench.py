@@ -42,8 +42,9 @@ TOOLS = {
         "6c45a9a7",
     ),
     "verify": (
-        "Simulate a machine under small changes, and show how its score holds; costs up to 9 "
-        "simulations, while submit does it for nothing. Argument: machine.",
+        "Simulate a machine under small changes, and show how its score holds; costs a simulation "
+        "for each change that concerns the machine, while submit does it for nothing. "
+        "Argument: machine.",
         "6c45a9a7",
     ),
     "explore_edits": (
@@ -57,8 +58,8 @@ TOOLS = {
         "6c45a9a7 simulations=10",
     ),
     "query": (
-        "Show recorded states of blocks. Arguments: machine, queries (JSON), interval (seconds "
-        "between rows), trial.",
+        "Show recorded states of blocks, or the loads of all connections up to a break. "
+        "Arguments: machine, queries (JSON), interval (seconds between rows), trial.",
         """6c45a9a7 '[{"id": 0, "duration": [0, 2], "properties": ["velocity"]}]'""",
     ),
     "look": (
@@ -124,10 +125,13 @@ def _call(
     tool: str, words: list[str] | None, run: Path | None, picture: Path | None, as_json: bool
 ) -> None:
     from agentflow.app.sessions.shell import call, find_run, read_arguments
-    from agentflow.cli.display.live import print_remark
+    from agentflow.cli.display.live import print_remark, watch_simulations
 
     arguments = read_arguments(tool, words or ())
-    _show(call(run or find_run(Path("runs")), tool, arguments, print_remark), as_json, picture)
+    path = run or find_run(Path("runs"))
+    with watch_simulations():
+        answer = call(path, tool, arguments, print_remark)
+    _show(answer, as_json, picture)
 
 
 def _command(tool: str) -> Callable[..., None]:
