@@ -17,7 +17,7 @@ from typing import Any
 import gensim.models.word2vec as gensim
 import numpy as np
 
-from agentflow.app.diversity.sources import read_sources
+from agentflow.app.diversity.results import read_sources
 from agentflow.diversity import measures, solid
 from agentflow.diversity.measures import cosines, embed
 from agentflow.diversity.solid import Solid, surface_points

@@ -6,8 +6,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from agentflow.machine.edits.commands import TELLING, read_command
-from agentflow.machine.edits.renumbering import Renumbering, command_text, follow, renumber
+from agentflow.machine.edits.commands import TELLING, command_text, read_command
+from agentflow.machine.edits.renumbering import Renumbering, follow, renumber
 
 LIMIT = 20
 """Maximum number of entries kept."""

@@ -20,8 +20,8 @@ from agentflow.llm.client import Client
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.metrics.formats import NOTHING
 from agentflow.metrics.tables import FORMATS, Column, Row, Table
-from agentflow.models.asking import continuable, recorded_models
 from agentflow.models.choices import choose_models
+from agentflow.models.clients import continuable, recorded_models
 from agentflow.models.completion import find_unused_setting
 from agentflow.progress import Progress, silent
 from agentflow.prompts.render import PromptSet

@@ -18,10 +18,11 @@ from agentflow.machine.edits.commands import (
     Move,
     Replace,
     SetControl,
+    command_text,
     read_command,
 )
 from agentflow.machine.edits.random import random_machine
-from agentflow.machine.edits.renumbering import command_text, renumbering
+from agentflow.machine.edits.renumbering import renumbering
 from agentflow.machine.geometry.pose import FACINGS
 from agentflow.machine.tree import Control, carried_by
 from tests.machine.builders import CAR, build

@@ -5,10 +5,9 @@ from __future__ import annotations
 from hypothesis import given
 
 from agentflow.machine import Machine, apply_script, place
-from agentflow.machine.edits.commands import read_command
+from agentflow.machine.edits.commands import command_text, read_command
 from agentflow.machine.edits.renumbering import (
     Renumbering,
-    command_text,
     follow,
     matching_ids,
     renumber,

@@ -24,8 +24,8 @@ from agentflow.errors import ConfigError, UnknownNameError, UsageError
 from agentflow.files.folders import hold_folder
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Message, Request
-from agentflow.models.asking import CALLS, continuable, recorded_models
 from agentflow.models.choices import choose_models
+from agentflow.models.clients import CALLS, continuable, recorded_models
 from agentflow.models.completion import find_unused_setting
 from agentflow.progress import Progress, counter, silent
 from agentflow.prompts.render import PromptSet

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from importlib.resources import files
 from itertools import pairwise
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
@@ -33,34 +35,20 @@ class Quantity(NamedTuple):
         return self.unit == "degrees"
 
 
-_WORLD = ("x", "y", "z")
-_WAYS = ("x+", "x-", "y+", "y-", "z+", "z-")
 QUANTITIES: Mapping[str, Quantity] = {
-    "time": Quantity("s", (), "since t = 0"),
-    "height": Quantity("m", (), "y of the block's centre"),
-    "tilt": Quantity("degrees", ("x", "z"), "how far the block leans towards x+ or z+"),
-    "heading": Quantity(
-        "degrees", (), "how far the block has turned from z+ towards x+, -180 to 180"
-    ),
-    "velocity": Quantity("m/s", _WORLD, "of the block's centre, along world axes"),
-    "spin": Quantity("degrees/s", _WORLD, "of the block, about world axes"),
-    "target": Quantity("m", _WORLD, "from the block's centre to the target, along world axes"),
-    "angle": Quantity(
-        "degrees", (), "of the block's joint, 0 as built, positive the way level 1 turns it"
-    ),
-    "turning": Quantity(
-        "degrees/s", (), "speed of the block's joint, positive the way level 1 turns it"
-    ),
-    "contact": Quantity("s", (), "since the block last touched anything but the machine"),
-    "load": Quantity("", (), "load over strength of the block's connection"),
-    "distance": Quantity(
-        "m", _WAYS, "from the block's centre to what is ahead, along an axis that turns with it"
-    ),
+    kind: Quantity(unit, tuple(axes), text)
+    for kind, (unit, axes, text) in json.loads(
+        (files(__package__) / "quantities.json").read_text("utf-8")
+    ).items()
 }
 """Kind of a sensor -> what it reads."""
 RANGE = 60.0
 """Greatest distance that is sensed, m; what is further away reads as this."""
 
+if TYPE_CHECKING:
+    SensorKind = str
+else:  # type checkers cannot compute a Literal
+    SensorKind = Literal[tuple(QUANTITIES)]
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,31}$")]
 Number = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Time = Annotated[float, Field(strict=True, ge=0, le=3600, allow_inf_nan=False)]
@@ -92,20 +80,7 @@ def _shortened(data: Any) -> Any:
 class Sensor(Part):
     """One number that is read."""
 
-    kind: Literal[
-        "time",
-        "height",
-        "tilt",
-        "heading",
-        "velocity",
-        "spin",
-        "target",
-        "angle",
-        "turning",
-        "contact",
-        "load",
-        "distance",
-    ]
+    kind: SensorKind
     block: Block = 0
     axis: str | None = Field(None, max_length=2)
     """One of those of its quantity."""

@@ -1,4 +1,4 @@
-"""Parsing of edit scripts into commands."""
+"""Parsing of edit scripts into commands, and commands in words."""
 
 from __future__ import annotations
 
@@ -36,6 +36,8 @@ NAMING = (
 
 Ref = int | str
 """A block: its id, or the name that an earlier line of the script gives it, in lower case."""
+Text = tuple[Ref, ...]
+"""A sentence: ids of blocks are integers, words and names are strings."""
 Face = int | str
 """A face of a block: its id, or where it looks and then where it lies, as `face_towards` takes it:
 `x+`, `x+z-`."""
@@ -250,3 +252,32 @@ def _face(text: str) -> Face:
 
 def _ref(text: str) -> Ref:
     return int(text) if text.lstrip("-").isdigit() else text
+
+
+def command_text(command: Command) -> Text:
+    """A command as a sentence."""
+    if isinstance(command, Remove):
+        return ("Remove ", command.block)
+    if isinstance(command, Move):
+        end = f" end {command.end}" if command.end else ""
+        return ("Move ", command.block, f"{end} to ", command.parent, f" in {command.face}")
+    if isinstance(command, Replace):
+        return ("Replace ", command.block, f" with {command.type}")
+    if isinstance(command, Mirror):
+        return ("Mirror ", command.what)
+    if isinstance(command, SetControl):
+        numbers = (f" {name} {value:g}" for name, value in command.values)
+        return (f"Set {command.number}", *numbers)
+    if isinstance(command, WriteControllers):  # its block ids were those of then
+        return ("Controllers {...}" if command.text else "Controllers none",)
+    if isinstance(command, SetNumber):
+        return (f"Set {command.path} {command.value:g}",)
+    if isinstance(command, RemoveControl):
+        return (f"Uncontrol {command.number}",)
+    if isinstance(command, AddControl):
+        blocks = (part for ref in command.target for part in (", ", ref))
+        when = f" at {command.at:g} for {command.lasts:g} level {command.level:g}"
+        return ("Control ", *list(blocks)[1:], when)
+    ends = (part for ref, face in command.ends for part in (" to ", ref, f" in {face}"))
+    named = (" as ", command.name) if command.name else ()
+    return (f"Add {command.type}", *ends, *named)

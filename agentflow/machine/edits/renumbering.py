@@ -5,24 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.edits.commands import (
-    AddControl,
-    Command,
-    Mirror,
-    Move,
-    Ref,
-    Remove,
-    RemoveControl,
-    Replace,
-    SetControl,
-    SetNumber,
-    WriteControllers,
-)
+from agentflow.machine.edits.commands import Ref, Text
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
-Text = tuple[Ref, ...]
-"""A sentence: ids of blocks are integers, words and names are strings."""
 Renumbering = Mapping[Ref, Text]
 """Id or name of a block then -> what it is called now; what is missing kept its name."""
 
@@ -70,35 +56,6 @@ def follow(earlier: Renumbering, later: Renumbering) -> Renumbering:
 def renumber(text: Text, now: Renumbering) -> Text:
     """A sentence in the numbering of now."""
     return tuple(part for ref in text for part in now.get(ref, (ref,)))
-
-
-def command_text(command: Command) -> Text:
-    """A command as a sentence."""
-    if isinstance(command, Remove):
-        return ("Remove ", command.block)
-    if isinstance(command, Move):
-        end = f" end {command.end}" if command.end else ""
-        return ("Move ", command.block, f"{end} to ", command.parent, f" in {command.face}")
-    if isinstance(command, Replace):
-        return ("Replace ", command.block, f" with {command.type}")
-    if isinstance(command, Mirror):
-        return ("Mirror ", command.what)
-    if isinstance(command, SetControl):
-        numbers = (f" {name} {value:g}" for name, value in command.values)
-        return (f"Set {command.number}", *numbers)
-    if isinstance(command, WriteControllers):  # its block ids were those of then
-        return ("Controllers {...}" if command.text else "Controllers none",)
-    if isinstance(command, SetNumber):
-        return (f"Set {command.path} {command.value:g}",)
-    if isinstance(command, RemoveControl):
-        return (f"Uncontrol {command.number}",)
-    if isinstance(command, AddControl):
-        blocks = (part for ref in command.target for part in (", ", ref))
-        when = f" at {command.at:g} for {command.lasts:g} level {command.level:g}"
-        return ("Control ", *list(blocks)[1:], when)
-    ends = (part for ref, face in command.ends for part in (" to ", ref, f" in {face}"))
-    named = (" as ", command.name) if command.name else ()
-    return (f"Add {command.type}", *ends, *named)
 
 
 def matching_ids(old: Machine, new: Machine) -> dict[int, int | None]:

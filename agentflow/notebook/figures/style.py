@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
+
+import yaml
 
 from agentflow.extras import needs_extra
 
@@ -22,30 +25,6 @@ PANEL = (3.3, 2.5)
 """Width and height of a panel, inches: one column of a paper."""
 MOST_ACROSS = 3
 """Most panels beside each other."""
-STYLE: Mapping[str, Any] = {
-    "font.size": 8,
-    "axes.titlesize": 8,
-    "axes.labelsize": 8,
-    "legend.fontsize": 7,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.6,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "axes.grid": True,
-    "grid.color": "#dddddd",
-    "grid.linewidth": 0.4,
-    "axes.axisbelow": True,
-    "lines.linewidth": 1.3,
-    "lines.markersize": 4,
-    "legend.frameon": False,
-    "pdf.fonttype": 42,  # text stays text, which editors and readers can select
-    "svg.fonttype": "none",
-    "svg.hashsalt": "agentflow",  # equal figures are equal files
-    "savefig.dpi": 300,
-}
 
 
 @dataclass(frozen=True)
@@ -74,7 +53,8 @@ def drawing_style() -> Iterator[None]:
     """
     with needs_extra("plot"):
         import matplotlib as mpl
-    style: Any = {**mpl.rcParamsDefault, "backend": mpl.rcParams["backend"], **STYLE}
+    own = yaml.safe_load((files(__package__) / "style.yaml").read_text("utf-8"))
+    style: Any = {**mpl.rcParamsDefault, "backend": mpl.rcParams["backend"], **own}
     with mpl.rc_context(style):
         yield
 

@@ -17,8 +17,8 @@ from agentflow.files.lines import require_planned
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Request, Sampling
 from agentflow.machine import Brief, check
-from agentflow.models.asking import recorded_models
 from agentflow.models.choices import choose_models
+from agentflow.models.clients import recorded_models
 from agentflow.progress import Progress
 from agentflow.runs import Notify
 from agentflow.search.concurrency import work_in_order

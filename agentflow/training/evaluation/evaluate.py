@@ -17,8 +17,8 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
 from agentflow.metrics.intervals import missing_scipy
-from agentflow.models.asking import continuable
 from agentflow.models.choices import choose_models
+from agentflow.models.clients import continuable
 from agentflow.models.completion import find_unused_setting
 from agentflow.models.local.libraries import require_libraries
 from agentflow.progress import Progress, silent

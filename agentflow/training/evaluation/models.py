@@ -13,8 +13,8 @@ from agentflow.agents.designer import Designer
 from agentflow.config.run import DesignConfig
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Message, Request, Sampling
-from agentflow.models.asking import recorded_models
 from agentflow.models.choices import choose_models
+from agentflow.models.clients import recorded_models
 from agentflow.models.local.folder import Messages
 from agentflow.runs import Notify
 from agentflow.search.concurrency import work_in_order

@@ -20,7 +20,7 @@ from agentflow.files.faults import locate_fault
 from agentflow.files.folders import hold_folder
 from agentflow.files.lines import LineFile, open_lines, read_lines
 from agentflow.llm.messages import Sampling
-from agentflow.models.asking import CALLS
+from agentflow.models.clients import CALLS
 from agentflow.training.evaluation.replies import JudgedReply, summaries
 
 ABOUT, REPLIES = "evaluation.json", "samples.jsonl"

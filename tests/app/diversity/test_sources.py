@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.diversity.sources import read_sources
+from agentflow.app.diversity.results import read_sources
 from agentflow.errors import RunError
 from agentflow.machine import Machine
 from agentflow.machine.formats.bsg_writing import to_bsg
