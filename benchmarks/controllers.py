@@ -41,9 +41,9 @@ blocks. Use it to see what sensing is worth where the conditions are not known b
 Numbers are successful trials out of ten. The columns are the perturbations of \
 [robust scores](../explanation/scores.md#robust-scores). The control program is the best of those \
 that the second column counts, chosen on the unchanged conditions of the same trials; no program \
-can know which trial it is in. Sensing and setting motors took \
-1.4 % to 4.6 % of the time of rollouts on PyBullet and 2.2 % to 5.5 % on MuJoCo \
-(`benchmarks/sensing.py --repeats 5`), and up to 6.5 % while the processor was overloaded. \
+can know which trial it is in. Sensors and laws took \
+1.7 % to 3.1 % of the CPU time of rollouts on PyBullet and 1.5 % to 6.4 % on MuJoCo, on a busy \
+computer (`benchmarks/sensing.py --pairs 21`). \
 `python benchmarks/controllers.py` writes this page.
 """
 

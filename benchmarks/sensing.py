@@ -1,25 +1,77 @@
 """What sensors and laws cost: their share of the CPU time of rollouts of machines that sense.
 
-    python benchmarks/sensing.py [--repeats 8]
+    python benchmarks/sensing.py [--pairs 15]
 
-Counts everything that happens because a machine senses: readings, laws, and setting motors. Each
-figure is from the fastest of several rollouts; the wanted share is 3 %.
+Each pair is the same rollout twice, in one process: once with controllers, and once with the levels
+that they gave, noted beforehand, so that both set the same motors and have the same digest. The
+difference is what sensors and laws cost, and what feedback tells of them. Medians of pairs; the
+wanted share is 3 %.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Iterator
+from statistics import median, quantiles
 from typing import Any
 
-from controllers import COMPARISONS, ENGINES
+from controllers import COMPARISONS, ENGINES, Comparison
 
+from agentflow.env.controllers.pilot import Pilot
+from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.engines import choose_engine
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.trial import Trial
 from agentflow.env.tasks.registry import get_task
 
-CLOCKS = 20_000
+MAKE: Any = Trial._make_pilot
+
+
+class Noted:
+    """Notes what a pilot says, or says it again without sensing."""
+
+    def __init__(self, pilot: Pilot) -> None:
+        self.pilot, self.decouplers, self.said = pilot, pilot.decouplers, list[Any]()
+        self.samples, self.sudden, self.again = list[Any](), False, iter(())
+
+    def __call__(self, when: float) -> Any:
+        changes, self.sudden = next(self.again, None) or self._note(when)
+        return changes
+
+    def _note(self, when: float) -> Any:
+        self.said.append((dict(self.pilot(when)), self.pilot.sudden))
+        return self.said[-1]
+
+    def lose(self, *what: Any) -> None:
+        self.pilot.lose(*what)
+
+
+def differences(comparison: Comparison, engine: Engine, pairs: int) -> Iterator[tuple[float, ...]]:
+    """CPU time with controllers, and how much less the same takes without, s."""
+    task = get_task(comparison.task, engine=engine.identity.name).trials(0)[0]
+    machine, digests, noted = comparison.sensing(), set[str | None](), list[Noted]()
+
+    def rollout(make: Any) -> float:
+        Trial._make_pilot = make  # type: ignore[method-assign]
+        began = time.thread_time()
+        digests.add(simulate(machine, task, engine=engine).digest)
+        return time.thread_time() - began
+
+    def note(trial: Trial, variation: Any) -> Noted:
+        noted.append(Noted(MAKE(trial, variation)))
+        return noted[0]
+
+    def repeat(*_: Any) -> Noted:
+        noted[0].again = iter(noted[0].said)
+        return noted[0]
+
+    rollout(note)
+    for pair in range(pairs):
+        makes = (MAKE, repeat) if pair % 2 else (repeat, MAKE)
+        spent = {make: rollout(make) for make in makes}
+        yield spent[MAKE], spent[MAKE] - spent[repeat]
+    assert len(digests) == 1, digests
 
 
 def main() -> None:
@@ -27,34 +79,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--repeats", type=int, default=8)
-    repeats = parser.parse_args().repeats
-    spent: list[float] = []
-    fly = Trial._fly
-
-    def timed(self: Trial, *arguments: Any) -> None:
-        began = time.thread_time()
-        fly(self, *arguments)
-        spent.append(time.thread_time() - began)
-
-    Trial._fly = timed  # type: ignore[method-assign]
-    began = time.thread_time()
-    for _ in range(CLOCKS):
-        time.thread_time()
-    clock = (time.thread_time() - began) / CLOCKS
+    parser.add_argument("--pairs", type=int, default=15)
+    pairs = parser.parse_args().pairs
     for comparison in COMPARISONS:
         for name in ENGINES:
             engine = choose_engine(name).start()
-            task = get_task(comparison.task, engine=name).trials(0)[0]
-            found = []
-            for _ in range(repeats):
-                spent.clear()
-                began = time.thread_time()
-                simulate(comparison.sensing(), task, engine=engine)
-                found.append((time.thread_time() - began, sum(spent) - clock * len(spent)))
-            whole, own = min(found)
-            told = f"{1e3 * own:.1f} of {1e3 * whole:.0f} ms, {own / whole:.1%}"
-            print(f"{comparison.title}, {name}: {told}, {len(spent)} readings", flush=True)
+            wholes, found = zip(*differences(comparison, engine, pairs), strict=True)
+            share = median(found) / median(wholes)
+            low, _, high = quantiles(found, n=4)
+            told = f"{1e3 * median(found):.1f} [{1e3 * low:.1f}, {1e3 * high:.1f}]"
+            whole = f"{1e3 * median(wholes):.0f} ms, {share:.1%}"
+            print(f"{comparison.title}, {name}: {told} of {whole}", flush=True)
             engine.close()
 
 

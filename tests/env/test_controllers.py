@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import random
 from dataclasses import replace
-from math import inf, sqrt
+from math import atan2, degrees, inf, sqrt
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,15 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.controllers.laws import Laws, spans_of
-from agentflow.env.controllers.rays import Rays
+from agentflow.env.controllers.pilot import rounded
+from agentflow.env.controllers.rays import Rays, _meet_box
+from agentflow.env.controllers.sensors import AHEAD, Senses
+from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import World
+from agentflow.env.physics.engines import choose_engine
+from agentflow.env.physics.frames import swap, swap_quaternion
+from agentflow.env.physics.loads import Loads
+from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Rollout
 from agentflow.env.scene import Scene, SceneObject
@@ -22,8 +31,9 @@ from agentflow.env.simulation.variations import (
     perturbations_of,
 )
 from agentflow.env.tasks.registry import get_task, task_names
-from agentflow.machine.controllers.model import QUANTITIES, Controllers
-from agentflow.machine.geometry.vectors import about_axis
+from agentflow.machine.controllers.model import QUANTITIES, RANGE, Controllers, Sensor
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.vectors import about_axis, inverse, rotate_vector, subtract
 from benchmarks.shelf import load
 from tests.machine.builders import CAR
 from tests.machine.controllers import sensing_car
@@ -81,6 +91,60 @@ def test_sensors_read_what_the_trace_records(engine: str) -> None:
     assert read["touch"].max() < 0.3
     assert 0 < read["load"].max() < 1
     assert read["speed"][-1] == pytest.approx(4, abs=1), "the law keeps the speed"
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_sensors_read_the_same_bits_as_plain_formulas(engine: str) -> None:
+    wall = SceneObject("wall", "box", (8.0, 9.0, 1.0), (0.0, 4.5, 30.0))
+    crate = SceneObject("crate", "box", (2.0, 2.0, 2.0), (0.0, 6.0, 9.0), mass=5.0)
+    scene = Scene((wall, crate), target=(1.0, 2.0, 30.0))
+    assembly = assemble(CAR, place(CAR), constants())
+    world = choose_engine(engine).start().build(assembly, scene, 240.0)
+    world.drive({3: 1.0, 5: 0.4}, True)
+    loads = Loads(assembly.joints, 0.1, 1 / 240, 1 / 240)
+    spots = [("height", None), ("heading", None), *(("tilt", axis) for axis in "xz")]
+    spots += [(kind, axis) for kind in ("velocity", "target") for axis in "xyz"]
+    spots += [("distance", axis) for axis in AHEAD]
+    made = [Sensor(kind=k, axis=a, block=b) for b in (0, 2, 6) for k, a in spots]
+    senses = Senses(world, assembly, scene, loads, 1.0)
+    prepared, found = senses.prepared(made), [0.0] * len(made)
+    for _ in range(60):
+        for _ in range(8):
+            world.step()
+        senses(0.0, prepared, found)
+        assert found == [_plain(world, scene, sensor) for sensor in made]
+
+
+def _plain(world: World, scene: Scene, sensor: Sensor) -> float:
+    """A reading by the formulas of everything that turns, and of every object."""
+    row, axis = world.row(sensor.block), "xyz".index((sensor.axis or "y")[0])
+    centre, turn = world.centre(sensor.block), swap_quaternion(row[ROTATION])
+    up, ahead = (rotate_vector(turn, AHEAD[way]) for way in ("y+", "z+"))
+    if sensor.kind == "distance":
+        way = rotate_vector(turn, AHEAD[sensor.axis or ""])
+        near = [centre[1] / -way[1] if way[1] < 0 < centre[1] else inf]
+        for item in scene.objects:
+            back = inverse(world.rotation(item.name))
+            start = rotate_vector(back, subtract(centre, world.centre(item.name)))
+            near.append(_meet_box(start, rotate_vector(back, way), item.size))
+        return min(RANGE, *near)
+    arm = swap(subtract(centre, swap(row[POSITION])))
+    swung = (np.cross(row[SPIN], arm) + row[VELOCITY])[[0, 2, 1]]
+    readings = {
+        "height": centre[1],
+        "heading": degrees(atan2(ahead[0], ahead[2])),
+        "tilt": degrees(atan2(up[axis], up[1])),
+        "velocity": swung[axis],
+        "target": scene.target[axis] - centre[axis],
+    }
+    return float(readings[sensor.kind])
+
+
+def test_levels_are_rounded_as_python_rounds() -> None:
+    rng = random.Random(0)
+    half = [count / 2000 + shift for count in range(-2000, 2001) for shift in (0.0, 1e-16, -1e-16)]
+    for level in [*half, *(rng.uniform(-1, 1) for _ in range(20_000))]:
+        assert repr(rounded(level)) == repr(round(level, 3)), level
 
 
 def test_levels_change_at_once_where_a_law_jumps_and_little_by_little_under_a_rate() -> None:

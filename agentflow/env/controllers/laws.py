@@ -1,24 +1,14 @@
-"""Laws as functions: made once for a rollout, they read and write lists of plain numbers."""
+"""Laws in a rollout: one function computes them all, as a call for each would take longer than the
+numbers."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from graphlib import TopologicalSorter
+from typing import Any
 
-from agentflow.machine.controllers.model import (
-    Constant,
-    Law,
-    Proportional,
-    Schedule,
-    Sensor,
-    States,
-    Sum,
-    Switch,
-)
-
-Evaluate = Callable[[float], None]
-"""Evaluates a law at a time, s since t = 0, and writes its output."""
+from agentflow.machine.controllers.model import Constant, Law, Sensor
 
 
 class Laws:
@@ -41,10 +31,10 @@ class Laws:
             interval: Time between evaluations, s.
             pace: By how much the machine's own clock is slow.
         """
-        self._laws, self._sensors, self._readings = laws, sensors, readings
-        self._interval, self._pace = interval, pace
+        self._readings, self._interval, self._pace = readings, interval, pace
         self._number = {name: number for number, name in enumerate(laws)}
         self._sensor = {name: number for number, name in enumerate(sensors)}
+        self._circular = [sensor.quantity.circular for sensor in sensors.values()]
         self.outputs = [0.0] * len(laws)
         """Of each law, in their order."""
         self.edges: dict[str, list[float]] = {name: [] for name in laws}
@@ -54,14 +44,70 @@ class Laws:
         }
         """When each state machine entered which state."""
         order = TopologicalSorter({name: law.laws for name, law in laws.items()}).static_order()
-        self._evaluate: list[Evaluate] = [
-            self._limited(name, laws[name]) for name in order if not self._steady(name, laws[name])
+        self._order = [
+            (self._number[name], law.kind, self._data(name, law), *law.limits, law.rate)
+            for name, law in ((name, laws[name]) for name in order)
+            if not self._steady(name, law)
         ]
+        """Number, kind, what it computes with, and limits of each law that is not steady."""
+        self._edges = [*self.edges.values()]
+        self._at_limit = [False] * len(laws)
+        self._state = [0] * len(laws)
+        """Of switches and state machines."""
+        self._last: list[float | None] = [None] * len(laws)
+        """Reading of the sensor of each law at the last evaluation."""
 
     def __call__(self, time: float) -> None:
         """Evaluate all laws; steady ones have their outputs from the start."""
-        for evaluate in self._evaluate:
-            evaluate(time)
+        readings, outputs, at_limit, state = (
+            self._readings,
+            self.outputs,
+            self._at_limit,
+            self._state,
+        )
+        for number, kind, data, low, high, rate in self._order:
+            if kind == "pd":
+                sensor, target, p, d, bias, circular = data
+                reading = readings[sensor]
+                error, last = target - reading, self._last[number]
+                change = 0.0 if last is None else reading - last
+                self._last[number] = reading
+                if circular:
+                    error, change = (error + 180) % 360 - 180, (change + 180) % 360 - 180
+                wanted = bias + p * error - d * change
+            elif kind == "sum":
+                wanted = 0.0
+                for law, weight in data:
+                    wanted += weight * outputs[law]
+            elif kind == "states":
+                used, leaves, names, entered = data
+                for sensor, above, below, to in leaves[state[number]]:
+                    reading = readings[sensor]
+                    if (above is not None and reading > above) or (
+                        below is not None and reading < below
+                    ):
+                        state[number] = to
+                        entered.append((time, names[to]))
+                        break
+                wanted = outputs[used[state[number]]]
+            elif kind == "switch":
+                sensor, over, under, levels = data
+                reading = readings[sensor]
+                state[number] = reading >= under if state[number] else reading > over
+                wanted = levels[state[number]]
+            else:
+                times, levels = data
+                wanted = levels[bisect_right(times, time)]
+            output = wanted
+            if at_limit[number] or not low <= wanted <= high:
+                output = low if wanted < low else high if wanted > high else wanted
+                if (output != wanted) != at_limit[number]:
+                    at_limit[number] = not at_limit[number]
+                    self._edges[number].append(time)
+            if rate is not None:
+                held, most = outputs[number], rate * self._interval
+                output = max(held - most, min(held + most, output))
+            outputs[number] = output
 
     def _steady(self, name: str, law: Law) -> bool:
         """Whether a law has the same output at all times; writes it."""
@@ -71,98 +117,30 @@ class Laws:
             self.outputs[self._number[name]] = law.level
         return steady
 
-    def _limited(self, name: str, law: Law) -> Evaluate:
-        """The function of a law with its limits and its rate limit."""
-        raw: Callable[[float], float] = getattr(self, f"_{law.kind}")(law, name)
-        outputs, number, edges = self.outputs, self._number[name], self.edges[name]
-        (low, high), most = law.limits, law.rate and law.rate * self._interval
-        held, at_limit = 0.0, False
-
-        def evaluate(time: float) -> None:
-            nonlocal held, at_limit
-            output = wanted = raw(time)
-            if at_limit or not low <= wanted <= high:
-                output = low if wanted < low else high if wanted > high else wanted
-                if (output != wanted) != at_limit:
-                    at_limit = not at_limit
-                    edges.append(time)
-            if most is not None:
-                output = max(held - most, min(held + most, output))
-                held = output
-            outputs[number] = output
-
-        return evaluate
-
-    def _constant(self, law: Constant, _: str) -> Callable[[float], float]:
-        level = law.level
-        return lambda _: level
-
-    def _schedule(self, law: Schedule, _: str) -> Callable[[float], float]:
-        times = [time * self._pace - 1e-9 for time, _ in law.points]
-        levels = [0.0, *(level for _, level in law.points)]
-        return lambda time: levels[bisect_right(times, time)]
-
-    def _pd(self, law: Proportional, _: str) -> Callable[[float], float]:
-        readings, sensor = self._readings, self._sensor[law.sensor]
-        circular = self._sensors[law.sensor].quantity.circular
-        target, p, d, bias = law.target, law.p, law.d / self._interval, law.bias
-        last: float | None = None
-
-        def evaluate(_: float) -> float:
-            nonlocal last
-            reading = readings[sensor]
-            error = target - reading
-            change = 0.0 if last is None else reading - last
-            last = reading
-            if circular:
-                error, change = (error + 180) % 360 - 180, (change + 180) % 360 - 180
-            return bias + p * error - d * change
-
-        return evaluate
-
-    def _switch(self, law: Switch, _: str) -> Callable[[float], float]:
-        readings, sensor = self._readings, self._sensor[law.sensor]
-        over, under, levels = law.over, law.under, (law.off, law.on)
-        is_on = False
-
-        def evaluate(_: float) -> float:
-            nonlocal is_on
-            is_on = readings[sensor] >= under if is_on else readings[sensor] > over
-            return levels[is_on]
-
-        return evaluate
-
-    def _sum(self, law: Sum, _: str) -> Callable[[float], float]:
-        outputs = self.outputs
-        terms = [(self._number[term.law], term.weight) for term in law.terms]
-        return lambda _: sum([weight * outputs[number] for number, weight in terms])
-
-    def _states(self, law: States, name: str) -> Callable[[float], float]:
-        readings, outputs, entered = self._readings, self.outputs, self.entered[name]
-        states = [state.name for state in law.states]
-        used = [self._number[state.law] for state in law.states]
-        leaves = [
-            [
-                (self._sensor[leave.sensor], leave.above, leave.below, states.index(leave.to))
-                for leave in state.leave
+    def _data(self, name: str, law: Law) -> tuple[Any, ...]:
+        """What a law computes with; of its own name, where it is a state machine."""
+        if law.kind == "pd":
+            sensor, d = self._sensor[law.sensor], law.d / self._interval
+            return sensor, law.target, law.p, d, law.bias, self._circular[sensor]
+        if law.kind == "sum":
+            return tuple((self._number[term.law], term.weight) for term in law.terms)
+        if law.kind == "states":
+            states = [state.name for state in law.states]
+            leaves = [
+                [
+                    (self._sensor[leave.sensor], leave.above, leave.below, states.index(leave.to))
+                    for leave in state.leave
+                ]
+                for state in law.states
             ]
-            for state in law.states
-        ]
-        state = 0
-
-        def evaluate(time: float) -> float:
-            nonlocal state
-            for sensor, above, below, to in leaves[state]:
-                reading = readings[sensor]
-                if (above is not None and reading > above) or (
-                    below is not None and reading < below
-                ):
-                    state = to
-                    entered.append((time, states[to]))
-                    break
-            return outputs[used[state]]
-
-        return evaluate
+            used = [self._number[state.law] for state in law.states]
+            return used, leaves, states, self.entered[name]
+        if law.kind == "switch":
+            return self._sensor[law.sensor], law.over, law.under, (law.off, law.on)
+        points = law.points if law.kind == "schedule" else ()
+        before = 0.0 if law.kind == "schedule" else law.level
+        times = [time * self._pace - 1e-9 for time, _ in points]
+        return times, [before, *(level for _, level in points)]
 
 
 def spans_of(edges: Sequence[float], end: float) -> list[tuple[float, float]]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable
 from math import nan
 
 from agentflow.env.controllers.laws import Laws
-from agentflow.env.controllers.sensors import Senses
+from agentflow.env.controllers.sensors import Sensed, Senses
 from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Assembly
 from agentflow.machine.controls import PRECISION, driven_blocks, following
@@ -16,6 +16,8 @@ from agentflow.machine.tree import Machine
 
 SUDDEN = 0.25
 """Change of a level that counts as a switch, which steps must be fine for."""
+SCALE = 10.0**PRECISION
+"""Steps of a level that make 1."""
 SAMPLE = 0.1
 """Time between samples of readings and outputs, s."""
 
@@ -46,8 +48,8 @@ class Pilot:
         assert controllers is not None
         self.controllers, self._assembly = controllers, assembly
         sensors = controllers.sensors
-        self._reads = [*map(senses.read, sensors.values())]
-        self._working = [*range(len(sensors))]
+        self._senses, self._working = senses, senses.prepared(sensors.values())
+        """What reads, and the sensors that have not broken off."""
         self._whole = _attached(assembly, ())
         self.readings = [0.0] * len(sensors)
         """Of each sensor, in their order."""
@@ -58,13 +60,15 @@ class Pilot:
         """Those among the blocks."""
         self._groups = [
             (
+                number,
                 [block for block, at in followed.items() if at == number],
                 names.index(output.law),
                 output.scale,
             )
             for number, output in enumerate(controllers.outputs)
         ]
-        self._levels = [nan] * len(self._groups)
+        self._followed, self._levels = [nan] * len(self._groups), [nan] * len(self._groups)
+        """Output of the law of each group in the last call, and its level."""
         self._changes: dict[Entry, float] = {}
         noise, delay = sensing
         self._disturb = _disturbance(len(sensors), noise, delay) if noise or delay else None
@@ -72,30 +76,35 @@ class Pilot:
         """Time at which each sensor broke, s, and the last reading, which it keeps."""
         self.samples: list[tuple[float, list[float], list[float]]] = []
         """Times, readings and outputs of laws."""
+        self._due = 0.0
+        """When the next sample is, s."""
         self.sudden = False
         """Whether a level changed so much in the last call that it counts as a switch."""
 
     def __call__(self, time: float) -> dict[Entry, float]:
         """Blocks whose level changes now, and their new levels; the same object in every call."""
-        readings, reads, changes, levels = self.readings, self._reads, self._changes, self._levels
-        for sensor in self._working:
-            readings[sensor] = reads[sensor](time)
+        readings, levels, followed = self.readings, self._levels, self._followed
+        self._senses(time, self._working, readings)
         if self._disturb:
             self._disturb(readings, self._working)
         self.laws(time)
-        outputs = self.laws.outputs
+        outputs, changes = self.laws.outputs, self._changes
         changes.clear()
         self.sudden = not self.samples
-        for at, (blocks, law, scale) in enumerate(self._groups):
-            level = scale * outputs[law]
+        for at, blocks, law, scale in self._groups:
+            output = outputs[law]
+            if output == followed[at]:
+                continue
+            followed[at], level = output, scale * output
             level = level if level < 1.0 else 1.0
-            level = round(level if level > -1.0 else -1.0, PRECISION)
+            level = rounded(level if level > -1.0 else -1.0)
             if level != levels[at]:
                 self.sudden = self.sudden or abs(level - levels[at]) >= SUDDEN
                 levels[at] = level
                 for block in blocks:
                     changes[block] = level
-        if not self.samples or time >= self.samples[-1][0] + SAMPLE - 1e-6:
+        if time >= self._due:
+            self._due = time + SAMPLE - 1e-6
             self.samples.append((time, [*readings], [*outputs]))
         return changes
 
@@ -103,25 +112,33 @@ class Pilot:
         """Let the sensors of blocks that are no longer connected to the Starting Block keep their
         last reading; `gone` are the joints that broke or let go."""
         attached = _attached(self._assembly, gone)
-        for number, (name, sensor) in enumerate(self.controllers.sensors.items()):
-            broken = sensor.block in self._whole - attached and sensor.kind != "time"
-            if broken and number in self._working:
-                self._working.remove(number)
-                self.lost[name] = time, self.readings[number]
+        names = [*self.controllers.sensors]
+        for sensor in [*self._working]:
+            if sensor.block in self._whole - attached and sensor.kind != "time":
+                self._working.remove(sensor)
+                self.lost[names[sensor.number]] = time, self.readings[sensor.number]
+
+
+def rounded(level: float) -> float:
+    """As `round` does, in half of its time."""
+    scaled = level * SCALE
+    near = int(scaled + 0.5) if level > 0.0 else int(scaled - 0.5)
+    plain = near and -0.499 < scaled - near < 0.499
+    return near / SCALE if plain else round(level, PRECISION)
 
 
 def _disturbance(
     count: int, noise: float, delay: int
-) -> Callable[[list[float], Iterable[int]], None]:
+) -> Callable[[list[float], Iterable[Sensed]], None]:
     """What adds noise to readings, as a share of each, and delays them by some evaluations."""
     rng = random.Random("sensing")
     past = [deque[float](maxlen=delay + 1) for _ in range(count)]
 
-    def disturb(readings: list[float], working: Iterable[int]) -> None:
+    def disturb(readings: list[float], working: Iterable[Sensed]) -> None:
         for sensor in working:
-            line = past[sensor]
-            line.append(readings[sensor] * (1.0 + noise * rng.gauss(0.0, 1.0)))
-            readings[sensor] = line[0]
+            line, reading = past[sensor.number], readings[sensor.number]
+            line.append(reading * (1.0 + noise * rng.gauss(0.0, 1.0)))
+            readings[sensor.number] = line[0]
 
     return disturb
 

@@ -8,8 +8,10 @@ import numpy as np
 
 from agentflow.env.physics.engine import World
 from agentflow.env.scene import Scene, SceneObject
+from agentflow.machine.controllers.model import RANGE
 from agentflow.machine.geometry.vectors import (
     IDENTITY,
+    Quat,
     Vec3,
     dot,
     inverse,
@@ -18,96 +20,70 @@ from agentflow.machine.geometry.vectors import (
     subtract,
 )
 
-FEW = 12
-"""Up to so many objects, asking each takes less time than an array that leaves most out."""
+REACH = RANGE + 0.01
+"""How far a ray goes, m."""
+SLACK = 1e-6
+"""By how much what bounds an object is larger, m."""
+FEW = 24
+"""So many objects are asked one by one in less time than an array leaves most out."""
 
 
 class Rays:
     """The ground, boxes and spheres of a scene; cylinders and cones count as boxes."""
 
     def __init__(self, scene: Scene, world: World) -> None:
-        """Keep what does not move; what moves is asked for."""
-        self._world, self._objects = world, scene.objects
-        self._few = len(scene.objects) <= FEW
-        upright = [
-            index
-            for index, item in enumerate(scene.objects)
-            if not item.mass and item.shape != "sphere" and item.rotation is IDENTITY
-        ]
-        self._boxes = [
-            (*(scene.objects[i].position), *(side / 2 for side in scene.objects[i].size))
-            for i in upright
-        ]
-        """Centres and half sides of those that neither move nor are turned."""
-        self._others = [i for i in range(len(scene.objects)) if i not in upright]
-        self._centres = np.array([item.position for item in scene.objects]).reshape(-1, 3)
-        radii = [inf if item.mass else length(item.size) / 2 for item in scene.objects]
-        self._squares = np.array(radii) ** 2
-        """Of the radius around each object; of those that move, infinite."""
+        """Keep what bounds what does not move; what moves is asked for."""
+        self._world, self._moving = world, [item for item in scene.objects if item.mass]
+        self._fixed = [(*_bounds(item), item) for item in scene.objects if not item.mass]
+        """Lower and upper corner, and object."""
+        self._corners = np.array([bounds for *bounds, _ in self._fixed]).reshape(-1, 6)
 
     def first(self, start: Vec3, way: Vec3) -> float:
-        """Distance along a unit vector to the first surface, m; inf if there is none.
+        """Distance along a unit vector to the first surface, m; inf if there is none in `RANGE`.
 
         What the start is inside of does not count.
         """
-        nearest = start[1] / -way[1] if way[1] < 0.0 < start[1] else inf
-        for index in self._others if self._few else self._near(start, way):
-            distance = self._meet(self._objects[index], start, way)
-            nearest = distance if distance < nearest else nearest
-        return self._first_box(start, way, nearest) if self._few else nearest
-
-    def _first_box(self, start: Vec3, way: Vec3, nearest: float) -> float:
-        """The least of `nearest` and the distances to the boxes: `_meet_box` written out, which
-        runs in every reading, and ends where a box can no longer count."""
         (x, y, z), (u, v, w) = start, way
-        along = -1e-12 < w < 1e-12, -1e-12 < u < 1e-12, -1e-12 < v < 1e-12
-        for a, b, c, p, q, r in self._boxes:
-            near, far = -inf, inf
-            if not along[0]:
-                at, half = z - c, r if w > 0.0 else -r
-                near, far = (-half - at) / w, (half - at) / w
-                if far < 0.0 or near >= nearest:
-                    continue
-            elif not -r <= z - c <= r:
+        left, right = (x + REACH * u, x) if u < 0.0 else (x, x + REACH * u)
+        below, above = (y + REACH * v, y) if v < 0.0 else (y, y + REACH * v)
+        behind, ahead = (z + REACH * w, z) if w < 0.0 else (z, z + REACH * w)
+        nearest, fixed = y / -v if v < 0.0 < y else inf, self._fixed
+        if len(fixed) > FEW:
+            low, high = self._corners[:, :3], self._corners[:, 3:]
+            near = (high >= (left, below, behind)) & (low <= (right, above, ahead))
+            fixed = [fixed[i] for i in np.flatnonzero(near.all(axis=1)).tolist()]
+        for a, b, c, p, q, r, item in fixed:
+            if p < left or a > right or r < behind or c > ahead or q < below or b > above:
                 continue
-            if not along[1]:
-                at, half = x - a, p if u > 0.0 else -p
-                one, other = (-half - at) / u, (half - at) / u
-                near, far = one if one > near else near, other if other < far else far
-                if near > far or near >= nearest:
-                    continue
-            elif not -p <= x - a <= p:
-                continue
-            if not along[2]:
-                at, half = y - b, q if v > 0.0 else -q
-                one, other = (-half - at) / v, (half - at) / v
-                near, far = one if one > near else near, other if other < far else far
-                if near > far:
-                    continue
-            elif not -q <= y - b <= q:
-                continue
-            nearest = near if 0.0 <= near < nearest else nearest
+            i, j, k = item.position
+            own = x - i, y - j, z - k
+            plain = item.rotation is IDENTITY and item.shape != "sphere"
+            distance = _meet_box(own, way, item.size) if plain else _meet(item, own, way)
+            nearest = distance if distance < nearest else nearest
+        for item in self._moving:
+            px, py, pz, x, y, z, w, _, _, _, _, _, _ = self._world.row(item.name)
+            place = (
+                (px, pz, py) if item.balance == (0.0, 0.0, 0.0) else self._world.centre(item.name)
+            )
+            distance = _meet(item, subtract(start, place), way, (-x, -z, -y, w))
+            nearest = distance if distance < nearest else nearest
         return nearest
 
-    def _near(self, start: Vec3, way: Vec3) -> list[int]:
-        """The objects that the line may meet."""
-        apart = self._centres - start
-        along = apart @ np.array(way)
-        aside = np.einsum("ij,ij->i", apart, apart) - along * along
-        found: list[int] = np.flatnonzero(aside <= self._squares).tolist()
-        return found
 
-    def _meet(self, item: SceneObject, start: Vec3, way: Vec3) -> float:
-        place, rotation = item.position, item.rotation
-        if item.mass:
-            place, rotation = self._world.centre(item.name), self._world.rotation(item.name)
-        start = subtract(start, place)
-        if item.shape == "sphere":
-            return _meet_sphere(start, way, item.size[0] / 2)
-        if rotation is not IDENTITY:
-            back = inverse(rotation)
-            start, way = rotate_vector(back, start), rotate_vector(back, way)
-        return _meet_box(start, way, item.size)
+def _bounds(item: SceneObject) -> tuple[float, float, float, float, float, float]:
+    """Lower and upper corner of what an object that does not move is in."""
+    sides = item.size if item.rotation is IDENTITY else (length(item.size),) * 3
+    i, j, k = (side / 2 + SLACK for side in sides)
+    x, y, z = item.position
+    return x - i, y - j, z - k, x + i, y + j, z + k
+
+
+def _meet(item: SceneObject, start: Vec3, way: Vec3, rotation: Quat | None = None) -> float:
+    """Distance to an object's surface from a place that is `start` from its centre."""
+    if item.shape == "sphere":
+        return _meet_sphere(start, way, item.size[0] / 2)
+    back = inverse(rotation or item.rotation)
+    return _meet_box(rotate_vector(back, start), rotate_vector(back, way), item.size)
 
 
 def _meet_sphere(start: Vec3, way: Vec3, radius: float) -> float:
@@ -118,16 +94,15 @@ def _meet_sphere(start: Vec3, way: Vec3, radius: float) -> float:
 
 
 def _meet_box(start: Vec3, way: Vec3, size: Vec3) -> float:
+    (x, y, z), (u, v, w), (wide, high, long) = start, way, size
     near, far = -inf, inf
-    for axis in (2, 0, 1):  # most rays look along z
-        at, speed, half = start[axis], way[axis], size[axis] / 2
+    for at, speed, side in ((z, w, long), (x, u, wide), (y, v, high)):  # most rays look along z
+        half = side / 2 if speed < 0.0 else side / -2
         if -1e-12 < speed < 1e-12:
-            if not -half <= at <= half:
+            if not -side <= at + at <= side:
                 return inf
             continue
-        one, other = (-half - at) / speed, (half - at) / speed
-        if one > other:
-            one, other = other, one
+        one, other = (half - at) / speed, (-half - at) / speed
         near, far = one if one > near else near, other if other < far else far
         if near > far:
             return inf

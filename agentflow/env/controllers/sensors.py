@@ -1,9 +1,10 @@
-"""What sensors read in a running world, as functions that are made once for a rollout."""
+"""What sensors read in a running world."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from math import atan2, degrees, hypot
+from typing import NamedTuple
 
 from agentflow.env.controllers.rays import Rays
 from agentflow.env.physics.engine import World
@@ -27,8 +28,22 @@ AHEAD: Mapping[str, Vec3] = {
 }
 
 
+class Sensed(NamedTuple):
+    """A sensor in a rollout."""
+
+    number: int
+    kind: str
+    block: int
+    axis: int
+    """Of three."""
+    way: Vec3
+    """What is turned with the block."""
+    read: Read | None
+    """What reads it; None: `Senses` does."""
+
+
 class Senses:
-    """Makes the functions that read the sensors of one rollout."""
+    """Reads the sensors of one rollout."""
 
     def __init__(
         self, world: World, assembly: Assembly, scene: Scene, loads: Loads, pace: float
@@ -36,50 +51,80 @@ class Senses:
         """Make nothing yet; `pace` is by how much the machine's own clock is slow."""
         self._world, self._assembly, self._scene = world, assembly, scene
         self._loads, self._pace = loads, pace
-        self._rays = Rays(scene, world)
+        self._first, self._motion = Rays(scene, world).first, world.motion
 
-    def read(self, sensor: Sensor) -> Read:
-        """The function that reads a sensor, in the unit of its quantity."""
-        made: Read = getattr(self, f"_{sensor.kind}")(sensor)
-        return made
+    def prepared(self, sensors: Iterable[Sensor]) -> list[Sensed]:
+        """The sensors, in their order."""
+        return [
+            Sensed(
+                number,
+                sensor.kind,
+                sensor.block,
+                "xyz".index((sensor.axis or "y")[0]),
+                AHEAD[{"tilt": "y+", "distance": sensor.axis or ""}.get(sensor.kind, "z+")],
+                own(sensor) if (own := getattr(self, f"_{sensor.kind}", None)) else None,
+            )
+            for number, sensor in enumerate(sensors)
+        ]
+
+    def __call__(self, time: float, sensors: Iterable[Sensed], readings: list[float]) -> None:
+        """Read sensors into the list, each in the unit of its quantity.
+
+        What is read most is written out here, as every call of another function takes longer than
+        the numbers themselves: `rotate_vector` and `centre_of`.
+        """
+        motion, target, known = self._motion, self._scene.target, -1
+        for number, kind, block, axis, way, read in sensors:
+            if read is not None:
+                readings[number] = read(time)
+                continue
+            if block != known:
+                row, arm = motion(block)
+                known = block
+                px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = row
+                a, b, c = arm
+                if a or b or c:
+                    u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+                    a, b, c = (
+                        a + w * u + y * t - z * v,
+                        b + w * v + z * u - x * t,
+                        c + w * t + x * v - y * u,
+                    )
+                centre = px + a, pz + c, py + b
+            if kind == "height":
+                readings[number] = centre[1]
+            elif kind == "target":
+                readings[number] = target[axis] - centre[axis]
+            elif kind == "velocity":
+                a, b, c = centre[0] - px, centre[2] - py, centre[1] - pz
+                if axis == 0:
+                    readings[number] = vx + (wy * c - wz * b)
+                elif axis == 1:
+                    readings[number] = vz + (wx * b - wy * a)
+                else:
+                    readings[number] = vy + (wz * a - wx * c)
+            else:
+                a, b, c = way
+                u, v, t = 2 * (y * b - z * c), 2 * (x * c - y * a), 2 * (z * a - x * b)
+                ahead = (
+                    a + w * u - z * t + y * v,
+                    b + w * v - y * u + x * t,
+                    c + w * t - x * v + z * u,
+                )
+                if kind == "tilt":
+                    readings[number] = degrees(atan2(ahead[axis], ahead[1]))
+                elif kind == "heading":
+                    readings[number] = degrees(atan2(ahead[0], ahead[2]))
+                else:
+                    distance = self._first(centre, ahead)
+                    readings[number] = distance if distance < RANGE else RANGE
 
     def _time(self, _: Sensor) -> Read:
         return lambda time: time / self._pace
 
-    def _height(self, sensor: Sensor) -> Read:
-        world, block = self._world, sensor.block
-        return lambda _: world.centre(block)[1]
-
-    def _tilt(self, sensor: Sensor) -> Read:
-        world, block, axis = self._world, sensor.block, "x z".index(sensor.axis or "z")
-
-        def read(_: float) -> float:
-            up = rotate_vector(world.turn(block), (0.0, 1.0, 0.0))
-            return degrees(atan2(up[axis], up[1]))
-
-        return read
-
-    def _heading(self, sensor: Sensor) -> Read:
-        world, block = self._world, sensor.block
-
-        def read(_: float) -> float:
-            x, _, z = rotate_vector(world.turn(block), (0.0, 0.0, 1.0))
-            return degrees(atan2(x, z))
-
-        return read
-
-    def _velocity(self, sensor: Sensor) -> Read:
-        world, block, axis = self._world, sensor.block, "xyz".index(sensor.axis or "x")
-        return lambda _: world.velocity(block)[axis]
-
     def _spin(self, sensor: Sensor) -> Read:
-        world, block, axis = self._world, sensor.block, "xyz".index(sensor.axis or "x")
-        return lambda _: degrees(world.spin(block)[axis])
-
-    def _target(self, sensor: Sensor) -> Read:
-        world, block, axis = self._world, sensor.block, "xyz".index(sensor.axis or "x")
-        place = self._scene.target[axis]
-        return lambda _: place - world.centre(block)[axis]
+        motion, block, axis = self._motion, sensor.block, "xyz".index(sensor.axis or "x")
+        return lambda _: degrees(swap_turn(motion(block)[0][SPIN])[axis])
 
     def _angle(self, sensor: Sensor) -> Read:
         world, joint = self._world, self._joint(sensor.block, turns=True)
@@ -121,16 +166,6 @@ class Senses:
         def read(_: float) -> float:
             x, y, z, p, q, r = loads.level[joint].tolist()
             return max(hypot(x, y, z), hypot(p, q, r))
-
-        return read
-
-    def _distance(self, sensor: Sensor) -> Read:
-        world, block, ahead = self._world, sensor.block, AHEAD[sensor.axis or "z+"]
-        rays = self._rays
-
-        def read(_: float) -> float:
-            way = rotate_vector(world.turn(block), ahead)
-            return min(RANGE, rays.first(world.centre(block), way))
 
         return read
 

@@ -169,14 +169,12 @@ class World(Protocol):
     def origin(self, block: int) -> Vec3:
         """Building point of a block."""
 
-    def turn(self, block: int) -> Quat:
-        """By how much a block has turned since the machine was built."""
+    def motion(self, block: int) -> tuple[Row, Vec3]:
+        """The row of a block's cluster, and where the block's centre is from that of the cluster,
+        at rest; both in the engine's frame."""
 
-    def velocity(self, block: int) -> Vec3:
-        """Velocity of the centre of a block, m/s."""
-
-    def spin(self, block: int) -> Vec3:
-        """Angular velocity of a block, rad/s."""
+    def row(self, body: Body) -> Row:
+        """The row of a block's cluster or of a moving object, in the engine's frame."""
 
     def part(self, part: int) -> Row:
         """The row of the cluster that a part belongs to, in the engine's frame."""

@@ -44,9 +44,10 @@ class Readings:
         self.row_of: list[int] = self._row.tolist()
         """Row of the cluster that each block belongs to."""
         leading = [assembly.parts[layout.leading[row]].centre for row in self.row_of]
-        self._centre_at = _arms(assembly.centres, leading)
+        self.centre_at = _arms(assembly.centres, leading)
+        """From the centre of each block's cluster to its own, at rest, engine frame, m."""
         self._origin_at = _arms(assembly.origins, leading)
-        self._centre_arms = np.array(self._centre_at).reshape(-1, 3)
+        self._centre_arms = np.array(self.centre_at).reshape(-1, 3)
         self._origin_arms = np.array(self._origin_at).reshape(-1, 3)
         self._rest = np.array(assembly.rotations).reshape(-1, 4)
         self._spanning = [block for block, _, _ in assembly.spans]
@@ -117,14 +118,6 @@ class Readings:
             ends = move_rows(rows[self._end_row], self._end_arms)
             centres[self._spanning] = (ends[0::2] + ends[1::2])[:, POSITION] * 0.5
         return swap_all(centres)
-
-    def centre(self, row: Row, block: int) -> Vec3:
-        """Centre of a block, from the row of its cluster."""
-        px, py, pz, x, y, z, w, _, _, _, _, _, _ = row
-        a, b, c = self._centre_at[block]
-        u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-        a, b, c = a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u
-        return px + a, pz + c, py + b  # `rotate_vector` and `swap`, written out for referees
 
     def origin(self, row: Row, block: int) -> Vec3:
         """Building point of a block, from the row of its cluster."""

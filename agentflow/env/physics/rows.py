@@ -12,6 +12,7 @@ from typing import Protocol
 
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import cross, matrices, turn
+from agentflow.machine.geometry.vectors import Vec3
 
 POSITION, ROTATION = slice(0, 3), slice(3, 7)
 VELOCITY, SPIN = slice(7, 10), slice(10, 13)
@@ -42,6 +43,16 @@ def move_rows(rows: Array, offsets: Array) -> Array:
     moved[:, POSITION] += arms
     moved[:, VELOCITY] += cross(rows[:, SPIN], arms)
     return moved
+
+
+def centre_of(row: Row, arm: Vec3) -> Vec3:
+    """Centre of a block, game frame, from the row of its cluster and its place there at rest,
+    engine frame: `rotate_vector` and `swap`, written out for referees and sensors."""
+    px, py, pz, x, y, z, w, _, _, _, _, _, _ = row
+    a, b, c = arm
+    u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    a, b, c = a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u
+    return px + a, pz + c, py + b
 
 
 def top_speeds(rows: Sequence[Row]) -> tuple[float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import Foreseen, Touch
-from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
+from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.grips import Grips
 from agentflow.env.physics.laws.air import GustClock
 from agentflow.env.physics.laws.forces import Entry
@@ -22,7 +22,7 @@ from agentflow.env.physics.laws.select import Forces, Law, device_laws, wind_law
 from agentflow.env.physics.laws.tension import SpringForce, WinchForce
 from agentflow.env.physics.model import Assembly, State
 from agentflow.env.physics.readings import Readings, states_of
-from agentflow.env.physics.rows import ROTATION, SPIN, Row, Rows
+from agentflow.env.physics.rows import ROTATION, Row, Rows, centre_of
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Skeleton, skeleton
 from agentflow.env.rollout import Array
@@ -196,44 +196,32 @@ class BaseWorld(ABC, Generic[Own]):
 
     def centre(self, body: Body) -> Vec3:
         if isinstance(body, int):
-            now = self.now
-            return now.readings.centre(now.rows[now.readings.row_of[body]], body)
+            now = self.now  # written out, for referees
+            row, at = now.rows[now.readings.row_of[body]], now.readings.centre_at[body]
+            return centre_of(row, at)
         item = self._objects[body]
         if not item.mass:
             return item.position
-        px, py, pz, x, y, z, w, *_ = self._row(body)
+        px, py, pz, x, y, z, w, *_ = self.row(body)
         return swap(subtract((px, py, pz), rotate_vector((x, y, z, w), swap(item.balance))))
 
     def rotation(self, body: Body) -> Quat:
         if isinstance(body, int):
-            return self.now.readings.rotation(self._row(body), body)
+            return self.now.readings.rotation(self.row(body), body)
         item = self._objects[body]
-        return swap_quaternion(self._row(body)[ROTATION]) if item.mass else item.rotation
+        return swap_quaternion(self.row(body)[ROTATION]) if item.mass else item.rotation
 
     def origin(self, block: int) -> Vec3:
-        return self.now.readings.origin(self._row(block), block)
+        return self.now.readings.origin(self.row(block), block)
 
-    def turn(self, block: int) -> Quat:
-        now = self.now  # written out, as `centre` and `velocity`, for what senses
-        _, _, _, x, y, z, w, _, _, _, _, _, _ = now.rows[now.readings.row_of[block]]
-        return -x, -z, -y, w
-
-    def velocity(self, block: int) -> Vec3:
+    def motion(self, block: int) -> tuple[Row, Vec3]:
         now = self.now
-        row = now.rows[now.readings.row_of[block]]
-        px, py, pz, _, _, _, _, vx, vy, vz, wx, wy, wz = row
-        x, z, y = now.readings.centre(row, block)
-        a, b, c = x - px, y - py, z - pz
-        return vx + (wy * c - wz * b), vz + (wx * b - wy * a), vy + (wz * a - wx * c)
-
-    def spin(self, block: int) -> Vec3:
-        return swap_turn(self._row(block)[SPIN])
+        return now.rows[now.readings.row_of[block]], now.readings.centre_at[block]
 
     def part(self, part: int) -> Row:
         return self.now.rows[self.now.layout.locations.row.item(part)]
 
-    def _row(self, body: Body) -> Row:
-        """The row of a block's cluster or of a moving object."""
+    def row(self, body: Body) -> Row:
         now = self.now
         if isinstance(body, int):
             return now.rows[now.readings.row_of[body]]

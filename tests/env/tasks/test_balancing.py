@@ -50,6 +50,10 @@ def test_gusts_are_drawn_by_the_seed_and_not_told() -> None:
     assert trials[0].trials(0) == (trials[0],)
     with pytest.raises(ConfigError, match=r"stop\.gap and balance\.height exclude each other"):
         get_task("movement/7", {"stop.gap": 1})
+    with pytest.raises(
+        ConfigError, match=r"until 10\.2 s, .* 10 s has ended: lower balance\.until"
+    ):
+        get_task("movement/7", {"balance.until": 9.7})
 
 
 @pytest.mark.parametrize("engine", ["pybullet", "mujoco"])

@@ -30,6 +30,8 @@ def test_moments_are_drawn_by_the_seed_and_not_told() -> None:
     assert get_task("transport/2").trials(0) == (get_task("transport/2"),)
     with pytest.raises(ConfigError, match=r"cargo of transport/6: falls must be 0 or at least 1"):
         get_task("transport/6", {"cargo.falls": 0.5})
+    with pytest.raises(ConfigError, match=r"may fall at 9 s, .* 8 s has ended: lower cargo\.falls"):
+        get_task("transport/6", {"cargo.falls": 9, "window": 8})
 
 
 @pytest.mark.parametrize("engine", ["pybullet", "mujoco"])

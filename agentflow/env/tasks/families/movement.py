@@ -14,7 +14,7 @@ from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import series
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject
-from agentflow.env.tasks.balancing import WHEEL, Balance, BalanceReferee
+from agentflow.env.tasks.balancing import LASTS, WHEEL, Balance, BalanceReferee
 from agentflow.env.tasks.base import Parameters, Referee, Task, WorldView
 from agentflow.env.tasks.descriptors import ON_WHEELS, Descriptor
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
@@ -66,6 +66,11 @@ class MovementKnobs(CommonKnobs):
     def _one_aim(self) -> MovementKnobs:
         if self.stop.gap and self.balance.height:
             raise ValueError("stop.gap and balance.height exclude each other: set one of them to 0")
+        if self.balance.height and self.balance.until + LASTS > self.window:
+            raise ValueError(
+                f"a gust may blow until {self.balance.until + LASTS:g} s, when the window of "
+                f"{self.window:g} s has ended: lower balance.until, or raise window"
+            )
         return self
 
     @property

@@ -90,6 +90,15 @@ class TransportKnobs(CommonKnobs):
     wall: Wall = Wall()
     ground: UnevenGround = UnevenGround()
 
+    @model_validator(mode="after")
+    def _falls_in_the_window(self) -> TransportKnobs:
+        if self.cargo.mass and self.cargo.falls >= self.window:
+            raise ValueError(
+                f"the cargo may fall at {self.cargo.falls:g} s, when the window of "
+                f"{self.window:g} s has ended: lower cargo.falls, or raise window"
+            )
+        return self
+
     @property
     def trials(self) -> int:
         """How many there are; 1 unless the moment at which the cargo falls is drawn."""
