@@ -87,7 +87,7 @@ def _explain(kind: type[Parameters], error: ValidationError, source: str) -> str
     first = error.errors(include_url=False)[0]
     name = ".".join(str(part) for part in first["loc"])
     if first["type"] == "value_error":
-        return f"{name} of {source}: {first['ctx']['error']}"
+        return f"{name or 'knobs'} of {source}: {first['ctx']['error']}"
     known = {item.name: item for item in knobs_of(kind)}
     found = known.get(name) or known.get(".".join(map(str, first["loc"][:2])))  # a key of a mapping
     if found is None or first["type"] == "extra_forbidden":
