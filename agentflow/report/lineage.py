@@ -23,7 +23,7 @@ from agentflow.runs.events import (
     RunEvent,
     ToolEvent,
 )
-from agentflow.runs.locations import Location
+from agentflow.runs.locations import STAGE_WORDS, Location
 
 REFUSED, INVALID = "refused", "invalid"
 
@@ -74,7 +74,7 @@ class _ToolNodes:
         nodes[event.label] = LineageNode(
             id=event.label,
             parent=self._find(str(given.get("machine" if event.tool == "edit" else "parent", ""))),
-            title=f"{event.tool}, call {event.location.call}",
+            title=f"machine {len(self._made) + 1}" if event.machine else f"refused {event.tool}",
             kind=REFUSED if event.refused else event.location.name,
             machine=event.machine,
             edit=str(given.get("script") or given.get("note") or ""),
@@ -279,6 +279,7 @@ def _search_of(location: Location) -> Location:
 
 
 def _title(location: Location) -> str:
-    detail = f"round {location.round}" if location.round else location.name.replace("_", " ")
+    stage = STAGE_WORDS.get(location.name, location.name).replace("first designs", "first design")
+    detail = f"round {location.round}" if location.round else stage
     detail += f", trial {location.try_ + 1}" if location.try_ else ""
     return f"trajectory {location.trajectory}, {detail}"

@@ -24,7 +24,7 @@ from agentflow.runs.events import (
     ToolEvent,
     read_typed_events,
 )
-from agentflow.runs.locations import STAGE_WORDS
+from agentflow.runs.locations import STAGE_WORDS, Location
 from agentflow.runs.record import RunRecord
 from agentflow.runs.result import BUDGET, RunResult
 
@@ -87,7 +87,7 @@ class RunStory:
             "archive": archive_of(self.events),
             "front": self._result_data.get("front"),
             "makers": self._result_data.get("makers"),
-            "stages": [stage.data for stage in record.stages],
+            "stages": [{**stage.data, "words": stage.location.words} for stage in record.stages],
             "validity": validity(attempts),
             "reasons": rejection_reasons(attempts),
             "usage": usage(read_calls(self.path), cost),
@@ -104,12 +104,14 @@ class RunStory:
         return {
             "task": config.get("task", ""),
             "workflow": config.get("workflow", ""),
+            "author": model,
             "seed": config.get("seed", 0),
             "score": self.result.score if self.result else record.best,
             "verified": with_holding(self._result_data.get("verified")),
             "sentence": self._sentence(record.best is not None),
-            "about": f"{model}: {counted(record.calls, 'call')}, "
-            f"{counted(len(record.machines), 'machine')} simulated",
+            "about": f"{model}: "
+            + f"{counted(record.calls, 'call')}, " * bool(record.calls)
+            + f"{counted(len(record.machines), 'machine')} simulated",
             "prices": priced,
         }
 
@@ -212,7 +214,7 @@ def tool_call(event: ToolEvent) -> dict[str, Any]:
     given = event.arguments if isinstance(event.arguments, Mapping) else {}
     sent = "\n".join(f"{name}: {value}" for name, value in given.items())
     return {
-        "label": f"{event.label}: {event.tool}",
+        "label": f"{event.location.words}: {event.tool}",
         "refused": event.refused,
         "sent": sent,
         "answer": event.answer,
@@ -240,6 +242,7 @@ def conversations(
         found.append(
             {
                 "label": request["label"],
+                "title": Location.parse(request["label"]).words,
                 "valid": verdict.valid if verdict else None,
                 "repaired": verdict is not None and verdict.repaired,
                 "problem": verdict.problem if verdict else "",

@@ -77,6 +77,15 @@ class Location:
         return "/".join([self.name, *parts] if self.name else parts)
 
     @property
+    def words(self) -> str:
+        """As pages show it: "refiner, feedback, trajectory 1, round 2, attempt 2"."""
+        numbers = {word: getattr(self, part) for word, part in _PARTS.items() if word != "node"}
+        numbers |= {word: 0 for word in ("try", "attempt") if numbers[word] == 1}
+        name = STAGE_WORDS.get(self.name, self.name.replace("/", ", ").replace("_", " "))
+        told = (f"{_PARTS[word].strip('_')} {number}" for word, number in numbers.items() if number)
+        return ", ".join(filter(None, (name, *told)))
+
+    @property
     def role(self) -> str:
         """Role that a call is made to."""
         return self.name.partition("/")[0]

@@ -141,7 +141,7 @@ def test_it_opens_without_a_word_and_loads_nothing(opened: webdriver.Chrome, pag
     ]
     assert [url for url in asked if not url.startswith("data:")] == [page.as_uri()]
     assert find(opened, "h1").text == "throwing"
-    assert find(opened, ".score").text == "12.50 is the best so far: the run is unfinished"
+    assert find(opened, ".score").text == "12.50 m is the best so far: the run is unfinished"
 
 
 def test_it_plays_pauses_and_goes_slowly(opened: webdriver.Chrome) -> None:
@@ -170,10 +170,10 @@ def test_keys_play_step_and_jump(opened: webdriver.Chrome) -> None:
 
 
 def test_the_tree_shows_a_machine_that_breaks(opened: webdriver.Chrome) -> None:
-    assert title(opened) == "trajectory 1, initial · 12.50"
+    assert title(opened) == "trajectory 1, first design · 12.50 m"
     assert reds(opened) == 0
     node(opened, "env_feedback/traj-1/node-1").click()
-    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
+    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0 m")
     until(opened, lambda: "broke off" in find(opened, ".events").text)
     assert "As recorded" not in find(opened, ".remark").text
     assert reds(opened) == 0
@@ -187,7 +187,7 @@ def test_arrow_keys_walk_the_tree(opened: webdriver.Chrome) -> None:
     opened.switch_to.active_element.send_keys(Keys.ARROW_RIGHT)
     until(opened, lambda: title(opened) == "rejected edit")
     opened.switch_to.active_element.send_keys(Keys.ARROW_UP)
-    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
+    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0 m")
     focused = opened.switch_to.active_element
     assert focused.get_attribute("aria-selected") == "true"
     assert focused.get_attribute("aria-level") == "2"
@@ -202,7 +202,7 @@ def test_points_of_a_chart_say_what_they_are_and_pick_their_machine(
     answer = find(opened, ".answer").text
     assert answer.startswith("score 0 at ")
     chart.send_keys(Keys.ENTER)
-    until(opened, lambda: title(opened).endswith(" · 0"))
+    until(opened, lambda: title(opened).endswith(" · 0 m"))
 
 
 def ticks(chart: WebElement) -> list[str]:
@@ -287,7 +287,7 @@ def test_kinds_of_machines_open_their_films(opened: webdriver.Chrome) -> None:
     names = opened.find_elements(By.CSS_SELECTOR, ".heat tfoot th")
     assert [name.get_property("textContent") for name in names] == [VISIBLE, "motors"]
     cells[0].click()
-    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
+    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0 m")
     card = find(opened, ".card")
     assert card.find_element(By.TAG_NAME, "span").get_property("textContent") == VISIBLE
     assert card.text.startswith("12.50")
@@ -298,7 +298,7 @@ def test_kinds_of_machines_open_their_films(opened: webdriver.Chrome) -> None:
     assert len(Image.open(io.BytesIO(drawn)).convert("RGB").getcolors(1 << 20) or ()) > 50
     assert card.find_element(By.TAG_NAME, "small").text == "2 machines"
     card.click()
-    until(opened, lambda: title(opened).endswith("12.50"))
+    until(opened, lambda: title(opened).endswith("12.50 m"))
     assert opened.execute_script("return window.owned ?? null") is None
     assert complaints(opened) == []
 
@@ -334,7 +334,7 @@ def test_nothing_is_wider_than_a_phone(browser: webdriver.Chrome, page: Path, da
 def test_the_gallery_plays_one_machine_at_a_time(browser: webdriver.Chrome, tmp_path: Path) -> None:
     out = gallery([RECORDED, RECORDED], tmp_path / "gallery.html", workers=1, say=quiet)
     result = read_result(RECORDED)
-    scores = f"{result.score:.2f} (verified: {result.verified_score:.2f})"
+    scores = f"{result.score:.2f} m (verified: {result.verified_score:.2f} m)"
     complaints(browser)
     browser.get(out.as_uri())
     until(browser, lambda: title(browser) == f"throwing · {scores}")
@@ -357,7 +357,9 @@ def test_a_comparison_plays_both_films(browser: webdriver.Chrome, tmp_path: Path
     found = compare((str(car), str(lame)), task, 0, out=out, workers=2, say=quiet)
     complaints(browser)
     browser.get(out.as_uri())
-    titles = [f"{side} · {m['score']:.2f}" for side, m in zip("AB", found["machines"], strict=True)]
+    titles = [
+        f"{side} · {m['score']:.2f} m" for side, m in zip("AB", found["machines"], strict=True)
+    ]
     until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, "output")) == 2)
     assert [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".title")] == titles
     find(browser, ".both").click()
@@ -379,7 +381,7 @@ def test_the_shown_machine_can_be_downloaded(opened: webdriver.Chrome, tmp_path:
     until(opened, lambda: list(tmp_path.glob("*.html")))
     assert "Step 1 of" in next(tmp_path.glob("*.html")).read_text(encoding="utf-8")
     node(opened, "env_feedback/traj-1/node-1").click()
-    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
+    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0 m")
     digest = find(opened, ".chosen p").text.split(" · ")[-1]
     buttons = opened.find_elements(By.CSS_SELECTOR, ".files button")
     assert [button.text for button in buttons] == [".json", ".bsg", ".glb", "parts list"]

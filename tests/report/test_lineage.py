@@ -78,7 +78,7 @@ def test_a_refused_edit_hangs_on_what_it_was_to_refine() -> None:
         ]
     ).finish("a")
     assert outline(nodes) == [
-        ("initial/traj-1", None, "trajectory 1, initial", 1.0, True),
+        ("initial/traj-1", None, "trajectory 1, first design", 1.0, True),
         (
             "env_feedback/traj-1/round-1/node-0/try-1",
             "initial/traj-1",
@@ -118,7 +118,7 @@ def test_random_edits_grow_from_the_last_that_was_kept() -> None:
     nodes = Lineage.of([*events, *edit(3, "d", 3.0, True)]).finish(None)
     location = "env_feedback/traj-1/round"
     assert outline(nodes) == [
-        ("initial/traj-1", None, "trajectory 1, initial", 1.0, True),
+        ("initial/traj-1", None, "trajectory 1, first design", 1.0, True),
         (f"{location}-1", "initial/traj-1", "trajectory 1, round 1", 2.0, True),
         (f"{location}-2", f"{location}-1", "trajectory 1, round 2", 0.0, False),
         (f"{location}-3", f"{location}-1", "trajectory 1, round 3", 3.0, True),
@@ -173,9 +173,9 @@ def test_machines_that_tools_made() -> None:
     ]
     nodes = Lineage.of(events).finish(second)
     assert outline(nodes) == [
-        ("env_feedback/call-1", None, "check, call 1", 1.0, True),
-        ("env_feedback/call-3", "env_feedback/call-1", "edit, call 3", 2.0, True),
-        ("env_feedback/call-4", "env_feedback/call-3", "edit, call 4", None, False),
+        ("env_feedback/call-1", None, "machine 1", 1.0, True),
+        ("env_feedback/call-3", "env_feedback/call-1", "machine 2", 2.0, True),
+        ("env_feedback/call-4", "env_feedback/call-3", "refused edit", None, False),
     ]
     assert [node.kind for node in nodes] == ["env_feedback", "env_feedback", "refused"]
     assert nodes[1].edit == "Remove 3"

@@ -37,6 +37,7 @@ def test_a_finished_run() -> None:
     assert data["run"] == {
         "task": "throwing",
         "workflow": "hierarchical",
+        "author": "procedural (no language model)",
         "seed": 0,
         "score": result.score,
         "verified": with_holding(result.to_json()["verified"]),

@@ -130,6 +130,15 @@ def test_a_label_names_a_location(label: str, location: Location) -> None:
     assert (Location.parse(label), str(location)) == (location, label)
 
 
+def test_pages_show_a_label_in_words() -> None:
+    told = {
+        "refiner/traj-1/round-2/node-0/try-1/attempt-1": "refiner, trajectory 1, round 2",
+        "designer/structure-1/traj-2/attempt-3": "designer, structure 1, trajectory 2, attempt 3",
+        "env_feedback/call-4": "refinement with feedback, call 4",
+    }
+    assert {label: Location.parse(label).words for label in told} == told
+
+
 def test_any_label_is_read_and_written_alike() -> None:
     chance = random.Random(1)
     parts = ["traj-1", "traj-01", "traj-0", "node-0", "try-٣", "round-9999999999", "a", "", "\n"]

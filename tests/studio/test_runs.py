@@ -85,6 +85,20 @@ def test_rows_are_read_again_only_when_files_change(runs: Path) -> None:
     assert after["curve"] == before["curve"]
 
 
+def test_a_look_that_has_no_time_tells_what_is_left_and_the_next_one_goes_on(runs: Path) -> None:
+    for name in ("b", "c"):
+        shutil.copytree(RECORDED, runs / name)
+    os.utime(runs / "b", (2e9, 2e9))  # the newest comes first
+    listing, found = Listing(RunFolder(runs)), []
+    for _ in range(3):
+        rows, left = listing.look(0)
+        found.append(([row["run"] for row in rows], left))
+    assert found[0] == (["b"], 2)
+    assert [(len(names), left) for names, left in found] == [(1, 2), (2, 1), (3, 0)]
+    assert sorted(row["run"] for row in listing.rows()) == ["b", "c", "throwing"]
+    assert {row["unit"] for row in listing.rows()} == {"m"}
+
+
 def test_runs_of_a_sweep_name_it(runs: Path) -> None:
     (runs / "study").mkdir()
     (runs / "study" / "sweep.yaml").touch()

@@ -267,7 +267,7 @@ def test_a_session_is_replayed_with_its_machines(browser: Browser, opened: str) 
         browser.post("/api/session/event", {"session": opened, "event": event})
     found = browser.get("/api/session/replay", session=opened)
     assert [(event["kind"], event["text"]) for event in found["events"]] == [
-        ("action", "add 1, Wooden Block"),
+        ("action", "added block 1, Wooden Block"),
         ("note", "too slow"),
     ]
     first, last = found["machine"], found["events"][-1]["machine"]

@@ -368,15 +368,19 @@ def repetition(path: Path, document: Mapping[str, Any]) -> Workflow | None:
 
 def task_of_run(path: Path, document: Mapping[str, Any]) -> Task:
     """The task of a run as it was when the run began; see `level_of_run`."""
-    knobs = build_config(document.get("config")).knobs
-    return make_task(level_of_run(path, document), knobs, engine_of_run(document))
+    config = build_config(document.get("config"))
+    engine = _engine_of(config, document)
+    return make_task(level_of_run(path, document), config.knobs, engine)
 
 
 def engine_of_run(document: Mapping[str, Any]) -> str:
     """Name of the engine that a run began with; `AUTO` if its run.yaml does not name one."""
-    configured = build_config(document.get("config")).engine
+    return _engine_of(build_config(document.get("config")), document)
+
+
+def _engine_of(config: DesignConfig, document: Mapping[str, Any]) -> str:
     name, _, _ = str(document.get("engine", AUTO)).rpartition(" ")
-    return name if configured == AUTO and name else configured
+    return name if config.engine == AUTO and name else config.engine
 
 
 def level_note(path: Path, document: Mapping[str, Any]) -> str:

@@ -37,11 +37,15 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
     """
     if not folder.is_dir():
         raise RunError(f"no such directory: {folder}")
-    for path in find_runs(folder):
-        try:
-            yield _summary(*_read(path))
-        except UsageError as error:
-            yield _row(path, "damaged", {}, str(error))
+    yield from map(run_row, find_runs(folder))
+
+
+def run_row(path: Path, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """One run as `run_list` lists it; `document` is its run.yaml, if that has been read."""
+    try:
+        return _summary(*_read(path, document))
+    except UsageError as error:
+        return _row(path, "damaged", {}, str(error))
 
 
 def _row(path: Path, state: str, result: Mapping[str, Any], problem: str = "") -> dict[str, Any]:
@@ -52,9 +56,11 @@ def _row(path: Path, state: str, result: Mapping[str, Any], problem: str = "") -
     return {"run": str(path), "state": state, **known, "settings": settings, "problem": problem}
 
 
-def _read(path: Path) -> tuple[Path, str, dict[str, Any], RunResult | None]:
+def _read(
+    path: Path, document: Mapping[str, Any] | None = None
+) -> tuple[Path, str, Mapping[str, Any], RunResult | None]:
     """A run with its state, the content of its run.yaml, and its result if it is finished."""
-    state, document = state_of(path), read_document(path)
+    state, document = state_of(path), read_document(path) if document is None else document
     return path, state, document, read_result(path) if state == "done" else None
 
 

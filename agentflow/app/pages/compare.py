@@ -163,10 +163,9 @@ class Comparison:
         return {
             "kind": "compare",
             **self.found(played),
-            "task": f"{self.level.name} · {self.engine}",
             "films": films,
             **shapes.data,
-            "asked": task_wording(brief),
+            "asked": {**task_wording(brief), "unit": self.level.unit},
         }
 
 

@@ -161,7 +161,8 @@ def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:
 def task_summary(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
     """Title, objective, score and scene of the task of a run, as worded in prompts."""
     title = level_of_run(path, document).file.title
-    return {"title": title, **task_wording(task_of_run(path, document).brief)}
+    task = task_of_run(path, document)
+    return {"title": title, "unit": task.unit, **task_wording(task.brief)}
 
 
 def task_wording(brief: Brief) -> dict[str, Any]:

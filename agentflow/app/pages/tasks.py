@@ -63,4 +63,4 @@ def _level(number: int, name: str) -> dict[str, Any]:
     views = level_plans(task)
     draw_plans(views, task.scene().wind, pen)
     svg = pen.to_svg(place_plans(views)[1], f"{task.name} from above and from the right")
-    return {**task_json(name), "anchor": f"level-{number}", "svg": svg}
+    return {**task_json(name), "anchor": f"level-{number}", "svg": svg, "unit": task.unit}

@@ -209,17 +209,18 @@ class ClientRuns:
         self._verifying: set[asyncio.Task[Any]] = set()
         self._turn = asyncio.Lock()
 
-    def open(self, author: str) -> RunSession:
-        """The session of a new client; `author` is who results say has designed."""
-        begin = partial(self._begin, author)
+    def open(self, author: str, name: str = "") -> RunSession:
+        """The session of a new client; `author` is who results say has designed, `name` that of
+        the run."""
+        begin = partial(self._begin, author, name)
         session = RunSession(begin, self._verify, self._notify)
         self._sessions = [*(one for one in self._sessions if not one.is_over), session]
         return session
 
-    def _begin(self, author: str, worker: Worker) -> DesignRun:
+    def _begin(self, author: str, name: str, worker: Worker) -> DesignRun:
         workflow = workflow_of(worker, author, self._stages)
         options = RunOptions(self._notify, pool=self._pool, workflow=workflow)
-        run = DesignRun.create(self._config, self._out, options, "")
+        run = DesignRun.create(self._config, self._out, options, name)
         self._notify(f"{author}: {run.directory.path}")
         return run
 

@@ -140,6 +140,11 @@ class Task(ABC):
         return 0.0, 0
 
     @property
+    def unit(self) -> str:
+        """Of its scores; "" if they are plain numbers."""
+        return ""
+
+    @property
     @abstractmethod
     def brief(self) -> Brief:
         """Description for designers, and the constraints that validation checks."""

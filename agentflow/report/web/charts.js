@@ -93,9 +93,11 @@ export function intervalChart(title, unit, rows, mark) {
     const marks = rows.flatMap((row, index) => {
       const y = 34 + BAND * index;
       const below = y + 16;
+      const whole = statistics(row); // without the range where it would meet the name: it is drawn
+      const told = LETTER * row.name.length + SMALL * whole.length > xs.to - xs.from ? statistics({ ...row, low: NaN }) : whole;
       return [
-        svg("text", { class: "name", x: xs.from, y: y - 15 }, svg("title", {}, row.name), truncate(row.name, xs.to - xs.from - SMALL * statistics(row).length)),
-        svg("text", { class: "tick end", x: xs.to, y: y - 15 }, statistics(row)),
+        svg("text", { class: "name", x: xs.from, y: y - 15 }, svg("title", {}, row.name), truncate(row.name, xs.to - xs.from - SMALL * told.length)),
+        svg("text", { class: "tick end", x: xs.to, y: y - 15 }, told),
         ...stackDots(row.values.map(xs)).map(([x, off]) => svg("circle", { class: "dot", cx: x, cy: y + off, r: DOT })),
         Number.isFinite(row.low) && Number.isFinite(row.high)
           ? svg("path", { class: "interval", d: `M${xs(row.low)} ${below}H${xs(row.high)}M${xs(row.low)} ${below - 3}v6M${xs(row.high)} ${below - 3}v6` }) : null,

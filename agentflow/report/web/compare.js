@@ -1,6 +1,6 @@
 // The page of a comparison: two films side by side, and the blocks that differ.
 
-import { el, section, formatNumber, table } from "./dom.js";
+import { el, section, formatNumber, table, withUnit } from "./dom.js";
 import { Player } from "./player.js";
 import { problem, taskDetails } from "./text.js";
 
@@ -10,7 +10,7 @@ const NAMES = ["A", "B"];
 export function comparePage(data, made = []) {
   const players = data.machines.map((machine, side) => {
     const player = new Player(data.shapes, data.files);
-    const score = machine.score === null ? "no score" : formatNumber(machine.score);
+    const score = machine.score === null ? "no score" : withUnit(machine.score, data.asked.unit);
     player.show(data.films[side], `${NAMES[side]} · ${score}`, machine.source);
     return player;
   });
@@ -25,9 +25,9 @@ export function comparePage(data, made = []) {
   if (data.only.some((blocks) => blocks.length)) mark(data.only.every((blocks) => blocks.length <= data.same)); // else nearly all would be marked
   else differ.disabled = true;
   return [
-    el("main", { class: "alone" },
-      el("header", {}, el("p", { class: "kind" }, `agentflow comparison · seed ${data.seed}`), el("h1", {}, data.task), taskDetails(data.asked)),
-      el("p", { class: "ahead" }, ahead(data.machines)),
+    el("main", { class: "alone compare" },
+      el("header", {}, el("p", { class: "kind" }, `agentflow comparison · seed ${data.seed} · ${data.engine}`), el("h1", {}, data.task), taskDetails(data.asked)),
+      el("p", { class: "ahead" }, ahead(data.machines, data.asked.unit)),
       el("p", { class: "actions" }, el("button", { class: "both", click: both }, "Play both"), differ),
       el("div", { class: "pair" }, ...players.map((player) => player.element)),
       ...data.machines.flatMap(({ problems }, side) => problems.map((text) => problem(`${NAMES[side]} is not valid for ${data.task}: ${text}`))),
@@ -52,17 +52,17 @@ function keepInStep(players) {
 }
 
 /** Which machine scores more, and by how much. */
-function ahead([{ score: a }, { score: b }]) {
+function ahead([{ score: a }, { score: b }], unit) {
   if (a === null || b === null) return a === b ? "Neither machine has a score." : `Only ${a === null ? "B" : "A"} has a score.`;
-  if (a === b) return `Both score ${formatNumber(a)}.`;
+  if (a === b) return `Both score ${withUnit(a, unit)}.`;
   const [best, worst] = [Math.max(a, b), Math.min(a, b)];
-  return `${a > b ? "A" : "B"} scores ${formatNumber(best - worst)} more: ${formatNumber(best)} against ${formatNumber(worst)}${worst > 0 ? ` (+${formatNumber(Math.round((100 * (best - worst)) / worst))} %)` : ""}.`;
+  return `${a > b ? "A" : "B"} scores ${withUnit(best - worst, unit)} more: ${withUnit(best, unit)} against ${withUnit(worst, unit)}${worst > 0 ? ` (+${formatNumber(Math.round((100 * (best - worst)) / worst))} %)` : ""}.`;
 }
 
-function rows({ machines, types }) {
+function rows({ machines, types, asked }) {
   return [
     ["Machine", ...machines.map((machine) => machine.source)],
-    ["Score", ...machines.map((machine) => machine.score)],
+    [asked.unit ? `Score, ${asked.unit}` : "Score", ...machines.map((machine) => machine.score)],
     ["Blocks", ...machines.map((machine) => machine.blocks)],
     ["Mass, kg", ...machines.map((machine) => machine.mass)],
     ["Size, m", ...machines.map((machine) => machine.size.join(" × "))],

@@ -28,7 +28,10 @@ export function formatNumber(value, digits = 2) {
 }
 
 /** A verified score, marked if its machine is fragile. */
-export const verifiedText = (score, fragile) => formatNumber(score) + (fragile ? " (fragile)" : "");
+export const verifiedText = (score, fragile, unit = "") => withUnit(score, unit) + (fragile ? " (fragile)" : "");
+
+/** A number with its unit, if both are there. */
+export const withUnit = (value, unit) => formatNumber(value) + (unit && value !== null && value !== undefined ? ` ${unit}` : "");
 
 const LONG = 40; // characters from which a cell may wrap
 
@@ -42,7 +45,7 @@ export function table(caption, head, rows, labels = Infinity) {
   const again = (index, column) =>
     labels !== Infinity && column < labels && rows[index - 1] && rows[index] && rows[index].slice(0, column + 1).every((text, i) => text === rows[index - 1][i]);
   const cell = (value, column, index) =>
-    el("td", { class: [kind(column), again(index, column) && "again", again(index + 1, column) && "open", value?.length > LONG && "long"].filter(Boolean).join(" ") }, typeof value === "number" || value === null ? formatNumber(value) : value);
+    el("td", { class: [kind(column), again(index, column) && "again", again(index + 1, column) && "ongoing", value?.length > LONG && "long"].filter(Boolean).join(" ") }, typeof value === "number" || value === null ? formatNumber(value) : value);
   return el(
     "div",
     { class: "table", role: "region", tabindex: "0", "aria-label": caption || "Table" },

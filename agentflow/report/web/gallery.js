@@ -1,7 +1,7 @@
 // The gallery: machines with their scores, one player for all of them. The part of the address
 // after # chooses a machine: gallery.html#throwing/3.
 
-import { el, formatNumber, verifiedText } from "./dom.js";
+import { el, verifiedText, withUnit } from "./dom.js";
 import { Player } from "./player.js";
 import { taskDetails, problem } from "./text.js";
 
@@ -31,13 +31,13 @@ export function galleryPage(data) {
     el("aside", {}, player.element),
     el("main", {},
       el("header", {}, el("p", { class: "kind" }, "agentflow gallery"), el("h1", {}, data.title),
-        el("p", { class: "lede" }, "Select a machine to see its film. Scores of different tasks have different units.")),
+        el("p", { class: "lede" }, "Select a machine to see its film.")),
       chosen,
       el("div", { class: "cards" }, ...cards)),
   ];
 }
 
-function scoreText({ score, verified, fragile }) {
+function scoreText({ score, verified, fragile, asked }) {
   if (score === null) return "no score";
-  return formatNumber(score) + (verified === null ? "" : ` (verified: ${verifiedText(verified, fragile)})`);
+  return withUnit(score, asked.unit) + (verified === null ? "" : ` (verified: ${verifiedText(verified, fragile, asked.unit)})`);
 }

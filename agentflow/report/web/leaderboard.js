@@ -19,7 +19,7 @@ export function leaderboardParts({ cards, parts, tables, notes }) {
   const lines = cards.filter(({ course }) => course.length).map(({ model, course }) => ({ name: model, points: course }));
   return [
     section("Ranking", shareChart("Mean shares, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
-    section("Families", heatMap(cards, parts), el("p", { class: "quiet" }, `Large: ${parts[0]}${parts[1] ? `; small: ${parts[1]}` : ""}. Stronger colour means a greater share.`)),
+    section("Families", heatMap(cards, parts), el("p", { class: "quiet" }, `${parts[1] ? `Large: ${parts[0]}; small: ${parts[1]}. ` : ""}Stronger colour means a greater share.`)),
     lines.length ? section("Share over simulations", lineChart("Mean share of the best machine so far, by plain score", "", "simulations", lines)) : null,
     section("How it ended", ...parts.map((part) => table(`Machines of the part ${part}`, ["Model", ...Object.values(OUTCOMES)], outcomes(cards, part)))),
     tableSection(tables[0], "All numbers"), ...tables.slice(1).map((item) => el("details", {}, el("summary", {}, item.title), tableSection(item, item.title))),
@@ -36,12 +36,12 @@ function heatMap(cards, parts) {
   const families = Object.keys(cards[0].families);
   return el("div", { class: "table", role: "region", tabindex: "0", "aria-label": "Families and models" }, el("table", { class: "heat shares" },
     el("thead", {}, el("tr", {}, el("td", {}), ...families.map((name) => el("th", { scope: "col" }, name)))),
-    el("tbody", {}, ...cards.map(({ model, families: shares }) => el("tr", {}, el("th", { scope: "row" }, model), ...families.map((name) => heatCell(shares[name], parts)))))));
+    el("tbody", {}, ...cards.map(({ model, families: shares }) => el("tr", {}, el("th", { scope: "row" }, model), ...families.map((name) => heatCell(name, shares[name], parts)))))));
 }
 
-function heatCell(shares, [main, lesser]) {
+function heatCell(name, shares, [main, lesser]) {
   const percent = (part) => (shares[part].mean === null ? "–" : `${formatNumber(Math.round(100 * shares[part].mean))} %`);
-  const cell = el("td", {}, el("b", {}, percent(main)), lesser ? el("small", {}, percent(lesser)) : "");
+  const cell = el("td", { "data-family": name }, el("b", {}, percent(main)), lesser ? el("small", {}, percent(lesser)) : "");
   cell.style.setProperty("--share", `${Math.round(70 * Math.min(shares[main].mean ?? 0, 1))}%`);
   return cell;
 }

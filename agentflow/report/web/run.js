@@ -1,6 +1,6 @@
 // The page of a run: the film, and how the machine in it was found.
 
-import { el, section, formatNumber } from "./dom.js";
+import { el, section, withUnit } from "./dom.js";
 import { unpackJson } from "./film.js";
 import { kindsSection } from "./kinds.js";
 import { Player } from "./player.js";
@@ -94,7 +94,7 @@ export class RunView {
   async show(node) {
     this.picked = node.id;
     const coming = node.machine && this.film(node.machine);
-    if (coming instanceof Promise) this.player.show(null, heading(node), "Simulating …");
+    if (coming instanceof Promise) this.player.show(null, heading(node, this.data.task.unit), "Simulating …");
     let found = null;
     let fault = "";
     try {
@@ -104,20 +104,18 @@ export class RunView {
     }
     if (this.picked !== node.id) return;
     if (found) this.player.use(found.shapes, found.files);
-    this.player.show(found?.machine, heading(node), fault || (found?.machine.remark ?? "")).then(() => this.growing && this.following && !matchMedia("(prefers-reduced-motion)").matches && this.player.play());
-    describe(this.chosen, node, found?.machine, this.calls, this.actions(node));
+    this.player.show(found?.machine, heading(node, this.data.task.unit), fault || (found?.machine.remark ?? "")).then(() => this.growing && this.following && !matchMedia("(prefers-reduced-motion)").matches && this.player.play());
+    describe(this.chosen, node, heading(node, this.data.task.unit), found?.machine, this.calls, this.actions(node));
   }
 }
 
-function heading(node) {
-  return node.score === null ? node.title : `${node.title} · ${formatNumber(node.score)}`;
-}
+const heading = (node, unit) => (node.score === null ? node.title : `${node.title} · ${withUnit(node.score, unit)}`);
 
 /** Describe the selected machine: score, edit, feedback, and the calls that produced it. */
-async function describe(place, node, machine, calls, actions) {
+async function describe(place, node, title, machine, calls, actions) {
   const talk = el("div", {}, node.calls.length ? el("p", { class: "quiet" }, "Loading calls …") : "");
   place.replaceChildren(
-    el("h2", {}, heading(node)),
+    el("h2", {}, title),
     el("p", {}, [STATUS[node.status] ?? node.status, node.broken && "broke", machine && `${machine.solids.length} blocks`, node.machine].filter(Boolean).join(" · ")),
     actions.length ? el("p", { class: "actions" }, ...actions) : "",
     node.problem ? problem(node.problem) : "",

@@ -1,7 +1,7 @@
 // The parts of a run's page in words, tables and charts; each is null if there is nothing to show.
 
 import { barChart, lineChart, scoreChart } from "./charts.js";
-import { el, section, formatNumber, table } from "./dom.js";
+import { el, section, formatNumber, table, withUnit } from "./dom.js";
 import { taskDetails, callDetails, toolDetails, scoreTable } from "./text.js";
 
 const PLURAL = { reply: "replies", machine: "machines" };
@@ -12,16 +12,16 @@ export function header(data) {
     el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}`),
     el("h1", {}, run.task),
     el("p", { class: "kind" }, data.task.title),
-    el("p", { class: "score" }, el("b", {}, run.score === null ? "no score" : formatNumber(run.score)), " ", run.sentence),
-    run.verified ? verification(run.verified) : null,
+    el("p", { class: "score" }, el("b", {}, run.score === null ? "no score" : withUnit(run.score, data.task.unit)), " ", run.sentence),
+    run.verified ? verification(run.verified, data.task.unit) : null,
     el("p", { class: "lede" }, run.about),
     taskDetails(data.task));
 }
 
 /** The verified score, in how many simulations it holds, and the scores that it is the median of. */
-function verification({ score, low, high, holds, fails, fragile, scores }) {
+function verification({ score, low, high, holds, fails, fragile, scores }, unit) {
   const summary = score === null ? "No verified score: some simulations failed"
-    : `Verified score ${formatNumber(score)}, from simulations that scored ${formatNumber(low)} to ${formatNumber(high)}; `
+    : `Verified score ${withUnit(score, unit)}, from simulations that scored ${formatNumber(low)} to ${formatNumber(high)}; `
       + `${fragile ? "fragile, " : ""}holds in ${holds} of ${scores.length}`;
   return el("details", {}, el("summary", {}, summary),
     el("p", { class: "quiet" }, "The best machine was simulated again with a finer time step, and with slightly different masses, friction and drives. The verified score is the median. It holds where a score is above 0 and at least half of it."),
@@ -30,7 +30,7 @@ function verification({ score, low, high, holds, fails, fragile, scores }) {
 
 export function legend() {
   return el("p", { class: "quiet" }, "Each dot is a machine, edited from the one to its left; stronger colour means a higher score. ",
-    "Red ring: something broke. Hollow: invalid. Cross: rejected edit. Arrow keys move the selection.");
+    "Ring: something broke. Hollow: invalid. Cross: rejected edit. Arrow keys move the selection.");
 }
 
 const SPENT = ["seconds", "calls", "tokens", "expansions"];
@@ -78,7 +78,7 @@ export function stages({ stages: rows }) {
   const costs = nonzeroColumns(rows, { Calls: "calls", Tokens: "tokens", Rollouts: "rollouts" });
   const head = ["Stage", "Valid", "Mean", "Mean, invalid = 0", "Best", "Std", ...costs.map(([name]) => name)];
   return section("Stages", table("Results by stage", head, rows.map((row) => [
-    readable(row.name), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
+    row.words, `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
     ...costs.map(([, key]) => row[key])])));
 }
 
@@ -97,7 +97,7 @@ export function tools({ stages: rows, tools: calls }) {
   const uses = ({ calls, refused } = { calls: 0, refused: 0 }) => (refused ? `${calls} (${refused} refused)` : calls);
   const counts = names.map((name) => [name, ...rows.map((row) => uses(row.tools?.[name]))]);
   return section("Tools",
-    rows.length ? table("Tool calls by stage", ["Tool", ...rows.map((row) => readable(row.name))], counts) : null,
+    rows.length ? table("Tool calls by stage", ["Tool", ...rows.map((row) => row.words)], counts) : null,
     el("details", { class: "role" }, el("summary", {}, "Calls ", el("small", {}, `${calls.length}`)), ...calls.map(toolDetails)));
 }
 

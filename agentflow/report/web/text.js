@@ -30,7 +30,7 @@ export function taskDetails({ objective, score, scene }) {
 export function callDetails(entry, open = false) {
   const details = el("details", { class: "call", toggle: () => { if (details.open && !body.hasChildNodes()) body.append(...contents(entry)); } },
     el("summary", {}, el("span", { class: `verdict ${entry.valid ? "valid" : "refused"}` }, entry.valid ? "valid" : entry.valid === null ? "no verdict" : "rejected"),
-      ` ${entry.label} `, el("small", {}, facts(entry))));
+      ` ${entry.title} `, el("small", {}, facts(entry))));
   const body = el("div", {});
   details.append(body);
   details.open = open;

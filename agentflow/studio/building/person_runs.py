@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import AsyncExitStack
+from datetime import datetime
 from typing import Any
 
 from agentflow.app.design.config import load_config
@@ -79,5 +80,6 @@ class PersonRuns(AsyncExitStack):
                     config, self._folder.root, (FEEDBACK,), self._simulations, lambda _: None
                 )
                 await self.enter_async_context(runs)
-                session = runs.open(PERSON)
+                stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+                session = runs.open(PERSON, f"{stamp}-{task.replace('/', '-')}-by-hand")
             return session

@@ -187,6 +187,7 @@ class Building:
             "score": list(info.score),
             "scene": [*info.scene, *info.schedule],
             **control_parts(brief),
+            "unit": level.unit,
             "good": info.good,
             "record": info.record,
             "level": [solid_row(item) for item in scene.objects],

@@ -8,6 +8,12 @@ from agentflow.machine import library
 from agentflow.study.session import Action, Audio, Event, Note, Pause, Session, StudioTest
 
 _DONE = {
+    "add": "added",
+    "remove": "removed",
+    "move": "moved",
+    "turn": "turned",
+    "copy": "copied",
+    "mirror": "mirrored",
     "control": "changed the control",
     "open": "opened a machine",
     "new": "started over",
@@ -17,6 +23,7 @@ _DONE = {
     "undo": "undid a step",
     "redo": "redid a step",
 }
+_ON_BLOCKS = {"add", "remove", "move", "turn", "copy", "mirror"}
 _ENDED = {"finished": "finished", "time": "the time was up", "left": "the studio was closed"}
 
 
@@ -45,9 +52,9 @@ def _kind(event: Event) -> str:
 
 def _told(event: Event) -> str:
     if isinstance(event, Action):
-        if event.do in _DONE or event.type is None or event.type not in library():
-            return _DONE.get(event.do, event.do)
-        return f"{event.do} {event.block}, {library()[event.type].name}"
+        kind = library().get(-1 if event.type is None else event.type)
+        named = f" block {event.block}, {kind.name}" if kind else ""
+        return f"{_DONE[event.do]}{named or ' a block' * (event.do in _ON_BLOCKS)}"
     if isinstance(event, StudioTest):
         return f"test: {event.status if event.score is None else f'{event.score:.2f}'}"
     if isinstance(event, Pause):

@@ -8,11 +8,14 @@ from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
+from math import inf
 from pathlib import Path
+from threading import Lock
+from time import monotonic
 from typing import Any
 
 from agentflow.app.design.plan import RunPlan, task_of_run
-from agentflow.app.inspect.overview import run_list
+from agentflow.app.inspect.overview import run_row
 from agentflow.app.sweeps.estimates import estimate
 from agentflow.app.sweeps.folder import is_sweep
 from agentflow.env.tasks.base import Task
@@ -31,6 +34,10 @@ Row = dict[str, Any]
 Signature = tuple[object, ...]
 EVERY_S = 0.7
 """Seconds between looks at the files."""
+BY_HAND = "by hand"
+"""What pages call the workflow of a person."""
+BATCH_S = 0.15
+"""Seconds after which the runs that have been read are told."""
 QUIET = 20
 """Looks without news after which a comment keeps the connection alive."""
 News = Mapping[str, Any] | None
@@ -81,9 +88,8 @@ class _Known:
     begun: float | None = None
     """When the run began, seconds since 1970; None until its run.yaml was read."""
 
-    def read_document(self, path: Path) -> None:
+    def learn(self, path: Path, document: Mapping[str, Any]) -> None:
         """Learn what a run's run.yaml says, which does not change."""
-        document = read_document(path)
         recorded = document.get("began")
         self.begun = (
             datetime.fromisoformat(recorded).timestamp()
@@ -99,14 +105,40 @@ class Listing:
     def __init__(self, folder: RunFolder, designs: Designs | None = None) -> None:
         self._folder, self._designs = folder, designs
         self._known: dict[Path, _Known] = {}
+        self._lock = Lock()
 
     def rows(self) -> list[Row]:
-        """Every run as `run_list` lists it, by name, and its sweep, start, and best over time.
+        """Every run: see `look`."""
+        return self.look()[0]
+
+    def look(self, limit_s: float = inf) -> tuple[list[Row], int]:
+        """The runs as `run_list` lists them, and their sweep, start, and best over time.
 
         A design that failed is among them, as `failed`, even if nothing is left of its run.
+
+        Args:
+            limit_s: Seconds for which runs are read, the newest first; at least one is.
+
+        Returns:
+            The rows, and how many runs are left to read.
         """
-        runs = list(find_runs(self._folder.root)) if self._folder.root.is_dir() else []
-        self._known = {path: self._read(path) for path in runs}
+        with self._lock:
+            runs = list(find_runs(self._folder.root)) if self._folder.root.is_dir() else []
+            known = {path: self._known[path] for path in runs if path in self._known}
+            changed = [
+                path
+                for path in sorted(runs, key=_last_change, reverse=True)
+                if path not in known or known[path].signature != _signature(path)
+            ]
+            until, read = monotonic() + limit_s, 0
+            for path in changed:
+                if read and monotonic() > until:
+                    break
+                known[path], read = self._read(path), read + 1
+            self._known = known
+            return self._told(), len(changed) - read
+
+    def _told(self) -> list[Row]:
         rows = {known.row["run"]: known.row for known in self._known.values()}
         for name, row in (self._designs.failed() if self._designs else {}).items():
             known = rows.get(name, row)
@@ -115,24 +147,26 @@ class Listing:
         return list(rows.values())
 
     def _read(self, path: Path) -> _Known:
-        known, signature = self._known.get(path), _signature(path)
-        if known and known.signature == signature:
-            return known
-        known = known or _Known((), {}, Follower(path), [])
-        known.signature = signature
+        known = self._known.get(path) or _Known((), {}, Follower(path), [])
+        known.signature = _signature(path)
         try:
             self._extend(known)
         except RunError:
             known.curve.clear()
-        row = next(run_list(path))
-        if known.begun is None:
-            with suppress(UsageError, ValueError):
-                known.read_document(path)
+        document = None
+        with suppress(UsageError, ValueError):
+            document = read_document(path)
+            if known.begun is None:
+                known.learn(path, document)
+        row = run_row(path, document)
         verified = row["verified"]
         trusted = verified["score"] if verified else None
         score = row["score"] if trusted is None else trusted
+        by_hand = {"workflow": BY_HAND, "state": _told_state(row["state"], row["model"])}
         known.row = {
             **row,
+            **(by_hand if row["model"] == PERSON else {}),
+            "unit": known.task.unit if known.task else "",
             "run": self._folder.name_of(path),
             "verified": trusted,
             "fragile": bool(verified and verified["fragile"]),
@@ -159,6 +193,19 @@ class Listing:
             if is_sweep(above):
                 return above.name if above == self._folder.root else self._folder.name_of(above)
         return None
+
+
+def _told_state(state: str, model: str | None) -> str:
+    """A run of a person is open rather than running: it waits for tests."""
+    return "open" if state == "running" and model == PERSON else state
+
+
+def _last_change(path: Path) -> float:
+    """When the files of a run were last added or replaced, as its folder tells."""
+    try:
+        return path.stat().st_mtime
+    except OSError:  # deleted meanwhile
+        return 0.0
 
 
 def _signature(path: Path) -> Signature:
@@ -192,17 +239,18 @@ async def as_stream(news: AsyncIterator[News]) -> AsyncIterator[str]:
 
 
 async def follow_list(listing: Listing) -> AsyncIterator[News]:
-    """All rows, then those that have changed, and the names of those that are gone."""
-    told: dict[str, dict[str, Any]] | None = None
+    """All rows, as they are read, then those that have changed, and the names of those that are
+    gone."""
+    told: dict[str, Row] | None = None
     while True:
-        rows = {row["run"]: row for row in await asyncio.to_thread(listing.rows)}
-        before = told or {}
+        found, left = await asyncio.to_thread(listing.look, BATCH_S)
+        rows, before = {row["run"]: row for row in found}, told or {}
         changed = [row for name, row in rows.items() if before.get(name) != row]
         gone = [name for name in before if name not in rows]
         is_news = changed or gone or told is None
-        yield {"rows": changed, "gone": gone} if is_news else None
+        yield {"rows": changed, "gone": gone, "left": left} if is_news else None
         told = rows
-        await asyncio.sleep(EVERY_S)
+        await asyncio.sleep(0 if left else EVERY_S)
 
 
 async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[News]:
@@ -223,8 +271,9 @@ async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[N
             yield {**told, "state": "failed" if problem else "gone", "problem": why, "ended": True}
             return
         record, failing = follower.record, problem if state == "stopped" else ""
+        model = record.start.model if record.start else None
         now = {
-            "state": "failed" if failing else state,
+            "state": "failed" if failing else _told_state(state, model),
             "problem": failing,
             "best": record.best,
             "machine": follower.best,
@@ -234,7 +283,7 @@ async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[N
             "simulations": record.evaluations,
             "retries": designs.retries(name),
             "seconds": follower.at,
-            "planned": {} if record.start and record.start.model == PERSON else planned,
+            "planned": {} if model == PERSON else planned,
         }
         is_news = points or now != told
         yield {**now, "points": points, "ended": state == "done"} if is_news else None

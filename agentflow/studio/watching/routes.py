@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import os
 from collections.abc import AsyncIterator, Mapping
-from typing import Any
+from functools import lru_cache
+from typing import Any, Literal
 
 from pydantic import Field
 from starlette.requests import Request
@@ -24,9 +25,11 @@ from agentflow.app.tasks import list_tasks
 from agentflow.config.run import KEY_VARIABLE
 from agentflow.env.drawing.stills import png
 from agentflow.errors import AgentflowError, UsageError
+from agentflow.machine import Machine
 from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_document
 from agentflow.studio.answers import Arguments, Nothing, get, post
+from agentflow.studio.building.person_runs import PERSON
 from agentflow.studio.folder import LONGEST, RunFolder
 from agentflow.studio.guard import FOLLOW, Refusal, told
 from agentflow.studio.simulations import Simulations
@@ -37,10 +40,22 @@ from agentflow.studio.watching.designs import (
     require_possible,
     workflow_names,
 )
-from agentflow.studio.watching.listing import Listing, News, as_stream, follow_list, follow_run
+from agentflow.studio.watching.listing import (
+    BY_HAND,
+    Listing,
+    News,
+    as_stream,
+    follow_list,
+    follow_run,
+)
 
-SMALL = (320, 240)
-"""Width and height of pictures in lists, in pixels."""
+SIZES = {"line": (112, 84), "card": (320, 240)}
+"""Width and height of pictures, in pixels: in the lines of a list, and on cards."""
+
+
+@lru_cache(maxsize=2000)
+def _small_picture(machine: Machine, size: tuple[int, int]) -> bytes:
+    return png(machine, view="three-quarter", size=size)
 
 
 class OneRun(Arguments):
@@ -53,6 +68,12 @@ class OneMachine(OneRun):
     """A machine of a run by content hash."""
 
     machine: str = Field(pattern="^[0-9a-f]{16}$")
+
+
+class OnePicture(OneMachine):
+    """A machine, and where its picture is shown."""
+
+    on: Literal["line", "card"] = "card"
 
 
 class OneSweep(Arguments):
@@ -91,7 +112,7 @@ class Watching:
             post("/api/designs/connect", NewDesign, self.connect),
             post("/api/designs/stop", OneRun, self.stop_design),
             post("/api/designs/resume", OneRun, self.resume_design),
-            get("/api/picture", OneMachine, self.picture),
+            get("/api/picture", OnePicture, self.picture),
             get("/api/sweep", OneSweep, self.sweep),
             get("/api/leaderboards", Nothing, self.leaderboards),
             Route(FOLLOW, self.follow, methods=["GET"]),
@@ -115,6 +136,8 @@ class Watching:
         """The data of a run's page, without machines."""
         path = self._folder.run(given.run)
         _, data = await asyncio.to_thread(run_data, path)
+        if data["run"]["author"] == PERSON:
+            data["run"]["workflow"] = BY_HAND
         return {**data, "name": given.run}
 
     async def machine(self, given: OneMachine) -> dict[str, Any]:
@@ -171,10 +194,10 @@ class Watching:
         await self._designs.resume(given.run)
         return {"run": given.run}
 
-    async def picture(self, given: OneMachine) -> Response:
+    async def picture(self, given: OnePicture) -> Response:
         """A small picture of a machine as built."""
         machine = recorded_machine(self._folder.run(given.run), given.machine)
-        content = await asyncio.to_thread(png, machine, view="three-quarter", size=SMALL)
+        content = await asyncio.to_thread(_small_picture, machine, SIZES[given.on])
         return Response(content, media_type="image/png")
 
     async def sweep(self, given: OneSweep) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 // Pages over many runs: the gallery of best machines, leaderboards of scorecards, and results of a sweep.
 
-import { el, formatNumber, verifiedText } from "../../report/web/dom.js";
+import { el, formatNumber, verifiedText, withUnit } from "../../report/web/dom.js";
 import { leaderboardParts } from "../../report/web/leaderboard.js";
 import { sweepPage } from "../../report/web/sweep.js";
 import { address, ask } from "./api.js";
@@ -14,16 +14,16 @@ export async function galleryPage() {
   const scored = (await ask("/api/runs")).filter(({ machine, score }) => machine && score !== null);
   const worth = ({ verified, score }) => verified ?? score;
   const tasks = [...Map.groupBy(scored, ({ task }) => task)].sort(([a], [b]) => a.localeCompare(b));
-  const card = (row) => el("a", { class: "card", href: address("run", { run: row.run }) }, pictureOf(row, 320, 240),
-    el("b", {}, formatNumber(worth(row)), row.share === null ? "" : el("small", {}, ` ${formatNumber(100 * row.share, 0)} % of the record`)),
-    el("span", { title: row.run }, shortName(row.run)), el("small", {}, [row.workflow, row.model, row.verified === null ? "not verified" : `verified ${verifiedText(row.verified, row.fragile)}`].join(" · ")));
+  const card = (row) => el("a", { class: "card", href: address("run", { run: row.run }) }, pictureOf(row, 320, 240, "card"),
+    el("b", {}, withUnit(worth(row), row.unit), row.share === null ? "" : el("small", {}, ` ${formatNumber(100 * row.share, 0)} % of record`)),
+    el("span", { title: row.run }, shortName(row.run)), el("small", {}, [row.workflow, row.model, row.verified === null ? "not verified" : `verified ${verifiedText(row.verified, row.fragile, row.unit)}`].join(" · ")));
   const part = ([task, rows]) => {
     const best = [...new Map(rows.sort((a, b) => worth(a) - worth(b)).map((row) => [row.machine, row])).values()].reverse();
     const cards = el("div", { class: "cards" }, ...best.slice(0, FIRST).map(card));
     const more = best.length > FIRST ? el("button", { click: () => { cards.append(...best.slice(FIRST).map(card)); more.remove(); } }, `Show all ${best.length}`) : "";
     return el("section", {}, el("h2", {}, task), cards, more);
   };
-  return { elements: [el("main", { class: "alone wall" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task. Open one to see its film and how it was found. Scores of different tasks have different units.")),
+  return { elements: [el("main", { class: "alone wall" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task. Open one to see its film and how it was found.")),
     ...(tasks.length ? tasks.map(part) : [el("p", {}, "No run has a scored machine yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
 }
 

@@ -1,6 +1,6 @@
 // The page where people build machines, with mouse, touch or keyboard.
 
-import { el, formatNumber } from "../../report/web/dom.js";
+import { el, verifiedText, withUnit } from "../../report/web/dom.js";
 import { downloads } from "../../report/web/downloads.js";
 import { taskDetails } from "../../report/web/text.js";
 import { address, ask, follow, send } from "./api.js";
@@ -73,7 +73,7 @@ class BuildPage {
       if (JSON.stringify(found[0].machine) === JSON.stringify(session.machine)) this.editor.recall(found[0]);
     }
     if (session || !found.length) return "";
-    const told = ({ count, best }) => `${count} block${count === 1 ? "" : "s"}${best === null ? "" : `, best ${formatNumber(best)}`}`;
+    const told = ({ count, best }) => `${count} block${count === 1 ? "" : "s"}${best === null ? "" : `, best ${withUnit(best, this.editor.start.unit)}`}`;
     const bar = el("p", { class: "earlier" }, "Earlier work on this task: ",
       ...found.map((draft) => el("button", { class: "play", title: new Date(draft.saved).toLocaleString(), click: () => this.resume(draft, bar) }, `Continue (${told(draft)})`)), " or ",
       el("button", { click: () => bar.remove() }, "Start new"));
@@ -127,9 +127,9 @@ class BuildPage {
     const { start, task } = this.editor;
     const details = taskDetails(start);
     details.addEventListener("toggle", () => details.open && this.editor.record("ask"));
-    const { good, record } = start;
-    const best = record ? ` · record ${formatNumber(record.score)}${record.fragile ? " (fragile)" : ""}` : "";
-    return el("section", { class: "task-card", "aria-label": `Task ${task}` }, el("h1", { class: "unseen" }, `Build for ${task}`), details, el("p", {}, `good from ${formatNumber(good)}${best}`));
+    const { good, record, unit } = start;
+    const best = record ? ` · record ${verifiedText(record.score, record.fragile, unit)}` : "";
+    return el("section", { class: "task-card", "aria-label": `Task ${task}` }, el("h1", { class: "unseen" }, `Build for ${task}`), details, el("p", {}, `good from ${withUnit(good, unit)}${best}`));
   }
 
   more(start, refine) {
@@ -152,7 +152,7 @@ class BuildPage {
     const link = el("a", { href: address("run", { run }) }, run);
     this.stop();
     this.stop = follow({ run }, async ({ state, best, problem }) => {
-      const score = best === null || best === undefined ? "" : `, best ${formatNumber(best)}`;
+      const score = best === null || best === undefined ? "" : `, best ${withUnit(best, this.editor.start.unit)}`;
       const stop = el("button", { click: () => send("/api/designs/stop", { run }).catch((error) => this.editor.say(error.message, true)) }, "Stop");
       const take = el("button", { class: "play", click: () => this.takeAnswer(run) }, "Use this machine");
       told.replaceChildren(link, problem ? ` ${problem}` : ` ${state}${score} `, state === "running" ? stop : state === "done" ? take : "");

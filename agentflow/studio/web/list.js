@@ -1,9 +1,10 @@
 // The list of runs: one line each, filters that the address holds, and sweeps folded into one line.
 
-import { el, formatNumber, svg, verifiedText } from "../../report/web/dom.js";
+import { el, formatNumber, svg, verifiedText, withUnit } from "../../report/web/dom.js";
 import { address } from "./api.js";
 
 const MOST = 200; // rows shown at first
+const STEP = 40; // rows drawn at once: more would hold up the page
 const [WIDTH, HEIGHT] = [110, 22]; // of a curve, CSS pixels
 const COLUMNS = [
   ["", ""], ["Run", "run"], ["State", "state"], ["Best over time", ""], ["Score", "score"], ["Of record", "share"], ["Verified", "verified"],
@@ -41,7 +42,8 @@ export class RunList {
   }
 
   /** Take in news from a stream. */
-  hear({ rows, gone }) {
+  hear({ rows, gone, left }) {
+    this.left = left;
     for (const row of rows ?? []) this.rows.set(row.run, row);
     for (const name of gone ?? []) this.rows.delete(name);
     for (const [key, picker] of Object.entries(this.pickers)) this.offer(key, picker);
@@ -84,37 +86,41 @@ export class RunList {
   draw() {
     const found = this.found;
     const focused = document.activeElement;
-    const lines = this.folded(found).slice(0, this.most);
-    if (lines.length !== this.body.children.length || lines.some((line, index) => line !== this.body.children[index])) this.body.replaceChildren(...lines);
+    const all = this.folded(found).slice(0, this.most);
+    const lines = all.slice(0, this.body.children.length + STEP).map((line) => line());
+    clearTimeout(this.rest);
+    if (lines.length < all.length) this.rest = setTimeout(() => this.draw());
+    lines.forEach((line, index) => line === this.body.children[index] || this.body.insertBefore(line, this.body.children[index] ?? null));
+    while (this.body.children.length > lines.length) this.body.lastChild.remove();
     if (!lines.length) this.body.replaceChildren(el("tr", {}, el("td", { colspan: COLUMNS.length + 1, class: "quiet" }, "No run fits these filters.")));
     if (focused?.isConnected && focused !== document.body) focused.focus(); // lines that move lose it
     this.more.hidden = found.length <= this.most;
-    const all = this.rows.size === 1 ? "1 run" : `${this.rows.size} runs`;
+    const runs = this.rows.size === 1 ? "1 run" : `${this.rows.size} runs`;
     const pair = [...this.chosen].map((name) => this.rows.get(name)).filter(Boolean);
     const differ = pair.some(({ task }) => task !== pair[0].task);
-    this.count.textContent = (found.length === this.rows.size ? all : `${found.length} of ${all}`) + (differ ? " · runs of one task can be compared" : "");
+    this.count.textContent = (found.length === this.rows.size ? runs : `${found.length} of ${runs}`) + (this.left ? `, reading ${this.left} more` : "") + (differ ? " · runs of one task can be compared" : "");
     this.compare.disabled = pair.length < 2 || differ;
     this.compare.textContent = pair.length > 1 ? `Compare ${pair.length} runs` : "Compare runs";
     this.heads.forEach((head, index) => head.setAttribute("aria-sort", COLUMNS[index][1] !== this.key || !this.key ? "none" : this.down ? "descending" : "ascending"));
   }
 
-  /** A line for each run; the runs of a sweep are behind one line unless it was unfolded or filters are set. */
+  /** What makes a line, for each run; the runs of a sweep are behind one line unless it was unfolded or filters are set. */
   folded(found) {
-    if (this.words.value || FILTERS.some((key) => this.pickers[key].value)) return found.map((row) => this.line(row));
+    if (this.words.value || FILTERS.some((key) => this.pickers[key].value)) return found.map((row) => () => this.line(row));
     const sweeps = Map.groupBy(found.filter(({ sweep }) => sweep), ({ sweep }) => sweep);
     return found.flatMap((row) => {
-      if (!row.sweep) return [this.line(row)];
+      if (!row.sweep) return [() => this.line(row)];
       const runs = sweeps.get(row.sweep);
       if (runs?.[0] !== row) return [];
-      return [this.sweepLine(row.sweep, runs), ...(this.unfolded.has(row.sweep) ? runs.map((item) => this.line(item)) : [])];
+      return [() => this.sweepLine(row.sweep, runs), ...(this.unfolded.has(row.sweep) ? runs.map((item) => () => this.line(item)) : [])];
     });
   }
 
   sweepLine(name, runs) {
     const open = this.unfolded.has(name);
-    const fold = el("button", { class: "sort", "aria-expanded": open, click: () => { if (open) this.unfolded.delete(name); else this.unfolded.add(name); this.draw(); } }, `${open ? "▾" : "▸"} ${name}`);
+    const fold = el("button", { class: "sort", "aria-expanded": open, click: () => { if (open) this.unfolded.delete(name); else this.unfolded.add(name); this.draw(); this.body.querySelector(`[data-sweep="${CSS.escape(name)}"] button`).focus(); } }, `${open ? "▾" : "▸"} ${name}`);
     const count = (state) => runs.filter((row) => row.state === state).length;
-    const states = ["done", "running", "stopped", "failed", "damaged"].filter(count).map((state) => `${count(state)} ${state}`).join(", ");
+    const states = ["done", "running", "open", "stopped", "failed", "damaged"].filter(count).map((state) => `${count(state)} ${state}`).join(", ");
     return el("tr", { class: "sweep", "data-sweep": name }, el("td", {}), el("td", {}), el("td", { class: "run" }, fold),
       el("td", { colspan: COLUMNS.length - 2, class: "quiet" }, `sweep of ${runs.length === 1 ? "1 run" : `${runs.length} runs`}: ${states} · `, el("a", { href: address("sweep", { sweep: name }) }, "results")));
   }
@@ -126,14 +132,14 @@ export class RunList {
     const tick = before?.line.querySelector("input") ?? el("input", { type: "checkbox", "aria-label": `Compare ${row.run}`, change: () => { if (tick.checked) this.chosen.add(row.run); else this.chosen.delete(row.run); this.draw(); } });
     const number = (value, name) => el("td", { class: `number ${name}` }, value);
     const text = (value, name) => el("td", { class: name, title: value }, value || "–");
-    const picture = row.machine ? pictureOf(row, 56, 42) : "";
+    const picture = row.machine ? pictureOf(row, 56, 42, "line") : "";
     const bare = row.problem && !row.curve.length;
     const line = el("tr", { "data-run": row.run, class: row.state },
       el("td", { class: "tick" }, tick), el("td", { class: "picture" }, picture),
       el("td", { class: "run", title: row.run }, el("a", { href: address("run", { run: row.run }) }, shortName(row.run))),
       el("td", { title: row.problem, class: "where", colspan: bare ? 2 : null }, el("span", { class: `state ${row.state}` }, row.state), row.problem ? el("small", { class: "why" }, row.problem) : ""),
-      bare ? null : el("td", { class: "over-time" }, curve(row)), number(formatNumber(row.score), "reached"),
-      number(row.share === null || row.share === undefined ? "–" : `${formatNumber(100 * row.share, 0)} %`, "share"), number(verifiedText(row.verified, row.fragile), "verified"),
+      bare ? null : el("td", { class: "over-time" }, curve(row)), number(withUnit(row.score, row.unit), "reached"),
+      number(row.share === null || row.share === undefined ? "–" : `${formatNumber(100 * row.share, 0)} %`, "share"), number(verifiedText(row.verified, row.fragile, row.unit), "verified"),
       text(row.task, "task"), text(row.workflow, "workflow"), text(row.model, "model"), number(formatNumber(row.calls), "calls"),
       number(row.begun === null ? "–" : new Date(1000 * row.begun).toLocaleString("en-GB", { dateStyle: "short", timeStyle: "short" }), "begun"));
     this.lines.set(row.run, { row, line });
@@ -144,15 +150,16 @@ export class RunList {
   open() {
     const names = [...this.chosen].filter((name) => this.rows.has(name));
     const [a, b] = names;
-    location.hash = names.length === 2 ? address("pair", { a, b }) : address("curves", { runs: JSON.stringify(names) });
+    const whole = names.every((name) => this.rows.get(name).state === "done"); // else the machine still changes
+    location.hash = names.length === 2 && whole ? address("pair", { a, b }) : address("curves", { runs: JSON.stringify(names) });
   }
 }
 
-/** The name of a run without the time of its start, which is shown beside it. */
-export const shortName = (run) => run.replace(/^\d{8}-\d{6}-/, "");
+/** The name of a run without its sweep, and without the time of its start, which is shown beside it. */
+export const shortName = (run) => run.replace(/^.*\/runs\//, "").replace(/^\d{8}-\d{6}-/, "");
 
 /** The best machine of a run, as built. */
-export const pictureOf = ({ run, machine }, width, height) => el("img", { src: `/api/picture?${new URLSearchParams({ run, machine })}`, alt: "", loading: "lazy", width, height });
+export const pictureOf = ({ run, machine }, width, height, on) => el("img", { src: `/api/picture?${new URLSearchParams({ run, machine, on })}`, alt: "", loading: "lazy", decoding: "async", width, height });
 
 /** The best score over time as a line of steps, to the end of the run. */
 function curve({ curve: points, seconds }) {

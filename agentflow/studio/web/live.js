@@ -110,10 +110,10 @@ class Live {
     const { state, problem: why } = news;
     if (why && !state) return this.fail(why);
     if (state !== this.was) this.change(state);
-    this.view.growing = state === "running";
+    this.view.growing = state === "running" || state === "open";
     this.was = state;
     if (!this.view.picked) this.view.update(this.view.data);
-    this.state.textContent = state;
+    this.state.textContent = state === "open" ? "open: tests in Build join it" : state;
     this.state.className = `state ${state}`;
     this.fail(why ? (state === "failed" ? `Failed: ${why}` : why) : "");
     if (news.calls === undefined) return null;
@@ -122,7 +122,7 @@ class Live {
     this.waiting.textContent = this.tried?.calls === calls && state === "running" ? `Waiting for the endpoint: ${retries.last}` : "";
     const of = (count, about, name) => `${formatNumber(count)}${state !== "done" && about > count ? ` of about ${formatNumber(about)}` : ""} ${name}`;
     this.stage.textContent = stage && planned.simulations && state !== "done" ? `stage: ${stage}` : "";
-    this.spent.textContent = [of(calls, planned.calls, "calls"), refused ? `${formatNumber(refused)} rejected and asked again` : "", retries.count ? `${formatNumber(retries.count)} tried again` : "", of(simulations, planned.simulations, "simulations")].filter(Boolean).join(" · ");
+    this.spent.textContent = [state === "open" ? "" : of(calls, planned.calls, "calls"), refused ? `${formatNumber(refused)} rejected and asked again` : "", retries.count ? `${formatNumber(retries.count)} tried again` : "", of(simulations, planned.simulations, simulations === 1 ? "simulation" : "simulations")].filter(Boolean).join(" · ");
     this.meter.hidden = state === "done" || !planned.simulations;
     Object.assign(this.meter, { max: planned.simulations || 1, value: Math.min(simulations, planned.simulations || 1) });
     this.heard = { at: performance.now(), seconds: news.seconds, running: state === "running" };

@@ -36,7 +36,7 @@ async function open() {
   try {
     made = await PAGES[page](Object.fromEntries(new URLSearchParams(query ?? "")));
   } catch (error) {
-    made = { elements: [el("main", { class: "alone" }, el("h1", {}, "This page cannot be shown"), problem(error.message))] };
+    made = { elements: [el("main", { class: "alone" }, el("h1", {}, "This page cannot be shown"), problem(error.message), el("p", {}, el("a", { class: "button", href: "#runs" }, "All runs")))] };
   }
   clearTimeout(waiting);
   if (number !== asked) return made.close?.();

@@ -1,12 +1,10 @@
 // Tests of the machine: the film with loads and breaks, and a strip of all trials with their scores.
 
-import { el, formatNumber } from "../../report/web/dom.js";
+import { el, formatNumber, withUnit } from "../../report/web/dom.js";
 import { Player } from "../../report/web/player.js";
 import { address, send } from "./api.js";
 
 const signed = (change) => `${change < 0 ? "−" : "+"}${formatNumber(Math.abs(change))}`;
-/** The unit of a score in a simulation's first line: " m" of "Score: 45.95 m". */
-const unit = (feedback = "") => feedback.match(/^Score: \S+( m| kg| s)\b/)?.[1] ?? "";
 
 export class Trials {
   constructor(editor, showFilm) {
@@ -71,11 +69,11 @@ export class Trials {
   /** Score with unit, change, share of the record, and what the simulation tells first about its cause. */
   told({ number, score, status, feedback }) {
     if (score === null) return `${status}. ${feedback.split("\n")[0]}`;
-    const [first, cause = ""] = feedback.split("\n");
+    const cause = (feedback.split("\n")[1] ?? "").replace(/^Root:/, "Starting Block:");
     const before = this.list.findLast((other) => other.number < number && other.score !== null);
     const { record, good } = this.editor.start;
     const [share, of] = record?.score > 0 ? [score / record.score, "the record"] : [score / good, "a good score"];
-    return [`score ${formatNumber(score)}${unit(first)}`, ...(before ? [`${signed(score - before.score)} on trial ${before.number}`] : []), `${formatNumber(Math.round(100 * share))} % of ${of}`].join(", ") + `. ${cause}`;
+    return [`score ${withUnit(score, this.editor.start.unit)}`, ...(before ? [`${signed(score - before.score)} on trial ${before.number}`] : []), `${formatNumber(Math.round(100 * share))} % of ${of}`].join(", ") + `. ${cause}`;
   }
 
   film(state, given) {
@@ -99,7 +97,7 @@ export class Trials {
       if (editor.state.digest === trial.state.digest) this.showFilm();
       editor.record("watch");
       this.player.use(shapes, files);
-      await this.player.show(machine, `Trial ${trial.number} · ${trial.score === null ? trial.status : formatNumber(trial.score)}`, machine.remark);
+      await this.player.show(machine, `Trial ${trial.number} · ${trial.score === null ? trial.status : withUnit(trial.score, editor.start.unit)}`, machine.remark);
       this.player.play();
     } catch (error) {
       editor.say(error.message, true);
@@ -110,7 +108,7 @@ export class Trials {
     const { best } = this;
     this.strip.replaceChildren(...this.list.map((trial) => el("li", {}, el("button", {
       "aria-current": trial === this.shown ? "true" : null, class: trial.score === best && this.list.length > 1 ? "best" : null, title: trial.feedback, click: () => this.open(trial),
-    }, el("small", {}, `#${trial.number} · ${trial.state.count} blocks`), el("span", {}, el("b", {}, trial.score === null ? trial.status : formatNumber(trial.score)), trial.score === null ? "" : unit(trial.feedback))))));
+    }, el("small", {}, `#${trial.number} · ${trial.state.count} blocks`), el("span", {}, el("b", {}, trial.score === null ? trial.status : withUnit(trial.score, this.editor.start.unit)))))));
     this.run.replaceChildren(...(this.name ? ["Recorded in ", el("a", { href: address("run", { run: this.name }) }, this.name), " ", el("button", { title: "Complete the run with its best machine as the result; the next test begins another run", click: () => this.finish() }, "Finish this run")]
       : ["Choose Test (P) to simulate this machine. Each trial stays here, and in a run of the list."]));
   }
@@ -122,7 +120,7 @@ export class Trials {
       this.name = "";
       this.draw();
       this.editor.tell("trials");
-      this.editor.say(`${run} is complete${score === null ? "" : `: its best score is ${formatNumber(score)}`}.`);
+      this.editor.say(`${run} is complete${score === null ? "" : `: its best score is ${withUnit(score, this.editor.start.unit)}`}.`);
     } catch (error) {
       this.editor.say(error.message, true);
     }

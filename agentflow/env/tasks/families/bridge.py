@@ -107,6 +107,11 @@ class Bridge(Family):
         return replace(super().limits, size=(SIZE_LIMIT[0], room.height, room.length))
 
     @property
+    def unit(self) -> str:
+        """As in `Task`."""
+        return "kg"
+
+    @property
     def brief(self) -> Brief:
         knobs = self.parameters
         gap, load = knobs.gap, knobs.load
@@ -185,7 +190,7 @@ class Bridge(Family):
         lines = (f"Result: {terms['result']}", f"Cost: {len(machine)} blocks")
         path = series("Cargo position", trace.even.times, trace.even.object_position[:, 0])
         data: dict[str, Any] = {}
-        return compose(machine, trace, broken, verdict, "kg", lines, data, (path,))
+        return compose(machine, trace, broken, verdict, self.unit, lines, data, (path,))
 
 
 class BridgeReferee:

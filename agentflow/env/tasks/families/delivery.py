@@ -96,6 +96,11 @@ class Delivery(Family):
         return replace(super().limits, size=(x, y, min(z, free)))
 
     @property
+    def unit(self) -> str:
+        """As in `Task`."""
+        return "m"
+
+    @property
     def brief(self) -> Brief:
         knobs, way = self.parameters, scoring_direction(self.parameters.curve)
         cargo, (x, z) = knobs.cargo, self._cargo_place
@@ -192,7 +197,7 @@ class Delivery(Family):
         )
         path = series("Cargo position", even.times, cargo)
         data = {"gap": [float(gaps[i]) for i in sample_indices(len(gaps))]}
-        return compose(machine, trace, broken, verdict, "m", lines, data, (path,))
+        return compose(machine, trace, broken, verdict, self.unit, lines, data, (path,))
 
 
 class DeliveryReferee:

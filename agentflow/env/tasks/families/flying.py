@@ -86,6 +86,11 @@ class Flying(Family):
         return hoops_of(self.parameters.hoops) if self.parameters.mode == "marks" else ()
 
     @property
+    def unit(self) -> str:
+        """As in `Task`."""
+        return "" if self.marks else "m"
+
+    @property
     def brief(self) -> Brief:
         knobs = self.parameters
         brief = self.describe(
@@ -141,9 +146,8 @@ class Flying(Family):
             lines.append(f"Hoops: {terms['result']}")
         lines += flight_lines(machine, even)
         path = series("Root position", even.times, even.centre[:, 0])
-        unit = "" if self.marks else "m"
         data = {"greatest_climb": climb}
-        return compose(machine, trace, broken, verdict, unit, lines, data, (path,))
+        return compose(machine, trace, broken, verdict, self.unit, lines, data, (path,))
 
 
 class FlightReferee:

@@ -127,6 +127,11 @@ class Movement(Family):
         return self.wall if self.trial else self.parameters.stop.middle
 
     @property
+    def unit(self) -> str:
+        """As in `Task`."""
+        return "m" if self.parameters.trials == 1 else ""
+
+    @property
     def brief(self) -> Brief:
         knobs, way = self.parameters, scoring_direction(self.parameters.curve)
         stop, balance = knobs.stop, knobs.balance
@@ -205,7 +210,9 @@ class Movement(Family):
             result = f"Result: {verdict.terms['outcome']}"
             if not self.parameters.balance.height:
                 result += f"; its near face is at z = {self._wall:g} m"
-            return compose(machine, trace, broken, verdict, "", (result, told), data, (path,))
+            return compose(
+                machine, trace, broken, verdict, self.unit, (result, told), data, (path,)
+            )
         distance = float(verdict.terms["distance"] or 0.0)
         lines = (
             f"Root: greatest distance {distance:.2f} m "
@@ -214,7 +221,7 @@ class Movement(Family):
             f"{trace.centre[-1, ROOT_BLOCK, 0]:.2f} m",
             told,
         )
-        return compose(machine, trace, broken, verdict, "m", lines, data, (path,))
+        return compose(machine, trace, broken, verdict, self.unit, lines, data, (path,))
 
 
 class MovementReferee:

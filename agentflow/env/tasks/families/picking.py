@@ -102,6 +102,11 @@ class Picking(Family):
     parameters: PickingKnobs
 
     @property
+    def unit(self) -> str:
+        """As in `Task`."""
+        return "m"
+
+    @property
     def brief(self) -> Brief:
         knobs, (x, _, z) = self.parameters, self.parameters.ball
         return self.describe(
@@ -160,7 +165,7 @@ class Picking(Family):
             ),
         )
         data: dict[str, Any] = {"gained_per_second": gained, "ball": path[-1].tolist()}
-        return compose(machine, trace, broken, verdict, "m", lines, data, ())
+        return compose(machine, trace, broken, verdict, self.unit, lines, data, ())
 
     def _phases(self, trace: Trace) -> list[float]:
         """Times at which driving ends, starts again, and the rollout ends, s."""

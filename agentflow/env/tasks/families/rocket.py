@@ -103,6 +103,13 @@ class Rocket(Family):
         )
 
     @property
+    def unit(self) -> str:
+        """As in `Task`."""
+        return (
+            "N" if self.parameters.aim == "thrust" else "m" if self.parameters.trials == 1 else ""
+        )
+
+    @property
     def brief(self) -> Brief:
         knobs = self.parameters
         count = knobs.engines
@@ -135,8 +142,6 @@ class Rocket(Family):
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
         """What was reached, what each cannon did, and the path of the root."""
-        knobs = self.parameters
-        unit = "N" if knobs.aim == "thrust" else "m" if knobs.trials == 1 else ""
         even = trace.even
         fired = verdict.terms["cannons"]
         lines = (
@@ -145,7 +150,7 @@ class Rocket(Family):
             *flight_lines(machine, even),
         )
         path = series("Root position", even.times, even.centre[:, 0])
-        return compose(machine, trace, broken, verdict, unit, lines, {}, (path,))
+        return compose(machine, trace, broken, verdict, self.unit, lines, {}, (path,))
 
 
 class RocketReferee:

@@ -103,6 +103,11 @@ class Throwing(Family):
     parameters: ThrowingKnobs
 
     @property
+    def unit(self) -> str:
+        """As in `Task`."""
+        return "m" if self.parameters.score == "distance" else ""
+
+    @property
     def brief(self) -> Brief:
         knobs = self.parameters
         several = f"There are {knobs.reload} boulders; the score is the mean of their scores."
@@ -157,8 +162,7 @@ class Throwing(Family):
         landing = terms["landing"]
         told = trace.even[trace.even.times < AFTER + (inf if landing is None else float(landing))]
         path = series("Boulder position", told.times, told.centre[:, boulder])
-        unit = "m" if self.parameters.score == "distance" else ""
-        return compose(machine, trace, broken, verdict, unit, lines, data, (path,))
+        return compose(machine, trace, broken, verdict, self.unit, lines, data, (path,))
 
 
 class ThrowReferee:
