@@ -103,9 +103,9 @@ class RoleInput:
 def task_context(brief: Brief) -> dict[str, object]:
     """Template variables of the task, the block table and the rules on blocks."""
     kinds = [library()[kind] for kind in brief.blocks]
-    linear = [kind for kind in kinds if kind.linear]
-    plain = [kind.type for kind in kinds if not kind.linear and kind.type != ROOT_TYPE]
+    plain = _plain(kinds)
     return {
+        **types_context(kinds),
         "task": {
             "name": brief.name,
             "objective": brief.objective,
@@ -119,12 +119,7 @@ def task_context(brief: Brief) -> dict[str, object]:
         },
         "wishes": brief.wishes,
         "sketch": bool(brief.sketch),
-        "blocks": block_rows(kinds),
-        "types": list(brief.blocks),
-        "example_type": EXAMPLE if EXAMPLE in plain else plain[0],
         "example_types": sorted({plain[0], EXAMPLE if EXAMPLE in plain else plain[-1]}),
-        "two_ended": [f"{kind.name} {kind.type}" for kind in linear],
-        "two_ended_type": linear[0].type if linear else None,
         "motors": any(kind.type in facts()["motor"] for kind in kinds),
         "joints": any(kind.joint.moves for kind in kinds),
         "controls": _control_rules(brief, kinds),
@@ -132,6 +127,22 @@ def task_context(brief: Brief) -> dict[str, object]:
         "drags": _exceptions(kinds, lambda kind: _unusual_drag(kind.linear_drag)),
         "size_limit": f"{' x '.join(f'{limit:g}' for limit in brief.limits.size)} m (x, y, z)",
     }
+
+
+def types_context(kinds: Sequence[BlockType]) -> dict[str, object]:
+    """Template variables of block types: their table, and examples of plain and two-ended ones."""
+    plain, linear = _plain(kinds), [kind for kind in kinds if kind.linear]
+    return {
+        "blocks": block_rows(kinds),
+        "types": [kind.type for kind in kinds],
+        "example_type": EXAMPLE if EXAMPLE in plain else plain[0],
+        "two_ended": [f"{kind.name} {kind.type}" for kind in linear],
+        "two_ended_type": linear[0].type if linear else None,
+    }
+
+
+def _plain(kinds: Sequence[BlockType]) -> list[int]:
+    return [kind.type for kind in kinds if not kind.linear and kind.type != ROOT_TYPE]
 
 
 def _control_rules(brief: Brief, kinds: Sequence[BlockType]) -> dict[str, object] | None:

@@ -7,14 +7,13 @@ from functools import cache
 from random import Random
 
 from agentflow.agents.base import chat_prompt
-from agentflow.agents.context import block_rows
+from agentflow.agents.context import types_context
 from agentflow.agents.designer import Designer
 from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.llm.messages import Message
 from agentflow.llm.procedural.designing import build_machine
 from agentflow.llm.procedural.reading import PromptContent, read_prompt
 from agentflow.machine import Machine, library
-from agentflow.machine.blocks.library import EXAMPLE, STARTING_BLOCK
 
 SIZES = (5, 20)
 """Fewest and most blocks of a machine; as in the published question."""
@@ -43,17 +42,7 @@ def _prompt(level: str) -> PromptContent:
 def describe_blocks(machine: Machine) -> Mapping[str, object]:
     """Template variables of a machine and of the types that it uses, without its geometry."""
     kinds = [library()[kind] for kind in sorted({step.type for step in machine})]
-    linear = [kind for kind in kinds if kind.linear]
-    plain = [kind.type for kind in kinds if not kind.linear and kind.type != STARTING_BLOCK]
-    return {
-        "representation": "tree",
-        "machine": machine.to_text(),
-        "blocks": block_rows(kinds),
-        "types": [kind.type for kind in kinds],
-        "example_type": EXAMPLE if EXAMPLE in plain else plain[0],
-        "two_ended": [f"{kind.name} {kind.type}" for kind in linear],
-        "two_ended_type": linear[0].type if linear else None,
-    }
+    return {"representation": "tree", "machine": machine.to_text(), **types_context(kinds)}
 
 
 def list_ids(blocks: Sequence[int]) -> str:
