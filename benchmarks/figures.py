@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,6 +53,19 @@ class Figure:
 def engines() -> dict[str, Engine]:
     """Both engines, started."""
     return {name: choose_engine(name).start() for name in (PYBULLET, MUJOCO)}
+
+
+def timed(engine: Engine, rollout: Callable[[], object], *, apart: bool) -> float:
+    """CPU seconds of a rollout; `apart`: nothing is kept of its machine before and after."""
+    kept = getattr(engine, "kept", [])
+    if apart:
+        simulate(Machine(), get_task("movement", {"window": 1}), engine=engine)
+        kept.clear()
+    began = time.process_time()
+    rollout()
+    if apart:
+        kept.clear()
+    return time.process_time() - began
 
 
 def level_of(machine: Machine) -> str:

@@ -1,4 +1,4 @@
-"""How time and memory grow with blocks, machines and runs.
+"""How time and memory grow with blocks, machines, runs and workers.
 
     python benchmarks/growth.py [--lines 100000] [--rollouts 1000] [--runs 1000] [--out FILE]
 
@@ -31,7 +31,10 @@ from agentflow.machine.edits.random import random_machine
 
 PAGE = ROOT / "docs" / "results" / "growth.md"
 RUN = ROOT / "runs" / "recorded-throwing"
-BLOCKS = 10, 20, 40, 80
+BLOCKS = 10, 20, 40, 80, 160, 200
+WORKERS = 1, 2, 4, 8, 16
+LONGEST = 5.0
+"""s of CPU time: an engine that takes longer for a machine gets no larger ones."""
 Point = tuple[str, int, float, float | None]
 """Name of the curve, size, seconds of CPU time, and greatest memory, MB."""
 
@@ -39,16 +42,21 @@ Point = tuple[str, int, float, float | None]
 def blocks() -> Iterator[Point]:
     """Checks and rollouts of 1 s of a random machine; engines refuse some that are too large."""
     knobs = {"blocks.max": max(BLOCKS), "window": 1.0}
+    left = [spec.name for spec in installed_engines()]
     for count in BLOCKS:
         brief = get_task("movement", knobs).brief
         machine = random_machine(Random(count), brief, (count, count))
         text = machine.to_text()
         yield "check", count, _least(lambda t=text: check(t)), None  # type: ignore[misc]
-        for spec in installed_engines():
-            task = get_task("movement", knobs, spec.name)
+        for name in [*left]:
+            task = get_task("movement", knobs, name)
             began = time.process_time()
-            if simulate(machine, task).status == "ok":
-                yield f"rollout, {spec.name}", count, time.process_time() - began, None
+            status = simulate(machine, task, cpu_limit=600.0).status
+            seconds = time.process_time() - began
+            if status == "ok":
+                yield f"rollout, {name}", count, seconds, None
+            if seconds > LONGEST or status != "ok":
+                left.remove(name)
 
 
 def machines(lines: int, rollouts: int) -> Iterator[Point]:
@@ -78,6 +86,15 @@ def runs(most: int) -> Iterator[Point]:
             shutil.rmtree(place)
 
 
+def workers(rollouts: int) -> Iterator[Point]:
+    """A stream in pools of several sizes; what workers would do at once, they do in turns where
+    there are fewer processors."""
+    line = json.dumps(PLAIN_CAR.to_json()).encode() + b"\n"
+    for count in WORKERS:
+        command = ["simulate", "-", "--jsonl", "--workers", str(count), *LEVEL]
+        yield f"{rollouts} rollouts", count, *cost_of(command, [line] * rollouts)
+
+
 def _tell(points: Iterator[Point]) -> Iterator[Point]:
     for point in points:
         print(*point, file=sys.stderr, flush=True)
@@ -104,6 +121,7 @@ PARTS = {
     "blocks": "Blocks of a machine",
     "machines": "Machines in a stream",
     "runs": "Runs in a folder",
+    "workers": "Workers of a pool",
 }
 
 
@@ -124,8 +142,8 @@ def draw(found: dict[str, list[Point]], picture: Path) -> None:
     matplotlib.rcParams["svg.hashsalt"] = "growth"
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(1, len(found), figsize=(11, 3.6), constrained_layout=True)
-    for axis, (part, points) in zip(axes, found.items(), strict=True):
+    figure, axes = plt.subplots(2, 2, figsize=(9, 7), constrained_layout=True)
+    for axis, (part, points) in zip(axes.flat, found.items(), strict=True):
         axis.set(title=PARTS[part], xscale="log", yscale="log", ylabel="CPU time (s)")
         axis.grid(alpha=0.3)
         other = axis.twinx() if points[0][3] else None
@@ -152,12 +170,14 @@ def main() -> None:
     parser.add_argument("--lines", type=int, default=100_000, help="most lines that are checked")
     parser.add_argument("--rollouts", type=int, default=1000, help="most machines simulated")
     parser.add_argument("--runs", type=int, default=1000, help="most runs listed")
+    parser.add_argument("--pool", type=int, default=320, help="machines simulated in each pool")
     parser.add_argument("--out", type=Path, default=PAGE)
     given = parser.parse_args()
     found = {
         "blocks": [*_tell(blocks())],
         "machines": [*_tell(machines(given.lines, given.rollouts))],
         "runs": [*_tell(runs(given.runs))],
+        "workers": [*_tell(workers(given.pool))],
     }
     picture = given.out.parent.parent / "pictures" / "growth.svg"
     draw(found, picture if given.out == PAGE else given.out.with_suffix(".svg"))
@@ -168,15 +188,17 @@ def main() -> None:
 INTRO = """\
 # How time and memory grow
 
-This page shows how long checks, rollouts and lists take as machines, streams and folders get \
-larger. Use it to plan large experiments.
+This page shows how long checks, rollouts and lists take as machines, streams, folders and pools \
+get larger. Use it to plan large experiments.
 
 ![CPU time and memory over sizes](../pictures/growth.svg)
 
-Times are CPU time. Rollouts last 1 s of simulated time; blocks are those of random machines. \
+Times are CPU time, on two busy cores. Rollouts last 1 s of simulated time; blocks are those of \
+random machines, and an engine that takes over 5 s for one gets no larger ones. \
 Commands run in a fresh process, whose start of a quarter of a second is included, and so are \
 worker processes; memory is the most that one of them held. The size of a stream does not \
-matter for it. `python benchmarks/growth.py` writes this page.
+matter for it. More workers than cores take their turns: the time is that of their starts and of \
+the same work. `python benchmarks/growth.py` writes this page.
 """
 
 

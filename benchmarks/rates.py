@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from statistics import median
 
 from cars import CAR
@@ -19,9 +20,9 @@ from figures import (
     level_of,
     run,
     shipped,
+    timed,
 )
 
-from agentflow.env.physics.engine import Engine
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import (
     DEFAULT,
@@ -77,42 +78,34 @@ def _rates(machine: Machine, repeats: int) -> dict[str, float]:
 
 
 def worlds(options: Options) -> Iterator[Figure]:
-    """Rollouts of one machine, each as of what never was simulated before, and one after the other,
-    in turns."""
-    for name, engine in engines().items():
-        for what, jobs in _many(name).items():
-            least = [float("inf")] * 2
-            for again in (False, True) * max(1, options.repeats // 2):
-                seconds = 0.0
-                for machine, task, variation in jobs:
-                    if not again:
-                        _forget(engine)
-                    began = time.process_time()
-                    simulate(machine, task, engine=engine, variation=variation)
-                    seconds += time.process_time() - began
-                least[again] = min(least[again], seconds)
-            apart, together = (1e3 * seconds / len(jobs) for seconds in least)
-            told = f"{together:.1f} ms each, {together / apart:.2f} x the {apart:.1f} ms apart"
-            yield Figure(f"{what}, {name}", told, f"{MOST} x", together <= MOST * apart)
-        engine.close()
+    """Rollouts of one machine on MuJoCo, each as of what never was simulated before, and one after
+    the other, in turns. PyBullet keeps nothing of a machine."""
+    engine = engines()[MUJOCO]
+    engine.patience = 0  # type: ignore[attr-defined]
+    for what, jobs in _many().items():
+        least = [float("inf")] * 2
+        for again in (False, True) * max(1, options.repeats // 2):
+            seconds = 0.0
+            for machine, task, variation in jobs:
+                one = partial(simulate, machine, task, engine=engine, variation=variation)
+                seconds += timed(engine, one, apart=not again)
+            least[again] = min(least[again], seconds)
+        apart, together = (1e3 * seconds / len(jobs) for seconds in least)
+        told = f"{together:.1f} ms each, {together / apart:.2f} x the {apart:.1f} ms apart"
+        yield Figure(what, told, f"{MOST} x", together <= MOST * apart)
+    engine.close()
 
 
-def _forget(engine: Engine) -> None:
-    """Drop what is kept of the last machine."""
-    getattr(engine, "kept", []).clear()
-    simulate(Machine(), get_task("movement", {"window": 1}), engine=engine)
-
-
-def _many(engine: str) -> dict[str, list[tuple[Machine, Task, Variation]]]:
+def _many() -> dict[str, list[tuple[Machine, Task, Variation]]]:
     found = {}
     for name, machine in _machines().items():
-        task = get_task(level_of(machine), engine=engine)
+        task = get_task(level_of(machine), engine=MUJOCO)
         verified, robust = variations_of(machine, task), perturbations_of(machine)
         found[f"verification ({len(verified)}) of {name}"] = [(machine, task, v) for v in verified]
         found[f"robustness ({len(robust)}) of {name}"] = [(machine, task, v) for v in robust]
-    machine, task = shipped("lifting/drawbridge"), get_task("lifting", engine=engine)
+    machine, task = shipped("lifting/drawbridge"), get_task("lifting", engine=MUJOCO)
     found["trials (10) of a drawbridge"] = [(machine, t, DEFAULT) for t in task.trials(0)]
-    machine, task = shipped("transport/steered_car"), get_task("transport", engine=engine)
+    machine, task = shipped("transport/steered_car"), get_task("transport", engine=MUJOCO)
     found["tuning (10) of a steered car"] = [
         (replace(machine, controls=_later(machine, 0.02 * i)), task, DEFAULT) for i in range(10)
     ]

@@ -317,18 +317,8 @@ def _resist(own: Array, i: int, round_: Array, general: Array) -> Any:
 @njit
 def _drag(row: Array, law: Array) -> Any:
     """`air._local_drag`, turned as `DragForce.turned` does."""
-    loss, sx, sy, sz, mxx, myy, mzz, mxy, mxz, myz = (
-        law[0],
-        law[1],
-        law[2],
-        law[3],
-        law[4],
-        law[5],
-        law[6],
-        law[7],
-        law[8],
-        law[9],
-    )
+    loss, sx, sy, sz = law[0], law[1], law[2], law[3]
+    mxx, myy, mzz, mxy, mxz, myz = law[4], law[5], law[6], law[7], law[8], law[9]
     w, x, y, z = row[3], row[4], row[5], row[6]
     vx, vy, vz, wx, wy, wz = row[7], row[8], row[9], row[10], row[11], row[12]
     xx, yy, zz = x * x, y * y, z * z
@@ -357,25 +347,14 @@ def _drag(row: Array, law: Array) -> Any:
 
 @njit
 def _pull(
-    table: Array,
-    lines: Any,
-    springs: Any,
-    half: float,
-    now: float,
-    s: int,
-    applied: Array,
+    table: Array, lines: Any, springs: Any, half: float, now: float, s: int, applied: Array
 ) -> None:
     """`SpringForce.__call__` in step `s`; `half` is that of the step before, `now` of this one."""
     rows, offsets, bodies = lines
     tuned, pulled, noted = springs
     for i in range(rows.shape[0]):
-        level, natural, ramp, force, damping = (
-            tuned[i, 0],
-            tuned[i, 1],
-            tuned[i, 2],
-            tuned[i, 3],
-            tuned[i, 4],
-        )
+        level, natural, ramp = tuned[i, 0], tuned[i, 1], tuned[i, 2]
+        force, damping = tuned[i, 3], tuned[i, 4]
         pull, before = pulled[s, i, 0], pulled[s, i, 1]
         pulled[s + 1, i, 0], pulled[s + 1, i, 1] = pull, before
         noted[s, 0, i] = noted[s, 1, i] = 0.0
@@ -478,14 +457,8 @@ def _run(
         positions[s + 1], velocities[s + 1], warms[s], sensed[s] = qpos, qvel, warm, sensordata
         linear = angular = 0.0
         for r in range(table.shape[0]):
-            a, b, c, d, e, f = (
-                table[r, 7],
-                table[r, 8],
-                table[r, 9],
-                table[r, 10],
-                table[r, 11],
-                table[r, 12],
-            )
+            a, b, c = table[r, 7], table[r, 8], table[r, 9]
+            d, e, f = table[r, 10], table[r, 11], table[r, 12]
             speed, spin = a * a + b * b + c * c, d * d + e * e + f * f
             linear = linear if speed <= linear else speed
             angular = angular if spin <= angular else spin
