@@ -7,6 +7,7 @@ averaged with ours.
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -18,17 +19,10 @@ from agentflow.errors import UnknownNameError
 PLAYERS = "Human reference"
 """Published "model" that stands for experienced players."""
 
-BUILDARENA = (
-    "Published rows: BuildArena (arXiv:2510.16559), leaderboard in the README of its repository, "
-    "AI4Science-WestlakeU/BuildArena. Each number is a mean over three levels with 64 samples "
-    "each; the intervals are computed here, for these 192 samples. Levels 1 to 3 of bridge, "
-    "transport and rocket are modelled on its Support, Transport and Lift, which have no levels 4 "
-    "and 5. There are four differences: in BuildArena, five agents make each machine; Transport "
-    "succeeds more than 10 m from the start (here: within 1 m of the target); the first level of "
-    "Lift succeeds by computed thrust (here: measured); and Support has no rule against touching "
-    "the floor."
+_HOME = files(__package__)
+SOURCES: Mapping[str, str] = MappingProxyType(
+    json.loads((_HOME / "published_sources.json").read_text("utf-8"))
 )
-SOURCES: Mapping[str, str] = MappingProxyType({"buildarena": BUILDARENA})
 """Published table -> source and differences, for tables that are not of arXiv:2510.14980."""
 
 
@@ -57,7 +51,7 @@ class Published:
 @cache
 def published() -> tuple[Published, ...]:
     """All published numbers, in the order of published_results.csv."""
-    text = (files("agentflow.metrics") / "published_results.csv").read_text(encoding="utf-8")
+    text = (_HOME / "published_results.csv").read_text(encoding="utf-8")
     return tuple(Published(**row) for row in csv.DictReader(text.splitlines()))
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from importlib.resources import files
 from itertools import groupby
 from operator import itemgetter
 from typing import Literal
 
+import yaml
 from pydantic import BaseModel
 
 from agentflow.study.session import IDLE, Action, Pause, Session, StudioTest
@@ -19,29 +21,11 @@ Label = Literal[
     "Reflect", "Query",
 ]  # fmt: skip
 
-MEANING: Mapping[Label, str] = {
-    "Plan": "decides what to build, or in which order, before it is built",
-    "Hypothesize": "says or thinks what a change would do, or why something would work",
-    "Build": "adds to a machine that has not been simulated yet",
-    "Test": "has the machine simulated",
-    "Observe": "takes in what happened in a simulation, without explaining it",
-    "Diagnose": "explains why a machine failed or fell short",
-    "Revise": "changes a machine that was simulated, and keeps the way in which it works",
-    "Restructure": "changes the way in which the machine works, or starts over",
-    "Reflect": "looks back on the design as a whole, or on the way of working",
-    "Query": "asks for information: about blocks, the task, or from a model",
-}
+_KNOWN = yaml.safe_load((files(__package__) / "labels.yaml").read_text("utf-8"))
+MEANING: Mapping[Label, str] = _KNOWN["meaning"]
 """Label -> what the person does."""
-
-_THINKING: tuple[Label, ...] = ("Plan", "Hypothesize", "Observe", "Diagnose", "Reflect")
 ALLOWED: Mapping[Coarse, tuple[Label, ...]] = {
-    "building": ("Build", "Revise", "Restructure"),
-    "testing": ("Test",),
-    "looking": ("Observe", "Diagnose"),
-    "asking": ("Query",),
-    "talking": (*_THINKING, "Query"),
-    "pause": _THINKING,
-    "break": (),
+    coarse: tuple(labels) for coarse, labels in _KNOWN["allowed"].items()
 }
 """Coarse label -> labels that an episode may have."""
 

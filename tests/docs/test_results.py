@@ -7,7 +7,7 @@ import importlib
 import pytest
 import yaml
 
-from agentflow.metrics.published import BUILDARENA
+from agentflow.metrics.published import SOURCES
 from docs.make.links import ROOT
 from docs.make.pages import DOCS
 
@@ -26,4 +26,4 @@ def test_sections_on_sweeps_describe_them_as_their_files_do() -> None:
     for name in order:
         sweep = yaml.safe_load((ROOT / f"configs/{name}.yaml").read_text(encoding="utf-8"))
         assert f"## {sweep['title']}\n\n{sweep['about']}\n" in page, name
-    assert BUILDARENA in page
+    assert SOURCES["buildarena"] in page
