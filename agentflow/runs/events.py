@@ -478,7 +478,8 @@ class EditEvent(RunEvent, kind="edit", needs=("trajectory", "round")):
 class ResultEvent(
     RunEvent, kind="result", optional=("trajectory", "machine", "valid", "score", "first")
 ):
-    """The run ended; the location names the workflow."""
+    """The workflow ended, with the highest score; of a search over the whole run, verification may
+    choose another machine. The location names the workflow."""
 
     trajectory: int | None = None
     machine: str | None = None
@@ -502,7 +503,8 @@ class VariedScore:
 
 @dataclass(frozen=True)
 class VerificationEvent(RunEvent, kind="verification"):
-    """The best machine was simulated under small variations of the conditions.
+    """The best machine, or at a location `finalist` another one that could have been chosen, was
+    simulated under small variations of the conditions. That of the best machine comes last.
 
     Score (the median), low and high are None if any simulation crashed or timed out.
     """

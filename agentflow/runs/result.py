@@ -116,6 +116,18 @@ class MakerResult(_Part):
     gain: Number
 
 
+class FinalistResult(_Part):
+    """A machine that was verified to choose the best one."""
+
+    machine: str
+    """Content hash."""
+    score: Number
+    verified: Number | None
+    """None if its verification is incomplete."""
+    simulations: Count
+    """What its verification took."""
+
+
 class VariationScore(_Part):
     """The score of the best machine under one variation of the simulation."""
 
@@ -181,6 +193,8 @@ class RunFinding(_Part):
     """The Pareto front, if the run kept one."""
     requirements: Sequence[JudgedRequirement] | None = None
     """Those of the task, if it has any, with what the best machine has."""
+    finalists: Sequence[FinalistResult] | None = None
+    """By falling score; only if several machines were verified to choose the best."""
     makers: Sequence[MakerResult] | None = None
     """Only of searches over the whole run."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final, Literal, Protocol
+from typing import Final, Literal, NamedTuple, Protocol
 
 from agentflow.agents.base import AskContext
 from agentflow.agents.history import EditRecord, History
@@ -180,6 +180,17 @@ class Maker:
     """By how much, in total."""
 
 
+class Finalist(NamedTuple):
+    """A machine that may be chosen as the best of a run by its verified score."""
+
+    machine: Machine
+    score: float
+    candidate: Candidate
+    """The result's `best` if it is chosen."""
+    stage: StageName
+    """Where it was first simulated."""
+
+
 @dataclass(frozen=True)
 class WorkflowResult:
     """The result of a workflow, with or without a valid machine."""
@@ -200,3 +211,6 @@ class WorkflowResult:
     """What the search found out, one sentence each, for other runs at the task."""
     makers: tuple[Maker, ...] = ()
     """Empty unless one search dealt the budget of the whole run."""
+    finalists: tuple[Finalist, ...] = ()
+    """The machines of such a search with the highest scores, the best first; empty with other
+    objectives than the score."""

@@ -33,7 +33,7 @@ from agentflow.runs.events import (
     StageEvent,
     ToolEvent,
 )
-from agentflow.runs.locations import FEEDBACK, Location, StageName
+from agentflow.runs.locations import FEEDBACK, INITIAL, Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
 from agentflow.search.strategies import searches_whole_run
@@ -43,6 +43,7 @@ from agentflow.workflows.base import (
     AskContexts,
     Candidate,
     Evaluator,
+    Finalist,
     Maker,
     Record,
     SimulationSummary,
@@ -381,11 +382,29 @@ class WorkflowContext:
             front=pareto_front(self._evaluations.finished),
             lessons=self.memory.findings,
             makers=self.makers,
+            finalists=self._finalists(best) if best and self.makers else (),
         )
         found = _fields(best) if best else {"reason": reason}
         location, stopped = Location(self._workflow), result.stopped
         self.note(ResultEvent(location, **found, stage=result.best_stage, stopped=stopped))
         return result
+
+    def _finalists(self, best: Candidate) -> tuple[Finalist, ...]:
+        """The machines with the highest scores that meet what is required, `best` first."""
+        if self.settings.objective != "score":
+            return ()
+        ranked = sorted(
+            (-found.score, machine != best.machine, machine.digest, machine, found)
+            for machine, found in self._evaluations.finished
+            if found.valid and found.score is not None and found.missed is None
+        )
+        finalists = []
+        for score, _, _, machine, found in ranked[: self.settings.finalists]:
+            of = next(number for number in sorted(self._tried) if self.has_tried(number, machine))
+            candidate = replace(best, trajectory=of, machine=machine, evaluation=found)
+            first = machine in self._counts[INITIAL].machines
+            finalists.append(Finalist(machine, -score, candidate, INITIAL if first else FEEDBACK))
+        return tuple(finalists)
 
     async def _evaluate(self, machine: Machine, label: str) -> Evaluation:
         self.save(machine)

@@ -169,6 +169,14 @@ class WorkflowSettings(BaseModel):
         description="refuse machines that differ from simulated ones only in the numbers of their "
         "blocks, or are their mirror images; false: simulate them",
     )
+    finalists: int = Field(
+        5,
+        ge=1,
+        le=100,
+        description="machines of a search over the whole run, the best by score, of which the one "
+        "with the highest verified score is chosen; a machine whose score is no higher than that "
+        "is not verified any more. 1: the highest score is chosen",
+    )
     models: tuple[Annotated[str, Field(min_length=1)], ...] = Field(
         (),
         description="models at the run's endpoint, among which a search over the whole run chooses "

@@ -16,7 +16,7 @@ from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 
 STRATEGY = "search.strategy"
-POOLED: tuple[str, ...] = ("another_mechanism", "models")
+POOLED: tuple[str, ...] = ("another_mechanism", "finalists", "models")
 """Settings of searches over the whole run."""
 MACHINES: tuple[str, ...] = ("emitters", "novelty")
 """Settings of searches that `explore` has, too."""

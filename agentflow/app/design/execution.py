@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from math import inf
 from pathlib import Path
 
 from agentflow.agents.analyst import Analyst
@@ -28,6 +29,10 @@ from agentflow.workflows.base import Record, WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.workflow import Workflow
 
+Repeated = Mapping[str, Sequence[Variation]]
+"""Content hash of a machine that a run has verified -> its variations."""
+BEST = Location("best")
+
 
 @dataclass(frozen=True)
 class Execution:
@@ -39,6 +44,8 @@ class Execution:
     evaluator: PhysicsEvaluator
     verification: Verification | None
     """That of the best machine; None without one, or if `config.verify` is off."""
+    verified: Mapping[Machine, Verification] = field(default_factory=dict)
+    """All that were verified to choose it, by falling score."""
 
 
 async def execute(
@@ -48,7 +55,7 @@ async def execute(
     pool: Simulator | None = None,
     workflow: Workflow | None = None,
     open_pool: OpenPool = RolloutPool,
-    repeated: Sequence[Variation] = (),
+    repeated: Repeated | None = None,
     store: Path | None = None,
 ) -> Execution:
     """Run a workflow, close the models, and verify the best machine.
@@ -60,7 +67,7 @@ async def execute(
         pool: Simulates machines; by default a new pool of `config.workers` processes.
         workflow: Runs in place of the configured one of the same name.
         open_pool: Opens the new pool.
-        repeated: The variations that a run that is repeated verified its best machine under.
+        repeated: What a run that is repeated has verified; nothing else is.
         store: Folder that keeps all rollouts, with a new pool; by default they are not kept.
     """
     config = plan.config
@@ -82,20 +89,57 @@ async def execute(
             result = await workflow(
                 plan.brief, context_for, evaluator, config.settings, record, config.seed
             )
-            verification = None
-            if config.verify and result.best is not None and result.best.machine is not None:
-                verification = await evaluator.verify(result.best.machine, repeated)
-                record.event(verification_event(result.best.machine, verification))
+            verified = await _verify(result, evaluator, repeated) if config.verify else {}
+            best = max(verified, key=lambda one: _score(verified[one]), default=None)
+            for number, (machine, found) in enumerate(verified.items(), 1):
+                if machine != best:
+                    at = Location("finalist", candidate=number)
+                    record.event(verification_event(machine, found, at))
+            if best is not None:
+                record.event(verification_event(best, verified[best]))
     finally:
         await models.aclose()
-    return Execution(model, result, evaluator, verification)
+    verification = None if best is None else verified[best]
+    return Execution(model, _with_best(result, best), evaluator, verification, verified)
 
 
-def verification_event(machine: Machine, verification: Verification) -> VerificationEvent:
-    """The event of the verification of a run's best machine."""
+async def _verify(
+    result: WorkflowResult, evaluator: PhysicsEvaluator, repeated: Repeated | None
+) -> dict[Machine, Verification]:
+    """Verify the best machine, and then others, by falling score, as long as this is higher than
+    every verified score."""
+    best, known = result.best, repeated or {}
+    if best is None or best.machine is None:
+        return {}
+    finalists = {one.machine: one.score for one in result.finalists} or {best.machine: inf}
+    if any(machine.digest in known for machine in finalists):
+        finalists = {one: score for one, score in finalists.items() if one.digest in known}
+    verified: dict[Machine, Verification] = {}
+    for machine, score in finalists.items():
+        if score > max(map(_score, verified.values()), default=-inf):
+            verified[machine] = await evaluator.verify(machine, known.get(machine.digest, ()))
+    return verified
+
+
+def _score(verification: Verification) -> float:
+    """What machines are chosen by; an incomplete verification counts as the lowest."""
+    return -inf if verification.score is None else verification.score
+
+
+def _with_best(result: WorkflowResult, machine: Machine | None) -> WorkflowResult:
+    """The result with another best machine, if it is one of the finalists."""
+    found = (one for one in result.finalists if one.machine == machine)
+    best = next(found, None)
+    return replace(result, best=best.candidate, best_stage=best.stage) if best else result
+
+
+def verification_event(
+    machine: Machine, verification: Verification, at: Location = BEST
+) -> VerificationEvent:
+    """The event of the verification of a run's best machine, or of another one."""
     found = verification.to_json()
     scores = tuple(VariedScore(**item) for item in found.pop("scores"))
-    return VerificationEvent(Location("best"), machine.digest, **found, scores=scores)
+    return VerificationEvent(at, machine.digest, **found, scores=scores)
 
 
 def model_name(config: DesignConfig, models: Models, workflow: Workflow) -> str:

@@ -19,7 +19,7 @@ from agentflow.errors import RunError
 from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.models.clients import replay_models
 from agentflow.runs import Event, Notify, read_document, read_events, read_result
-from agentflow.runs.events import RunEvent, read_stage
+from agentflow.runs.events import RunEvent, VerificationEvent, read_stage
 from agentflow.runs.reading import read_machine_text
 from agentflow.runs.result import BUDGET, RunFinding, RunResult
 
@@ -55,7 +55,7 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
                 memory,
                 pool,
                 repetition(path, document),
-                repeated=_variations_of(path, recorded),
+                repeated=_verified_in(path),
             )
         )
     return first_difference(read_events(path), memory.events) or _result_difference(
@@ -63,16 +63,19 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
     )
 
 
-def _variations_of(path: Path, recorded: RunResult) -> list[Variation]:
-    """Those that the best machine was verified under, which other versions may choose otherwise."""
-    scores = () if recorded.verified is None else recorded.verified.scores
-    names = [item.variation for item in scores]
-    if unknown := [name for name in names if name not in VARIATIONS]:
-        raise RunError(
-            f"{path} was verified under {unknown[0]!r}, which this version does not know; replay "
-            "it with the version that made it"
-        )
-    return [VARIATIONS[name] for name in names]
+def _verified_in(path: Path) -> dict[str, list[Variation]]:
+    """Which machines were verified, and under what, which other versions may choose otherwise."""
+    found: dict[str, list[Variation]] = {}
+    for event in read_events(path):
+        if event.kind == VerificationEvent.kind:
+            names = [item["variation"] for item in event.data["scores"]]
+            if unknown := [name for name in names if name not in VARIATIONS]:
+                raise RunError(
+                    f"{path} was verified under {unknown[0]!r}, which this version does not know; "
+                    "replay it with the version that made it"
+                )
+            found[event.data["machine"]] = [VARIATIONS[name] for name in names]
+    return found
 
 
 @dataclass

@@ -48,6 +48,7 @@ def finding_of(plan: RunPlan, execution: Execution) -> RunFinding:
         **({"attempts": _pass_rate(result)} if counts_passes else {}),
         **_objective_json(plan.config, result),
         **_requirements_json(execution, machine),
+        **_finalists_json(execution),
         **({"makers": [asdict(maker) for maker in result.makers]} if result.makers else {}),
     }
     return RunFinding.model_validate(found)
@@ -62,6 +63,23 @@ def _objective_json(config: DesignConfig, result: WorkflowResult) -> dict[str, A
     if objective == "robust":
         return robust
     return {**robust, "front": [_front_member(*found) for found in result.front]}
+
+
+def _finalists_json(execution: Execution) -> dict[str, Any]:
+    """What was verified to choose the best machine, if more than this was."""
+    rollouts, verified = execution.evaluator.rollouts, execution.verified
+    if len(verified) < 2:
+        return {}
+    rows = [
+        {
+            "machine": machine.digest,
+            "score": rollouts[machine.digest].score,
+            "verified": found.score,
+            "simulations": len(found.rollouts) - 1,
+        }
+        for machine, found in verified.items()
+    ]
+    return {"finalists": rows}
 
 
 def _requirements_json(execution: Execution, machine: Machine | None) -> dict[str, Any]:
@@ -107,9 +125,11 @@ def machine_file(result: RunResult) -> dict[str, str]:
 
 
 def save_rollouts(path: Path, config: DesignConfig, execution: Execution) -> None:
-    """Save the state trajectories of all machines, or of each stage's best machine."""
+    """Save the state trajectories of all machines, or of the best one and each stage's best."""
     rollouts = execution.evaluator.rollouts
-    chosen = set(rollouts) if config.keep_rollouts == "all" else _stage_winners(execution.result)
+    best = execution.result.best
+    chosen = {best.machine.digest} if best and best.machine else set()
+    chosen |= set(rollouts) if config.keep_rollouts == "all" else _stage_winners(execution.result)
     for digest in sorted(chosen):
         with write_output(path / "rollouts" / f"{digest}.npz", RunError) as part:
             save_npz(rollouts[digest], part)

@@ -85,17 +85,18 @@ def _result_so_far(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-SHOWN = ("most_blocks", "best_stage", "robust", "front", "makers")
+SHOWN = ("most_blocks", "best_stage", "robust", "front", "makers", "finalists")
 """Keys of result.json that the details of a run have."""
 
 
 def run_details(path: Path) -> dict[str, Any]:
     """One run in detail.
 
-    The keys of `run_list` and `blocks`, `most_blocks`, `best_stage`, `robust`, `front` and `makers`
-    (as in result.json; None unless the objective or the search has them), `marginal` (connections
-    of the best machine as in `rollout_json`; None if its rollout was not saved), `record` (see
-    `record_json`, with the share that the run reached), `stages` (rows of the stage table),
+    The keys of `run_list` and `blocks`, `most_blocks`, `best_stage`, `robust`, `front`, `makers`
+    and `finalists` (as in result.json; None unless the objective or the search has them),
+    `marginal` (connections of the best machine as in `rollout_json`; None if its rollout was not
+    saved), `record` (see `record_json`, with the share that the run reached), `stages` (rows of the
+    stage table),
     `stopped`, `reason`, `spent` (calls, tokens, seconds and money by role), `failures` (see
     `count_failures`), `remarks`, `config`, and the rest of run.yaml.
     """

@@ -17,6 +17,7 @@ from agentflow.env.simulation.variations import (
 )
 from agentflow.llm.messages import Usage
 from agentflow.llm.wrappers.budget import FREE
+from agentflow.search.strategies import searches_whole_run
 from agentflow.workflows.registry import WORKFLOWS
 
 ROLLOUT_SECONDS = 0.2
@@ -39,7 +40,7 @@ class Estimate:
     perturbation: int
     """Further simulations of machines, for robust scores; not among the rollouts."""
     verification: int
-    """Most simulations to verify the best machines; not among the rollouts."""
+    """Most simulations to verify the finalists; not among the rollouts."""
     worker_seconds: float
     """For all simulations."""
 
@@ -66,6 +67,8 @@ def estimate(plan: RunPlan) -> Estimate:
     rollouts = workflow.rollouts(settings) + workflow.retries(settings, plan.task.brief)
     rollouts = min(rollouts, settings.max_simulations or rollouts)
     verified = _rates(most_variations_of(plan.task)) if config.verify else []
+    several = config.settings.objective == "score" and searches_whole_run(settings.search)
+    finalists = min(rollouts, config.settings.finalists) if several else 1
     perturbed = [] if settings.objective == "score" else _rates(PERTURBATIONS)
     seconds = len(plan.task.trials(config.seed)) * ROLLOUT_SECONDS * plan.task.window / WINDOW
     return Estimate(
@@ -75,8 +78,8 @@ def estimate(plan: RunPlan) -> Estimate:
         money=_total_money(config, calls),
         rollouts=rollouts,
         perturbation=rollouts * len(perturbed),
-        verification=len(verified),
-        worker_seconds=(rollouts * (1 + sum(perturbed)) + sum(verified)) * seconds,
+        verification=finalists * len(verified),
+        worker_seconds=(rollouts * (1 + sum(perturbed)) + finalists * sum(verified)) * seconds,
     )
 
 

@@ -118,8 +118,15 @@ def _show_seeds(runs: Sequence[Data]) -> None:
 
 
 def show_objectives(result: Data) -> None:
-    """Print the robust score and the Pareto front of a run that compared them."""
+    """Print how the best machine of a run was chosen, if not by its score alone."""
     console = output()
+    if finalists := result.get("finalists"):
+        first, simulations = finalists[0], sum(one["simulations"] for one in finalists)
+        console.print(
+            f"chosen among {len(finalists)} machines by verified score, with {simulations} "
+            f"simulations; the highest score is {number(first['score'])}, "
+            f"verified {number(first['verified'])}"
+        )
     if result.get("robust") is not None:
         robust = number(result["robust"])
         console.print(f"robust score {robust}, the 10 % quantile of 10 conditions")

@@ -132,8 +132,10 @@ def test_robust_scores_are_estimated_apart_from_the_rollouts() -> None:
 
 
 def test_verification_is_estimated_apart_from_the_rollouts() -> None:
-    found, without = of(), of(verify=False)
+    found, without = of(settings={"finalists": 1}), of(verify=False)
     assert (found.rollouts, found.verification) == (176, 9)  # of a throw with motors and springs
+    assert (of().rollouts, of().verification) == (176, 5 * 9)
+    assert of(settings={"search": MCTS}).verification == 9
     assert (without.rollouts, without.verification) == (176, 0)
     fine = 4  # one simulation has four times as many steps
     assert found.worker_seconds - without.worker_seconds == pytest.approx((8 + fine) * 0.2)
