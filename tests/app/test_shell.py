@@ -101,7 +101,9 @@ def test_a_car_by_commands(
     ]  # fmt: skip
     assert main(["replay", str(run)]) == 0
     assert "The design is finished" in refusal("history", "--run", str(run))
-    first = bench("start", "--task", "movement", "--name", "a")["run"]
+    assert main(["bench", "start", "--task", "movement", "--name", "a"]) == 0
+    assert capsys.readouterr().err == "agentflow: this run is runs/a\n"
+    first = "runs/a"
     bench("start", "--task", "movement", "--name", "b")
     assert "name one with --run: runs/a, runs/b" in refusal("history")
     assert bench("history", "--run", first)["run"] == first

@@ -39,7 +39,8 @@ async def test_a_whole_session() -> None:
         assert simulated.data["status"] == "ok"
         assert simulated.data["simulations_left"] == 2
         assert simulated.text.startswith(
-            f"Machine {name}: score {simulated.data['score']:.2f}.\nScore: "
+            f"Machine {name}: score {simulated.data['score']:.2f}. In the world frame; forces and "
+            "moments along the axes of blocks as built:\nScore: "
         )
         again = await bench.call("simulate", {"machine": name})
         assert "was simulated before, so this cost nothing" in again.text

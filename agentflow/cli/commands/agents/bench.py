@@ -118,7 +118,9 @@ def start(
 
     keys = {"task": task, "settings.max_simulations": rollouts}
     config = session_config(settings or (), keys)
-    _show(begin(config, out, name, print_remark), as_json, None)
+    begun = begin(config, out, name, print_remark)
+    print_remark(f"this run is {begun.run}")
+    _show(begun, as_json, None)
 
 
 def _call(
