@@ -41,7 +41,7 @@ Point = tuple[str, int, float, float | None]
 
 def blocks() -> Iterator[Point]:
     """Checks and rollouts of 1 s of a random machine; engines refuse some that are too large."""
-    knobs = {"blocks.max": max(BLOCKS), "window": 1.0}
+    knobs = {"blocks.max": 2 * max(BLOCKS), "window": 1.0}  # else it takes long to find some
     left = [spec.name for spec in installed_engines()]
     for count in BLOCKS:
         brief = get_task("movement", knobs).brief
