@@ -57,6 +57,7 @@ def _mechanisms_of(family: str) -> Any:
         return ours
     own = yaml.safe_load(files(MECHANISMS[family]).joinpath(MECHANISMS_FILE).read_text("utf-8"))
     return {
+        "scenes": ours["scenes"],
         "purposes": {**own["purposes"], **ours["purposes"]},
         "parts": {**ours["parts"], **own.get("parts", {})},
         "mechanisms": [*own["mechanisms"], *ours["mechanisms"]],
@@ -64,9 +65,11 @@ def _mechanisms_of(family: str) -> Any:
 
 
 def purpose(brief: Brief) -> str:
-    """Classify a task by words of its objective; `STAND` if none match."""
-    purposes = known_mechanisms(brief)["purposes"].items()
-    return next((name for name, words in purposes if words in brief.objective), STAND)
+    """Classify a task by words of its scene or objective; `STAND` if none match."""
+    known, scene = known_mechanisms(brief), " ".join(brief.scene)
+    told = ((known["scenes"], scene), (known["purposes"], brief.objective))
+    found = (name for words, text in told for name in words if words[name] in text)
+    return next(found, STAND)
 
 
 def suitable_mechanisms(brief: Brief) -> list[Any]:

@@ -114,7 +114,7 @@ def _read_brief(task: str, types: frozenset[int], controls: str) -> Brief:
     required = {kind: _COUNTS.index(count) for kind, count in found if kind in types}
     objective = task.partition("Task:")[2].partition("\n")[2].partition("\n")[0]
     blocks = (0, *sorted(types - {0}))
-    return Brief(value_of(task, "Task"), objective, (), (), (), blocks, required, limits)
+    return Brief(value_of(task, "Task"), objective, (task,), (), (), blocks, required, limits)
 
 
 @dataclass(frozen=True)
