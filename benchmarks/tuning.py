@@ -1,7 +1,8 @@
 """Does tuning by CMA-ES find better numbers than random search does? For docs/results/search.md.
 
 Each run begins with a record whose numbers are displaced by up to a fifth of the width of their
-bounds, the same for every source of numbers, and simulates the same number of machines. It can be
+bounds (of controllers, a twentieth), the same for every source of numbers, and simulates the same
+number of machines, or fewer where one has the greatest score. It can be
 interrupted and continued: finished runs are kept in the file of --runs.
 """
 
@@ -29,8 +30,10 @@ from agentflow.metrics.tables import Column, Row, Table, markdown
 from agentflow.search.tuning import STEP, Cma, tune
 
 BEGIN = "<!-- made by benchmarks/tuning.py: do not edit -->"
-TASKS = ("transport", "transport/2", "rocket/5")
-DISPLACED = 0.2
+TASKS = ("transport", "transport/2", "rocket/6")
+DISPLACED, DISPLACED_LAWS = 0.2, 0.05
+"""Greatest displacement of a number, as a share of the width of its bounds: of control programs,
+and of controllers, whose bounds are those of the search and wide."""
 
 
 class Uniform(Cma):
@@ -70,16 +73,15 @@ SOURCES = {"CMA-ES": Cma, "random steps from the best": Steps, "random values": 
 
 
 def displaced(machine: Machine, window: float, seed: int) -> Machine:
-    """The machine with each of its numbers displaced, within bounds."""
-    rng = np.random.default_rng(seed)
+    """The machine with each of its numbers displaced, within bounds; displacements that do not fit
+    together are drawn again."""
+    rng, made = np.random.default_rng(seed), None
     numbers = machine_numbers(machine, window)
-    shifts = rng.uniform(-DISPLACED, DISPLACED, len(numbers))
-    values = [
-        float(np.clip(n.value + shift * (n.high - n.low), n.low, n.high))
-        for n, shift in zip(numbers, shifts, strict=True)
-    ]
-    made = with_numbers(machine, values, window)
-    assert made is not None
+    source, most = Cma(numbers, seed), DISPLACED_LAWS if machine.controllers else DISPLACED
+    low, width = source._low, source._width
+    while made is None:
+        values = [n.value for n in numbers] + rng.uniform(-most, most, len(numbers)) * width
+        made = with_numbers(machine, values.clip(low, low + width).tolist(), window)
     return made
 
 
@@ -102,6 +104,7 @@ async def run(task: Task, source: str, seed: int, most: int, pool: RolloutPool) 
         start,
         first.score,
         most - 1,
+        task.brief.greatest,
     )
     return {"task": task.name, "source": source, "seed": seed, "first": first.score, "best": best}
 

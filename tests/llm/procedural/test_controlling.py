@@ -8,6 +8,7 @@ import pytest
 from agentflow.agents.refiner import RefinerInput
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
+from agentflow.llm.procedural.mechanisms import suitable_mechanisms
 from agentflow.llm.procedural.reading import read_listing
 from agentflow.machine import check, describe_text
 from agentflow.machine.controls import driven_blocks
@@ -94,7 +95,9 @@ def test_programs_in_prompts_are_read() -> None:
     assert read_listing(list_text(DRIVEN)) == DRIVEN
 
 
-@pytest.mark.parametrize("task", ["rocket/6", "movement/6", "transport"])
+@pytest.mark.parametrize(
+    "task", ["rocket/6", "movement/6", "transport", "transport/6", "movement/7"]
+)
 async def test_machines_that_may_sense_bring_controllers_and_their_numbers_are_changed(
     task: str,
 ) -> None:
@@ -114,3 +117,24 @@ async def test_machines_that_may_sense_bring_controllers_and_their_numbers_are_c
     assert len(edited) == 8
     assert any(each.controllers != machines[0].controllers for each in edited)
     assert all(check(each, brief).task_valid for each in edited)
+
+
+async def test_mechanisms_of_levels_that_need_sensors_are_theirs_alone() -> None:
+    for task, name in (("movement/7", "column on two wheels"), ("transport/6", "waiting car")):
+        brief = brief_of(task)
+        assert [each["name"] for each in suitable_mechanisms(brief)] == [name]
+        assert (await blueprint_of(brief, 0)).definition.startswith(f"{name}: "), (
+            "from the prompt too"
+        )
+    assert [each["name"] for each in suitable_mechanisms(brief_of("transport/2"))] == [
+        "steered car"
+    ]
+    assert [each["name"] for each in suitable_mechanisms(brief_of("movement"))] == ["car"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", ["movement/7", "transport/6"])
+async def test_some_first_machines_succeed_in_all_trials(task: str) -> None:
+    found = [await whole_design(brief_of(task), seed) for seed in range(4)]
+    scores = [simulate(design.machine, get_task(task)).score for design in found if design]
+    assert max(score or 0.0 for score in scores) == 10.0
