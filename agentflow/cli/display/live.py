@@ -78,11 +78,9 @@ def print_remark(line: str, quiet: bool = False) -> None:
 
 @contextmanager
 def watch_simulations() -> Iterator[None]:
-    """Tell on stderr how many simulations are done, while they take longer than a moment: in a line
-    that changes on a terminal, else in a line at first and then now and then."""
+    """Tell on stderr how many simulations are done, while they take longer than a moment."""
     tally, over = Tally(), threading.Event()
     again = TALLY.set(tally)
-    console = SafeConsole(stderr=True, highlight=False)
 
     def tell() -> None:
         pause, told = MOMENT_S, ""
@@ -91,20 +89,11 @@ def watch_simulations() -> Iterator[None]:
                 pause, told = min(max(BETWEEN_S, 2 * pause), EVERY_S), done
                 print_remark(done)
 
-    def draw() -> None:
-        if over.wait(MOMENT_S):
-            return
-        with console.status("") as status:
-            while not over.wait(MOMENT_S / 4):
-                status.update(str(tally))
-
-    telling = threading.Thread(target=draw if console.is_terminal else tell, daemon=True)
-    telling.start()
+    threading.Thread(target=tell, daemon=True).start()
     try:
         yield
     finally:
         over.set()
-        telling.join()
         TALLY.reset(again)
 
 
