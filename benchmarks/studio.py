@@ -1,4 +1,5 @@
-"""Measures the studio's editor: frames per second while the view of a large machine turns.
+"""Measures the studio: frames per second while the view of a large machine turns, when the list of
+many runs shows the first, and how long its frames take while it scrolls.
 
     python benchmarks/studio.py [--pictures docs/pictures]
 
@@ -34,6 +35,8 @@ from tests.studio.serving import studio
 from tests.study.example import record
 
 BLOCKS = 60
+RUNS = 500
+"""Runs of the list."""
 SECONDS = 4.0
 """Time for which the view turns, s."""
 PATIENCE = 60.0
@@ -52,6 +55,23 @@ canvas.addEventListener("frame", () => {
 canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }));
 const start = performance.now();
 setTimeout(() => done((1000 * frames) / (performance.now() - start)), 1000 * seconds);"""
+
+FIRST = """const [done] = arguments;
+const look = () => {
+  if (document.querySelector("tr[data-run]")) done(performance.now()); else setTimeout(look, 5);
+};
+look();"""
+"""Milliseconds from opening the page to its first row."""
+SCROLL = """const [done] = arguments, frames = [];
+let last = performance.now(), at = 0;
+const step = (now) => {
+  frames.push(now - last);
+  [last, at] = [now, at + 120];
+  scrollTo(0, at);
+  if (at < 9000) requestAnimationFrame(step); else done(frames);
+};
+requestAnimationFrame(step);"""
+"""Milliseconds of each frame while the list scrolls by 120 pixels a frame."""
 
 BEGIN = """const done = arguments[0], root = { type: 0, id: 0, parent: -1, face_id: -1 };
 const block = (id, type, parent, face_id) => ({ type, id, parent, face_id });
@@ -100,6 +120,7 @@ def main() -> None:
         else:
             for size in SIZES:
                 print_speed(folder, size)
+            print_list(folder)
 
 
 def print_speed(folder: Path, size: tuple[int, int]) -> None:
@@ -125,6 +146,28 @@ def print_speed(folder: Path, size: tuple[int, int]) -> None:
         f"{len(machine)} blocks, {faces} faces lit: {frames:.0f} frames per second "
         f"at {json.dumps(pixels)} pixels of a page of {size[0]} x {size[1]}"
     )
+
+
+def print_list(folder: Path) -> None:
+    """Open a list of many runs, and scroll it twice: the first time, pictures are drawn."""
+    for number in range(RUNS):
+        place = folder / "many" / f"{number:03}"
+        shutil.copytree(RECORDED["throwing"], place, ignore=shutil.ignore_patterns("rollouts"))
+    with studio(folder / "many") as served, chromium(folder / "profile-list") as driver:
+        resize(driver, SIZES[0])
+        driver.set_script_timeout(PATIENCE)
+        driver.get(served.address)
+        first = driver.execute_async_script(FIRST)
+        wait(driver, f"document.querySelector('.filters').textContent.includes('{RUNS} runs')")
+        wait(driver, "!document.querySelector('.filters').textContent.includes('reading')")
+        driver.execute_script("document.querySelector('main > button').click()")
+        wait(driver, f"document.querySelectorAll('tr[data-run]').length === {RUNS}")
+        for turn in ("first", "second"):
+            frames = sorted(driver.execute_async_script(f"scrollTo(0, 0);{SCROLL}"))
+            print(
+                f"{RUNS} runs: first row after {first:.0f} ms; {turn} scroll: median frame "
+                f"{frames[len(frames) // 2]:.0f} ms, slowest {frames[-1]:.0f} ms"
+            )
 
 
 def photograph(shot: Shot) -> Image.Image:

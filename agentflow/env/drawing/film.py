@@ -155,7 +155,7 @@ def _frames(
             width = machine_solids.solids[tracked][0].size[0]
             _draw_speck(picture, camera, trace.centre[index, tracked], width)
         over = time >= earned - 1e-9
-        score = f"   score {rollout.score or 0.0:.2f}" if over else ""
+        score = f"   score {rollout.score or 0.0:.2f} {task.unit}" if over else ""
         caption(picture, f"{task.name}   {time:4.1f} s{score}")
         if over and landing is not None:
             _draw_flag(picture, camera, landing)

@@ -163,6 +163,10 @@ def _picture(
         spacing = 1.0 if scene is None else GRID
         tile = render_image(camera, solids, (), spacing, others, options.ground)
         if options.axes:
+            if options.ground:  # so that no label of a distance is behind their names
+                side = (CORNER + 1.5 * ARROW) * _factor(tile)
+                area = (0, tile.height - side, side, tile.height)
+                ImageDraw.Draw(tile).ellipse(area, options.ground.land)
             draw_axes(tile, camera)
         if options.scale:
             draw_scale(tile, camera)

@@ -78,5 +78,5 @@ function list(sessions) {
   return section("Recorded sessions",
     rows.length ? table("", ["Session", "Participant", "Task", "Mode", "Started", "Minutes", "Actions", "Tests", "Best score"], rows) : "",
     ...sessions.filter(({ problem: fault }) => fault).map(({ problem: fault }) => problem(fault)),
-    el("p", { class: "quiet" }, "agentflow study metrics, segments and elan read these folders."));
+    el("p", { class: "quiet" }, "agentflow study reads these folders: metrics, segments, and annotations for ELAN."));
 }
