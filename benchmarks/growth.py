@@ -31,7 +31,7 @@ from agentflow.machine.edits.random import random_machine
 
 PAGE = ROOT / "docs" / "results" / "growth.md"
 RUN = ROOT / "runs" / "recorded-throwing"
-BLOCKS = 10, 20, 40, 80, 160, 200
+BLOCKS = 10, 20, 40, 80, 200
 WORKERS = 1, 2, 4, 8, 16
 LONGEST = 5.0
 """s of CPU time: an engine that takes longer for a machine gets no larger ones."""
@@ -44,7 +44,7 @@ def blocks() -> Iterator[Point]:
     knobs = {"blocks.max": 2 * max(BLOCKS), "window": 1.0}  # else it takes long to find some
     left = [spec.name for spec in installed_engines()]
     for count in BLOCKS:
-        brief = get_task("movement", knobs).brief
+        brief = get_task("movement", knobs, left[-1]).brief
         machine = random_machine(Random(count), brief, (count, count))
         text = machine.to_text()
         yield "check", count, _least(lambda t=text: check(t)), None  # type: ignore[misc]
@@ -170,7 +170,7 @@ def main() -> None:
     parser.add_argument("--lines", type=int, default=100_000, help="most lines that are checked")
     parser.add_argument("--rollouts", type=int, default=1000, help="most machines simulated")
     parser.add_argument("--runs", type=int, default=1000, help="most runs listed")
-    parser.add_argument("--pool", type=int, default=320, help="machines simulated in each pool")
+    parser.add_argument("--pool", type=int, default=200, help="machines simulated in each pool")
     parser.add_argument("--out", type=Path, default=PAGE)
     given = parser.parse_args()
     found = {
@@ -198,7 +198,8 @@ random machines, and an engine that takes over 5 s for one gets no larger ones. 
 Commands run in a fresh process, whose start of a quarter of a second is included, and so are \
 worker processes; memory is the most that one of them held. The size of a stream does not \
 matter for it. More workers than cores take their turns: the time is that of their starts and of \
-the same work. `python benchmarks/growth.py` writes this page.
+the same work. A worker loads compiled steps, and takes the memory for it, after 50 rollouts. \
+`python benchmarks/growth.py` writes this page.
 """
 
 
