@@ -29,7 +29,7 @@ def counter(say: Progress, of: int) -> Callable[[], None]:
 
 @dataclass
 class Tally:
-    """How many simulations, or trials of them, are done of those that were begun since none ran."""
+    """How many simulations, or trials of them, are done of those started since none ran."""
 
     done: int = 0
     of: int = 0

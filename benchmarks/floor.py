@@ -125,7 +125,7 @@ def record(machine: Machine, engine: Any) -> Tape:
 
 def floor(options: Options) -> Iterator[Figure]:
     """Whole rollouts on both engines, with and without compiled steps, and the bare steps of
-    MuJoCo's, in turns; nothing is kept of the machine but where it is told."""
+    MuJoCo's, in turns; machines are kept only where the name says so."""
     started: dict[str, Any] = {ONE_BY_ONE: engines()[MUJOCO], **engines()}
     started[ONE_BY_ONE].patience = sys.maxsize
     started[MUJOCO].patience = 0  # compiled steps from the first rollout on

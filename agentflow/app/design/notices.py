@@ -78,7 +78,7 @@ def _differences(run: RunDirectory) -> Iterator[str]:
 
 
 def _why(run: RunDirectory) -> str:
-    """What made a run differ from its record, as far as can be told."""
+    """What made a run differ from its record, as far as is known."""
     if change := code_change(read_document(run.path)):
         return (
             f"agentflow has changed since the run began ({change}), not because of what you did: "

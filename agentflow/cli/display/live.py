@@ -41,7 +41,7 @@ from agentflow.runs.record import RunRecord
 
 BARS, WIDEST = "▁▂▃▄▅▆▇█", 40
 MOMENT_S, BETWEEN_S = 1.0, 10.0
-"""Seconds of simulations of which nothing is told, and after that until the next line, at first."""
+"""Seconds of simulation before the first line, and then between lines, at first."""
 
 
 @contextmanager

@@ -37,7 +37,7 @@ EVERY_S = 0.7
 BY_HAND = "by hand"
 """What pages call the workflow of a person."""
 BATCH_S = 0.15
-"""Seconds after which the runs that have been read are told."""
+"""Seconds after which the runs read so far are shown."""
 QUIET = 20
 """Looks without news after which a comment keeps the connection alive."""
 News = Mapping[str, Any] | None
