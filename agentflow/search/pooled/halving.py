@@ -3,13 +3,16 @@
 First, branches begin. Then children are made of the best node of one of the eight best branches,
 later of the four best, of the two best, and at last of the best one, for equal parts of what is
 left of the budget (after Karnin et al. 2013 and Jamieson and Talwalkar 2016, who choose one out of
-many like this). Who makes each child is drawn by what it may gain; a new first candidate competes
-with children, so that a search that improves nothing goes back to making them.
+many like this). Half of the time, which of them gets a child, and who makes it, is drawn by what
+that may gain over the best of all; otherwise they take turns by chance, as what lies behind may
+still make a leap that no child has made yet. A new first candidate competes with children: a search
+that improves nothing goes back to making them.
 """
 
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Sequence
 from random import Random
 from typing import Any
@@ -26,6 +29,8 @@ SPARE = 4
 """First candidates that may fail or repeat others, besides as many as do not."""
 KEPT = (8, 4, 2, 1)
 """How many branches go on, in each equal part of the rest."""
+EVENLY = 0.5
+"""Share of the choices that are the same for every branch that goes on."""
 FAILURES = 3
 """Children that did not improve anything, as the prior of who makes them assumes; one did."""
 GAIN = 0.2
@@ -54,9 +59,8 @@ class Halving(PooledStrategy):
         if self._beginning is None:
             self._beginning = pool.used
         climbed = (pool.used - self._beginning) / (1 - self._beginning)
-        line = rng.choice(lines[: self.kept[int(climbed * len(self.kept))]])
-        arm = self._arm(pool, lines, rng)
-        return opening if arm is None else Choice(arm, line.number, _best(line).id)
+        going_on = lines[: self.kept[int(climbed * len(self.kept))]]
+        return self._next(pool, going_on, rng) or opening
 
     def _begins(self, pool: Pool[Any], lines: Sequence[Branch[Any]]) -> bool:
         """Whether all choices are new branches: no children have been made yet, and not too many
@@ -65,29 +69,34 @@ class Halving(PooledStrategy):
         most = min(self.most_begun, 2 * different + SPARE)
         return self._beginning is None and pool.used < BEGINNING and begun < most
 
-    def _arm(self, pool: Pool[Any], lines: Sequence[Branch[Any]], rng: Random) -> str | None:
-        """Who makes the next child; None for a new branch.
+    def _next(self, pool: Pool[Any], going_on: Sequence[Branch[Any]], rng: Random) -> Choice | None:
+        """The next child; None for a new branch.
 
-        Each is worth its chance of an improvement times how large one is. How likely children
-        improve their parents is drawn from a posterior; a new branch is the best of all so many
-        with a chance of one in so many.
+        Each is worth its chance of an improvement times what this gains over the best of all, or
+        over its parent, if that is drawn evenly. How likely children improve their parents is drawn
+        from a posterior; a new branch is the best of all so many with a chance of one in so many.
         """
-        gains, record = pool.gains(), tail(pool)
-        drawn: list[tuple[float, float, str | None]] = []
+        evenly = rng.random() < EVENLY
+        considered = [rng.choice(going_on)] if evenly else going_on
+        gains, record, best = pool.gains(), tail(pool), _reward(going_on[0])
+        drawn: list[tuple[float, float, float, Choice | None]] = []
         if not pool.is_full:
-            firsts = [worth(_root(line)) for line in lines]
-            behind = max(0.0, _reward(lines[0]) - max(firsts))  # a failed simulation counts as 0
-            size = record * math.exp(-behind / record) if record else 0.0
-            drawn.append((_draw(rng, 1, len(pool.branches)) * size, rng.random(), None))
+            first = max(worth(_root(line)) for line in pool.branches if line.tree)
+            value = _draw(rng, 1, len(pool.branches)) * _beyond(record, best - first)
+            drawn.append((value, rng.random(), 0.0, None))
         every = [gain for made in gains.values() for gain in made if gain > 0]
         usual = (sum(every) + GAIN * record) / (len(every) + 1)
         for arm in pool.arms:
-            made = gains.get(arm, [])
+            made, tied = gains.get(arm, []), rng.random()
             better = [gain for gain in made if gain > 0]
-            chance = _draw(rng, 1 + len(better), FAILURES + len(made) - len(better))
             size = (sum(better) + usual) / (len(better) + 1)
-            drawn.append((chance * size, rng.random(), arm))
-        return max(drawn, key=lambda item: item[:2])[2]
+            for line in considered:
+                chance = _draw(rng, 1 + len(better), FAILURES + len(made) - len(better))
+                behind = 0.0 if evenly else best - _reward(line)
+                value = chance * _beyond(size, behind)
+                child = Choice(arm, line.number, _best(line).id)
+                drawn.append((value, tied, rng.random(), child))
+        return max(drawn, key=lambda item: item[:3])[3]
 
 
 class HalfAndHalf(Halving):
@@ -97,21 +106,33 @@ class HalfAndHalf(Halving):
     kept = (1,)
     most_begun = math.inf
 
-    def _arm(self, pool: Pool[Any], lines: Sequence[Branch[Any]], rng: Random) -> str | None:  # noqa: ARG002
-        return rng.choice(pool.arms)
+    def _next(self, pool: Pool[Any], going_on: Sequence[Branch[Any]], rng: Random) -> Choice | None:
+        return Choice(rng.choice(pool.arms), going_on[0].number, _best(going_on[0]).id)
 
 
 def tail(pool: Pool[Any]) -> float:
-    """How much better than the others the best first candidates are.
+    """By how much a first candidate that is better than all others exceeds the best of them.
 
-    As many of them as the square root of their number, on average, compared with the next one: that
-    is about how much a new best one is better. Equal ones count once.
+    The best ones, as many as the square root of their number, are taken to exceed the next one by a
+    generalized Pareto distribution, fitted by probability-weighted moments (Hosking and Wallis
+    1987): little is left to gain where they come near a limit. Its tail is at most exponential.
+    Equal ones count once.
     """
     roots = (_root(line) for line in pool.branches if line.tree)
-    firsts = sorted({root.candidate: worth(root) for root in roots}.values(), reverse=True)
-    many = math.isqrt(len(firsts))
-    # Rounding can put the mean of equal ones below them.
-    return max(0.0, sum(firsts[:many]) / many - firsts[min(many, len(firsts) - 1)])
+    firsts = sorted({root.candidate: worth(root) for root in roots}.values())
+    many = min(math.isqrt(len(firsts)), len(firsts) - 1)
+    over = [first - firsts[-many - 1] for first in firsts[len(firsts) - many :]]
+    mean = sum(over) / max(1, many)
+    weights = (1 - (rank + 0.65) / many for rank in range(many))
+    spread = mean - 2 * sum(map(operator.mul, weights, over)) / max(1, many)
+    shape = min(0.0, 2 - mean / spread) if spread > 0 else 0.0
+    return max(0.0, mean + shape / (1 - shape) * max(over, default=0.0))
+
+
+def _beyond(size: float, behind: float) -> float:
+    """What gains of this mean size, falling off exponentially, leave beyond the best of all, from
+    so far behind it; a failed simulation counts as 0 and may be ahead of it."""
+    return size * math.exp(-max(0.0, behind) / size) if size > 0 else 0.0
 
 
 def _opener(pool: Pool[Any], rng: Random) -> str:
