@@ -23,6 +23,8 @@ ROW_ORDER = np.array([0, 1, 2, 4, 5, 6, 3, 7, 8, 9, 10, 11, 12])
 
 COMPACT = slice(0, 6), slice(6, 8), slice(8, 9)
 """Place, two shapes and row of a contact among its 4-byte words, where only these are kept."""
+NONE: Any = np.zeros((0, 9), np.int32)
+"""No contacts, kept like that."""
 Kept = tuple[Any, Array, Any, int]
 """(C, 9) contacts and what constraints exerted in several steps, (S + 1, 2) where those of each
 step begin in both, and the number of a step."""
@@ -148,7 +150,7 @@ class Contacts:
         until there are any."""
         self._stored = COMPACT
         """Where these are among the words."""
-        self._found: Any = np.zeros((0, 9), np.int32)
+        self._found: Any = NONE
         """Contacts in the last step."""
         self._at = COMPACT
         self._late: Kept | None = None
@@ -168,7 +170,9 @@ class Contacts:
         count = self._data.ncon
         if count and self._memory is None:
             self._locate(self._data.contact)
-        if self._memory is not None:
+        if self._memory is None:
+            self._found, self._at = NONE, COMPACT
+        else:
             self._found, self._at = self._memory[:count].copy(), self._stored
         self._efforts, self._late = efforts, None
 
