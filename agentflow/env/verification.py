@@ -64,6 +64,11 @@ class Verification:
         return statistics.median(self._scores) if self._scores else None
 
     @property
+    def mean(self) -> float | None:
+        """The mean of all scores, which tells a machine that holds from one that fails in some."""
+        return statistics.fmean(self._scores) if self._scores else None
+
+    @property
     def low(self) -> float | None:
         """The lowest score."""
         return min(self._scores, default=None)

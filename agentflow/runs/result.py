@@ -124,6 +124,8 @@ class FinalistResult(_Part):
     score: Number
     verified: Number | None
     """None if its verification is incomplete."""
+    mean: Number | None
+    """Of the scores of its verification, by which the best machine was chosen."""
     simulations: Count
     """What its verification took."""
 

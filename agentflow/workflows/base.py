@@ -181,7 +181,7 @@ class Maker:
 
 
 class Finalist(NamedTuple):
-    """A machine that may be chosen as the best of a run by its verified score."""
+    """A machine that may be chosen as the best of a run when it is verified."""
 
     machine: Machine
     score: float

@@ -174,8 +174,8 @@ class WorkflowSettings(BaseModel):
         ge=1,
         le=100,
         description="machines of a search over the whole run, the best by score, of which the one "
-        "with the highest verified score is chosen; a machine whose score is no higher than that "
-        "is not verified any more. 1: the highest score is chosen",
+        "with the highest mean score in its verification is chosen; a machine whose score is no "
+        "higher than that is not verified any more. 1: the highest score is chosen",
     )
     models: tuple[Annotated[str, Field(min_length=1)], ...] = Field(
         (),

@@ -90,7 +90,7 @@ async def execute(
                 plan.brief, context_for, evaluator, config.settings, record, config.seed
             )
             verified = await _verify(result, evaluator, repeated) if config.verify else {}
-            best = max(verified, key=lambda one: _score(verified[one]), default=None)
+            best = max(verified, key=lambda one: _mean(verified[one]), default=None)
             for number, (machine, found) in enumerate(verified.items(), 1):
                 if machine != best:
                     at = Location("finalist", candidate=number)
@@ -107,7 +107,7 @@ async def _verify(
     result: WorkflowResult, evaluator: PhysicsEvaluator, repeated: Repeated | None
 ) -> dict[Machine, Verification]:
     """Verify the best machine, and then others, by falling score, as long as this is higher than
-    every verified score."""
+    every mean score of a verification."""
     best, known = result.best, repeated or {}
     if best is None or best.machine is None:
         return {}
@@ -116,14 +116,17 @@ async def _verify(
         finalists = {one: score for one, score in finalists.items() if one.digest in known}
     verified: dict[Machine, Verification] = {}
     for machine, score in finalists.items():
-        if score > max(map(_score, verified.values()), default=-inf):
+        if score > max(map(_mean, verified.values()), default=-inf):
             verified[machine] = await evaluator.verify(machine, known.get(machine.digest, ()))
     return verified
 
 
-def _score(verification: Verification) -> float:
-    """What machines are chosen by; an incomplete verification counts as the lowest."""
-    return -inf if verification.score is None else verification.score
+def _mean(verification: Verification) -> float:
+    """What machines are chosen by; an incomplete verification counts as the lowest.
+
+    The median, which is the verified score, does not see that a machine fails in some simulations.
+    """
+    return -inf if verification.mean is None else verification.mean
 
 
 def _with_best(result: WorkflowResult, machine: Machine | None) -> WorkflowResult:

@@ -75,6 +75,7 @@ def _finalists_json(execution: Execution) -> dict[str, Any]:
             "machine": machine.digest,
             "score": rollouts[machine.digest].score,
             "verified": found.score,
+            "mean": found.mean,
             "simulations": len(found.rollouts) - 1,
         }
         for machine, found in verified.items()

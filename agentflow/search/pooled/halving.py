@@ -4,7 +4,7 @@ First, branches begin. Then children are made of the best node of one of the eig
 later of the four best, of the two best, and at last of the best one, for equal parts of what is
 left of the budget (after Karnin et al. 2013 and Jamieson and Talwalkar 2016, who choose one out of
 many like this). Half of the time, which of them gets a child, and who makes it, is drawn by what
-that may gain over the best of all; otherwise they take turns by chance, as what lies behind may
+that may gain over the best of all; otherwise each of them is as likely, as what lies behind may
 still make a leap that no child has made yet. A new first candidate competes with children: a search
 that improves nothing goes back to making them.
 """

@@ -1,4 +1,4 @@
-"""The best machine of a search over the whole run is chosen by its verified score."""
+"""A search over the whole run chooses the machine that scores most on average when verified."""
 
 from __future__ import annotations
 
@@ -58,6 +58,10 @@ def test_a_machine_that_holds_is_chosen(
     assert best.finalists is not None
     assert [item.score for item in best.finalists] == [plain.score, best.score]
     assert [item.verified for item in best.finalists] == [plain.verified_score, best.verified_score]
+    means = [item.mean or 0 for item in best.finalists]
+    assert best.verified is not None
+    scores = [item.score or 0 for item in best.verified.scores]
+    assert means[0] < means[1] == pytest.approx(sum(scores) / len(scores))
     assert plain.finalists is None
     assert best.rollouts == plain.rollouts == 2
     digest = best.finalists[1].machine
@@ -66,7 +70,10 @@ def test_a_machine_that_holds_is_chosen(
              if event.kind == "verification"]  # fmt: skip
     assert kinds == [("finalist/candidate-1", best.finalists[0].machine), ("best", digest)]
     show_objectives(best.to_json())
-    assert "chosen among 2 machines by verified score, with 18 sim" in capsys.readouterr().out
+    assert (
+        "chosen among 2 machines by the mean score of their verifications, with 18 sim"
+        in capsys.readouterr().out
+    )
 
 
 def test_runs_replay_and_resume_as_they_were_made(
