@@ -123,9 +123,9 @@ def show_objectives(result: Data) -> None:
     if finalists := result.get("finalists"):
         first, simulations = finalists[0], sum(one["simulations"] for one in finalists)
         console.print(
-            f"chosen among {len(finalists)} machines by the mean score of their verifications, with "
-            f"{simulations} simulations; the highest score is {number(first['score'])}, on average "
-            f"{number(first['mean'])}"
+            f"chosen among {len(finalists)} machines by the mean score of their verifications, "
+            f"with {simulations} simulations; the highest score is {number(first['score'])}, on "
+            f"average {number(first['mean'])}"
         )
     if result.get("robust") is not None:
         robust = number(result["robust"])
