@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+pytest.importorskip("ray")
+
 from agentflow.cluster.pool import MOST, RECENT, SHARE, Pace
 
 

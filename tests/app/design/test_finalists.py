@@ -13,7 +13,7 @@ from agentflow.cli.display.show_runs import show_objectives
 from agentflow.runs import read_document, read_events, read_result
 from agentflow.runs.reading import document_text
 
-MACHINES = Path(__file__).parents[2] / "machines"
+MACHINES = Path(__file__).parents[2] / "machines" / "common"
 FRAGILE = (MACHINES / "fragile_throw.json").read_text()
 """A model designed it; half of its verifying simulations score 0."""
 STURDIER = (MACHINES / "sturdier_throw.json").read_text()

@@ -56,10 +56,10 @@ def test_every_task_travels_to_other_processes(name: str) -> None:
 
 @for_each(NAMES)
 def test_the_brief_follows_the_knobs(name: str) -> None:
-    task = get_task(name, {"window": "7.5", "wind.speed": "4"})
+    task = get_task(name, {"window": "12.5", "wind.speed": "4"})
     text = " ".join((*task.brief.scene, *task.brief.schedule, *task.brief.score))
-    assert task.window == 7.5
-    assert "7.5 s" in text
+    assert task.window == 12.5
+    assert "12.5 s" in text
     assert "4 m/s towards z-" in text
     assert task.scene().wind[2] == -4.0
 

@@ -23,7 +23,7 @@ pytest.importorskip("numba")
 SHIPPED = {
     "published_throw": "throwing",
     "throwing/spring_arm": "throwing",
-    "breaks_twice": "throwing",  # steps one by one follow, in which nothing touches
+    "common/breaks_twice": "throwing",  # steps one by one follow, in which nothing touches
     "rotor_with_ballast": "movement",
     "movement/plain_car": "movement/6",
     "bridge/braced_beam": "bridge",
