@@ -8,6 +8,8 @@ pytest.importorskip("ray")
 
 from agentflow.cluster.pool import MOST, RECENT, SHARE, Pace
 
+pytestmark = pytest.mark.cluster
+
 
 def pace(cost: float, work: float, count: int = 1) -> Pace:
     """After messages that each cost so many seconds, with rollouts of so many seconds."""
