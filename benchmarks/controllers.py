@@ -42,8 +42,8 @@ Numbers are successful trials out of ten. The columns are the perturbations of \
 [robust scores](../explanation/scores.md#robust-scores). The control program is the best of those \
 that the second column counts, chosen on the unchanged conditions of the same trials; no program \
 can know which trial it is in. Sensors and laws took \
-1.7 % to 3.1 % of the CPU time of rollouts on PyBullet and 1.5 % to 6.4 % on MuJoCo, on a busy \
-computer (`benchmarks/sensing.py --pairs 21`). \
+0.9 % to 3.1 % of the CPU time of rollouts on PyBullet and 1.8 % to 7.6 % on MuJoCo, on a quiet \
+core (`benchmarks/sensing.py --pairs 21`). \
 `python benchmarks/controllers.py` writes this page.
 """
 
