@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -48,8 +49,8 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=Path("calling"))
     parser.add_argument("--page", type=Path, default=Path("docs/results/learning.md"))
     parser.add_argument("--known", type=int, default=16, help="machines of the transcripts")
-    parser.add_argument("--learn", type=int, default=500, help="steps of the cold start")
-    parser.add_argument("--steps", type=int, default=15, help="steps of 32 designs")
+    parser.add_argument("--learn", type=int, default=1500, help="steps of the cold start")
+    parser.add_argument("--steps", type=int, default=60, help="steps of 32 designs")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--rate", type=float, default=2e-4, help="learning rate of the rewards")
     given = parser.parse_args()
@@ -168,35 +169,40 @@ def tokens_of(tokenizer: Any, parts: Sequence[tuple[bool, str]]) -> tuple[list[i
 
 
 def tables(folder: Path, given: argparse.Namespace) -> Iterator[Table]:
-    """Reward of every step, and whether it rose."""
+    """Rewards of tenths of the training, and whether they rose."""
     curves = [
         [row for row in read_training(folder / str(seed)).curves if "reward" in row]
         for seed in range(given.seeds)
     ]
     names = ("reward", "score", "valid")
     columns = tuple(Column(f"seed {seed}", name) for seed in range(given.seeds) for name in names)
-    rows = [
-        Row((str(steps[0]["step"]),), tuple(row[name] for row in steps for name in names))
-        for steps in zip(*curves, strict=True)
-    ]
+    part = max(1, given.steps // 10)
+    rows = []
+    for first in range(0, given.steps, part):
+        of = [curve[first : first + part] for curve in curves]
+        means = tuple(fmean(row[name] for row in some) for some in of for name in names)
+        rows.append(Row((f"{first + 1} to {first + len(of[0])}",), means))
     title = f"Training with tools: {TASK}, {read_folder(folder / 'model').label}"
     notes = (
         f"32 designs a step, learning rate {given.rate:g}. valid: share that submitted a machine. "
         "Score: mean of all designs, m; reward: that of the tiny preset.",
     )
-    yield Table(title, ("step",), columns, tuple(rows), notes=notes)
+    yield Table(title, ("steps",), columns, tuple(rows), notes=notes)
     third = given.steps // 3
-    rewards = np.array([[row["reward"] for row in curve] for curve in curves])
-    groups = {str(seed): rewards[[seed]] for seed in range(given.seeds)} | {"all": rewards}
     rows = []
-    for label, members in groups.items():
-        first, last = members[:, :third].ravel(), members[:, -third:].ravel()
-        low, high = interval(first, last)
-        told = (first.mean(), last.mean(), last.mean() - first.mean(), f"{low:.2f} to {high:.2f}")
-        rows.append(Row((label,), told))
+    for name in ("reward", "score"):
+        numbers = np.array([[row[name] for row in curve] for curve in curves])
+        groups = {str(seed): numbers[[seed]] for seed in range(given.seeds)} | {"all": numbers}
+        for label, members in groups.items():
+            first, last = members[:, :third].ravel(), members[:, -third:].ravel()
+            low, high = interval(first, last)
+            rise = last.mean() - first.mean()
+            told = (first.mean(), last.mean(), rise, f"{low:.2f} to {high:.2f}")
+            rows.append(Row((name, label), told))
     columns = tuple(Column("", name) for name in ("first third", "last third", "rise", "95 %"))
     notes = (f"Means of {third} steps each; intervals: 10,000 bootstrap resamples of the steps.",)
-    yield Table("Reward in the first and last third", ("seed",), columns, tuple(rows), notes=notes)
+    title = "Reward and score in the first and last third"
+    yield Table(title, ("of", "seed"), columns, tuple(rows), notes=notes)
 
 
 def interval(first: Any, last: Any) -> tuple[float, float]:
