@@ -19,38 +19,18 @@ DEFAULT = Path("configs/benchmark.yaml")
 
 @commands.command(epilog="Example: agentflow benchmark --model NAME --base-url URL --lite")
 def benchmark(
-    source: Annotated[
-        Path, typer.Argument(help="Benchmark file or existing benchmark directory.")
-    ] = DEFAULT,
+    source: Annotated[Path, typer.Argument()] = DEFAULT,
     model: options.ModelName = None,
     base_url: options.BaseUrl = None,
     settings: options.Settings = None,
     engine: options.Engine = None,
-    lite: Annotated[
-        bool, typer.Option("--lite", help="Only the first item of each task family.")
-    ] = False,
-    random: Annotated[
-        bool,
-        typer.Option(
-            "--random", help="Random machines and edits in place of a model, as a baseline."
-        ),
-    ] = False,
-    parts: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--part",
-            help="Part to do, such as first, search, agent or long; repeat it for several "
-            "(default: the first two of the file).",
-        ),
-    ] = None,
-    seeds: Annotated[
-        int | None, typer.Option(min=1, help="Do each part with seeds 0 to N-1 (default: 1 seed).")
-    ] = None,
+    lite: bool = False,
+    random: bool = False,
+    parts: Annotated[list[str] | None, typer.Option("--part")] = None,
+    seeds: Annotated[int | None, typer.Option(min=1)] = None,
     jobs: options.Jobs = 2,
     workers: options.SharedWorkers = None,
-    out: Annotated[Path, typer.Option(help="Parent directory of the benchmark's directory.")] = (
-        Path("sweeps")
-    ),
+    out: Path = Path("sweeps"),
     resume: options.ResumeRuns = False,
     dry_run: options.DryRun = False,
     trust: options.Trust = False,
@@ -62,6 +42,15 @@ def benchmark(
     Scores are given as shares of the greatest possible score of each task or, if there is none, of
     the score of the best known machine; in a new benchmark, from floor to par.
     `agentflow leaderboard` compares scorecards.
+
+    Args:
+        source: Benchmark file or existing benchmark directory.
+        lite: Only the first item of each task family.
+        random: Random machines and edits in place of a model, as a baseline.
+        parts: Part to do, such as first, search, agent or long; repeat it for several (default: the
+            first two of the file).
+        seeds: Do each part with seeds 0 to N-1 (default: 1 seed).
+        out: Parent directory of the benchmark's directory.
     """
     from agentflow.app.benchmark.leaderboard import format_tables, leaderboard
     from agentflow.app.benchmark.plan import plan_benchmark
@@ -108,14 +97,10 @@ def benchmark(
 
 @commands.command(epilog="Example: agentflow new-benchmark --seed 7 --items 33 --out fresh")
 def new_benchmark(
-    out: Annotated[Path, typer.Option(help="Directory of the benchmark; it can be continued.")],
+    out: Annotated[Path, typer.Option()],
     seed: options.Seed = 0,
-    items: Annotated[
-        int, typer.Option(min=1, max=1100, help="Number of items; they go round the families.")
-    ] = 33,
-    simulations: Annotated[
-        int, typer.Option(min=1, help="Simulations of the search that sets an item's par.")
-    ] = 2000,
+    items: Annotated[int, typer.Option(min=1, max=1100)] = 33,
+    simulations: Annotated[int, typer.Option(min=1)] = 2000,
     workers: options.Workers = 2,
     as_json: options.Json = False,
 ) -> None:
@@ -124,6 +109,11 @@ def new_benchmark(
     An item's share is 0 at its floor, the score of random machines, and 1 at its par, the score of
     the built-in designer and its search. Machines that reach the pars are kept apart: do not
     publish them. The same command continues what was stopped.
+
+    Args:
+        out: Directory of the benchmark; it can be continued.
+        items: Number of items; they go round the families.
+        simulations: Simulations of the search that sets an item's par.
     """
     from agentflow.app.benchmark.make import make_benchmark
 
@@ -149,26 +139,12 @@ def new_benchmark(
 
 @commands.command(epilog="Example: agentflow leaderboard a/card.json b/card.json --html board.html")
 def leaderboard(
-    cards: Annotated[list[Path], typer.Argument(help="Scorecards, or directories of benchmarks.")],
+    cards: list[Path],
     form: options.FormatOrJson = "text",
-    html: Annotated[Path | None, typer.Option(help="Also write an HTML page to this file.")] = None,
-    check: Annotated[
-        bool,
-        typer.Option(
-            "--check", help="Simulate all machines of the cards again; refuse cards that differ."
-        ),
-    ] = False,
-    source: Annotated[
-        Path, typer.Option("--benchmark", help="With --check: the benchmark file of the cards.")
-    ] = DEFAULT,
-    tolerance: Annotated[
-        float,
-        typer.Option(
-            min=0,
-            max=1,
-            help="With --check: how far scores may differ, as a share.",
-        ),
-    ] = 0.0,
+    html: Path | None = None,
+    check: bool = False,
+    source: Annotated[Path, typer.Option("--benchmark")] = DEFAULT,
+    tolerance: Annotated[float, typer.Option(min=0, max=1)] = 0.0,
     workers: options.Workers = 2,
 ) -> None:
     """Compare scorecards: ranking, shares by family, shares by item.
@@ -176,6 +152,13 @@ def leaderboard(
     The seal of a card reveals accidents, not lies. With --check, every machine of the cards is
     simulated again on the engine of its card, means and costs are counted again, and machines that
     copy a record are named.
+
+    Args:
+        cards: Scorecards, or directories of benchmarks.
+        html: Also write an HTML page to this file.
+        check: Simulate all machines of the cards again; refuse cards that differ.
+        source: With --check: the benchmark file of the cards.
+        tolerance: With --check: how far scores may differ, as a share.
     """
     from agentflow.app.benchmark.leaderboard import format_tables, read_cards
     from agentflow.app.benchmark.leaderboard import leaderboard as compare

@@ -123,9 +123,9 @@ def show_objectives(result: Data) -> None:
     if finalists := result.get("finalists"):
         first, simulations = finalists[0], sum(one["simulations"] for one in finalists)
         console.print(
-            f"chosen among {len(finalists)} machines by the mean score of their verifications, "
-            f"with {simulations} simulations; the highest score is {number(first['score'])}, on "
-            f"average {number(first['mean'])}"
+            f"chosen by the mean score of {len(finalists)} machines in {simulations} verifying "
+            f"simulations; the machine with the highest score, {number(first['score'])}, has a "
+            f"mean of {number(first['mean'])}"
         )
     if result.get("robust") is not None:
         robust = number(result["robust"])

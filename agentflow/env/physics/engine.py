@@ -197,6 +197,8 @@ class Engine(Protocol):
     def build(self, assembly: Assembly, scene: Scene, rate: float) -> World:
         """Build a world with the machine at the scene's start.
 
+        An engine runs one world at a time: a new one may use the model of the one before.
+
         Args:
             assembly: The machine, on the ground above the origin.
             scene: Objects, ground, wind and start.

@@ -71,7 +71,7 @@ def test_a_machine_that_holds_is_chosen(
     assert kinds == [("finalist/candidate-1", best.finalists[0].machine), ("best", digest)]
     show_objectives(best.to_json())
     assert (
-        "chosen among 2 machines by the mean score of their verifications, with 18 sim"
+        "chosen by the mean score of 2 machines in 18 verifying simulations; the machine"
         in capsys.readouterr().out
     )
 

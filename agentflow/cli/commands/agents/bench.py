@@ -103,15 +103,18 @@ Picture = Annotated[
 @bench.command(epilog="Example: agentflow bench start --task throwing --rollouts 12")
 def start(
     task: Annotated[str | None, typer.Option(help=options.TASK, show_default="throwing")] = None,
-    rollouts: Annotated[
-        int | None, typer.Option(min=1, help="Simulations of the run.", show_default="24")
-    ] = None,
+    rollouts: Annotated[int | None, typer.Option(min=1, show_default="24")] = None,
     settings: options.Settings = None,
     out: options.RunsFolder = Path("runs"),
-    name: Annotated[str, typer.Option(help="Name of the run directory.")] = "",
+    name: str = "",
     as_json: options.Json = False,
 ) -> None:
-    """Begin a run and show its task. The other commands go on with it until `submit`."""
+    """Begin a run and show its task. The other commands go on with it until `submit`.
+
+    Args:
+        rollouts: Simulations of the run.
+        name: Name of the run directory.
+    """
     from agentflow.app.sessions.clients import session_config
     from agentflow.app.sessions.shell import start as begin
     from agentflow.cli.display.live import print_remark

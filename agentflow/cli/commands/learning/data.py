@@ -37,35 +37,32 @@ Workers = Annotated[int, typer.Option(min=1, max=256, help=options.WORKERS)]
     "--out answers"
 )
 def generate(
-    objectives: Annotated[Path, typer.Argument(help="YAML file with design objectives.")],
-    out: Annotated[Path, typer.Option(help="Directory of the answers; created if missing.")],
-    samples: Annotated[int, typer.Option(min=1, help="Answers to each objective.")] = 250,
-    limit: Annotated[
-        int | None,
-        typer.Option(min=1, help="Maximum number of answers, spread over the objectives."),
-    ] = None,
-    variants: Annotated[
-        float,
-        typer.Option(
-            min=0,
-            max=100,
-            help="Average number of variants to make of each valid answer, each by 1 or 2 "
-            "random legal edits. Filtering keeps those that also work.",
-        ),
-    ] = 0.0,
+    objectives: Path,
+    out: Annotated[Path, typer.Option()],
+    samples: Annotated[int, typer.Option(min=1)] = 250,
+    limit: Annotated[int | None, typer.Option(min=1)] = None,
+    variants: Annotated[float, typer.Option(min=0, max=100)] = 0.0,
     model: options.ModelName = None,
     base_url: options.BaseUrl = None,
     settings: options.Settings = None,
-    seed: Annotated[int | None, typer.Option(help="Random seed of the first samples.")] = None,
-    workers: Annotated[
-        int, typer.Option(min=1, max=1024, help="Requests to the model at a time.")
-    ] = 8,
+    seed: int | None = None,
+    workers: Annotated[int, typer.Option(min=1, max=1024)] = 8,
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> None:
     """Ask a model for machines for design objectives, and record its answers.
 
     Run the same command again to continue: recorded answers are never requested again.
+
+    Args:
+        objectives: YAML file with design objectives.
+        out: Directory of the answers; created if missing.
+        samples: Answers to each objective.
+        limit: Maximum number of answers, spread over the objectives.
+        variants: Average number of variants to make of each valid answer, each by 1 or 2 random
+            legal edits. Filtering keeps those that also work.
+        seed: Random seed of the first samples.
+        workers: Requests to the model at a time.
     """
     from agentflow.app.design.config import load_config
     from agentflow.cli.display.live import print_remark
@@ -94,7 +91,7 @@ def generate(
     epilog="Example: agentflow data filter answers --out set --evaluation runs/recorded-throwing"
 )
 def filter(
-    answers: Annotated[Path, typer.Argument(help="Directory made by agentflow data generate.")],
+    answers: Path,
     out: Set,
     evaluation: Evaluation = None,
     engine: options.Engine = None,
@@ -108,6 +105,9 @@ def filter(
 
     Writes train.jsonl, dev.jsonl and a card (README.md, card.json). Run the same command again to
     continue.
+
+    Args:
+        answers: Directory made by agentflow data generate.
     """
     from agentflow.app.pools import pools_on
     from agentflow.training.data.filter import filter_answers
@@ -127,14 +127,7 @@ def filter(
 
 @data.command("import", epilog="Example: agentflow data import machines.jsonl --out set")
 def import_(
-    source: Annotated[
-        Path,
-        typer.Argument(
-            help="JSON or JSONL file of conversations (messages of system, user and assistant, "
-            "with a machine in the last), or directory with Besiege machines (.bsg), each with a "
-            "caption in a .txt file of the same name."
-        ),
-    ],
+    source: Path,
     out: Set,
     evaluation: Evaluation = None,
     licence: Licence = None,
@@ -143,6 +136,11 @@ def import_(
     """Make a set from public conversations, or from Besiege machines with captions.
 
     The machines are checked, but not simulated.
+
+    Args:
+        source: JSON or JSONL file of conversations (messages of system, user and assistant, with a
+            machine in the last), or directory with Besiege machines (.bsg), each with a caption in
+            a .txt file of the same name.
     """
     from agentflow.training.data.importing import import_set
 
@@ -155,17 +153,20 @@ def import_(
     "prompts.parquet"
 )
 def prompts(
-    out: Annotated[Path, typer.Option(help="Parquet file to write.")],
-    tasks: Annotated[
-        str, typer.Option(help="Tasks, such as throwing,movement/3.")
-    ] = "throwing,movement",
-    count: Annotated[int, typer.Option(min=1, help="Rows, alternating between tasks.")] = 512,
+    out: Annotated[Path, typer.Option()],
+    tasks: str = "throwing,movement",
+    count: Annotated[int, typer.Option(min=1)] = 512,
     engine: options.Engine = None,
     as_json: options.Json = False,
 ) -> None:
     """Write prompts for reinforcement learning, in the columns that verl and TRL read.
 
     Each row is the prompt of a designer; each row has its own seed.
+
+    Args:
+        out: Parquet file to write.
+        tasks: Tasks, such as throwing,movement/3.
+        count: Rows, alternating between tasks.
     """
     from agentflow.training.data.prompts import write_prompts
 

@@ -18,45 +18,19 @@ SAMPLING = ("model.sampling.temperature=1.0", "model.sampling.top_p=1.0")
 
 @commands.command(epilog="Example: agentflow evaluate procedural --task throwing --out evaluation")
 def evaluate(
-    model: Annotated[
-        str,
-        typer.Argument(
-            help="Model name at the endpoint, a folder with a model or a training run, or "
-            "procedural."
-        ),
-    ],
-    out: Annotated[Path, typer.Option(help="Directory of the evaluation; resumed if it exists.")],
+    model: str,
+    out: Annotated[Path, typer.Option()],
     task: options.Task = None,
-    tasks: Annotated[
-        str | None,
-        typer.Option(help="Several tasks, separated by commas, as in throwing,movement."),
-    ] = None,
-    samples: Annotated[int, typer.Option(min=1, help="Replies to each task.")] = 50,
+    tasks: str | None = None,
+    samples: Annotated[int, typer.Option(min=1)] = 50,
     base_url: options.BaseUrl = None,
     seed: options.RunSeed = None,
-    temperature: Annotated[
-        float | None, typer.Option(help="Sampling temperature (default: 1).")
-    ] = None,
-    top_p: Annotated[
-        float | None,
-        typer.Option(
-            help="Sample only from the most likely tokens with this total probability (default: 1)."
-        ),
-    ] = None,
-    name: Annotated[
-        str,
-        typer.Option(
-            help="Name of the row in tables, such as Cold-start; evaluations with the same name "
-            "are pooled.",
-            show_default="name of the directory",
-        ),
-    ] = "",
+    temperature: float | None = None,
+    top_p: float | None = None,
+    name: Annotated[str, typer.Option(show_default="name of the directory")] = "",
     settings: options.Settings = None,
     engine: options.Engine = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(min=1, help="Worker processes for simulation (default: 2)."),
-    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1)] = None,
     backend: options.Backend = "local",
     as_json: options.Json = False,
 ) -> None:
@@ -65,6 +39,17 @@ def evaluate(
     Each sample is one reply to the prompt of a designer, without retries. The numbers are those of
     all replies, with a score of 0 for each without a valid machine. Replies whose simulation
     crashed or timed out are counted and left out.
+
+    Args:
+        model: Model name at the endpoint, a folder with a model or a training run, or procedural.
+        out: Directory of the evaluation; resumed if it exists.
+        tasks: Several tasks, separated by commas, as in throwing,movement.
+        samples: Replies to each task.
+        temperature: Sampling temperature (default: 1).
+        top_p: Sample only from the most likely tokens with this total probability (default: 1).
+        name: Name of the row in tables, such as Cold-start; evaluations with the same name are
+            pooled.
+        workers: Worker processes for simulation (default: 2).
     """
     from agentflow.app.design.config import load_config
     from agentflow.app.pools import pools_on

@@ -20,29 +20,24 @@ export = subcommands(
 
 @export.command(epilog="Example: agentflow export harbor --tasks throwing,bridge/2 --out harbor")
 def harbor(
-    out: Annotated[Path, typer.Option(help="Directory; each task is a folder in it.")],
-    tasks: Annotated[str | None, typer.Option(help="Tasks, such as throwing,movement/3.")] = None,
-    benchmark: Annotated[
-        Path | None,
-        typer.Option(
-            "--set", help="Benchmark whose items to write, such as benchmark or fresh/set.yaml."
-        ),
-    ] = None,
-    with_solutions: Annotated[
-        bool,
-        typer.Option("--with-solutions", help="Write the best known machines as solutions."),
-    ] = False,
-    wheel: Annotated[
-        Path | None,
-        typer.Option(
-            help="Wheel of agentflow, from scripts/release, which containers install; default: "
-            "this version from the package index."
-        ),
-    ] = None,
+    out: Annotated[Path, typer.Option()],
+    tasks: str | None = None,
+    benchmark: Annotated[Path | None, typer.Option("--set")] = None,
+    with_solutions: bool = False,
+    wheel: Path | None = None,
     engine: options.Engine = None,
     as_json: options.Json = False,
 ) -> None:
-    """Write tasks for Harbor: an agent works in a container, and a script grades its machine."""
+    """Write tasks for Harbor: an agent works in a container, and a script grades its machine.
+
+    Args:
+        out: Directory; each task is a folder in it.
+        tasks: Tasks, such as throwing,movement/3.
+        benchmark: Benchmark whose items to write, such as benchmark or fresh/set.yaml.
+        with_solutions: Write the best known machines as solutions.
+        wheel: Wheel of agentflow, from scripts/release, which containers install; default: this
+            version from the package index.
+    """
     names = [name.strip() for name in (tasks or "").split(",") if name.strip()]
     if bool(names) == (benchmark is not None):
         raise UsageError("name tasks with --tasks, or a benchmark with --set")

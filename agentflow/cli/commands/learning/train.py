@@ -42,10 +42,7 @@ Resume = Annotated[
 def sft(
     config: TrainingFile,
     out: TrainingFolder,
-    data: Annotated[
-        str | None,
-        typer.Option(help="Data set: a folder with train.jsonl and dev.jsonl (key data)."),
-    ] = None,
+    data: str | None = None,
     settings: TrainingSettings = None,
     resume: Resume = False,
     quiet: options.Quiet = False,
@@ -54,6 +51,9 @@ def sft(
     """Train a model on pairs of prompt and reply (supervised fine-tuning).
 
     The model is then in the folder `model` of the training directory.
+
+    Args:
+        data: Data set: a folder with train.jsonl and dev.jsonl (key data).
     """
     from agentflow.cli.display.live import print_remark
     from agentflow.cli.display.show_learning import show_training
@@ -76,21 +76,8 @@ def sft(
 def grpo(
     config: TrainingFile,
     out: TrainingFolder,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            help="Model to start from: a folder, such as one that train sft writes, or a name on "
-            "a hub (key model.name)."
-        ),
-    ] = None,
-    tools: Annotated[
-        bool,
-        typer.Option(
-            "--tools",
-            help="Let the model call the tools of a bench over several turns, and reward what it "
-            "submits (key tools).",
-        ),
-    ] = False,
+    model: str | None = None,
+    tools: bool = False,
     settings: TrainingSettings = None,
     resume: Resume = False,
     backend: options.Backend = "local",
@@ -102,6 +89,12 @@ def grpo(
     The model writes groups of replies to the prompts of tasks. Simulations turn each group into
     rewards, and how much better or worse a reply is than its group changes the model (GRPO). The
     model is then in the folder `model` of the training directory.
+
+    Args:
+        model: Model to start from: a folder, such as one that train sft writes, or a name on a hub
+            (key model.name).
+        tools: Let the model call the tools of a bench over several turns, and reward what it
+            submits (key tools).
     """
     from agentflow.app.pools import pools_on
     from agentflow.cli.display.live import print_remark
