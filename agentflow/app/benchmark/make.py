@@ -1,9 +1,9 @@
 """New benchmarks: items drawn from a seed, each with what it takes to score nothing and all of it.
 
 An item's share begins at its *floor*, what random machines and edits reach, and is 1 at its *par*,
-what the built-in designer and its search reach with many simulations. An item is drawn again while
-the designer's first machines come near its par. Where the search reaches no more than the floor,
-the par is the greatest possible score; without one, the item is drawn again.
+what the built-in designer and its search reach with many simulations. Where the search reaches
+hardly more than the designer's first machines, or no more than the floor, the par is the greatest
+possible score. An item is drawn again while first machines come near that as well, or there is none.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class NewSet:
     near: tuple[str, ...]
     """Items whose par the designer's first machines come near, whatever was drawn."""
     unsolved: tuple[str, ...]
-    """Items whose par is the greatest possible score, as the search found nothing."""
+    """Items whose par is the greatest possible score, as the search found little or nothing."""
 
     def to_json(self) -> dict[str, Any]:
         """As JSON data."""
@@ -171,15 +171,13 @@ def _draw(
             if machine := best_machine(run):
                 best[solver] = machine.to_text()
         floor, solver = scores["floor"], max(scores, key=scores.__getitem__)
-        if (par := scores[solver]) > floor:
-            item = _Drawn(changes, Par(floor=floor, par=par), _share(scores, par), best[solver])
-        elif greatest and greatest > floor:
-            item = _Drawn(changes, Par(floor=floor, par=greatest), 0.0, None)
-        else:
-            continue
-        if item.reached <= TRIVIAL:
-            return item
-        found.append(item)
+        for par, machine in ((scores[solver], best.get(solver)), (greatest or 0.0, None)):
+            if par <= floor:
+                continue
+            share = _share(scores, par)
+            found.append(_Drawn(changes, Par(floor=floor, par=par), share, machine))
+            if share <= TRIVIAL:
+                return found[-1]
     if not found:
         raise UsageError(f"{name}: nothing in {DRAWS} draws scored more than random machines")
     return min(found, key=lambda item: item.reached)

@@ -74,7 +74,7 @@ class LoadHistory:
         last = len(self._times) - BLOCK * (len(self._blocks) - 1)
         filled = [*self._blocks[:-1], self._blocks[-1][:last]]
         columns = self._loads.connections
-        return np.concatenate([np.sqrt(_squares(b.take(columns, 1)).max(axis=2)) for b in filled])
+        return np.concatenate([_shares(block.take(columns, 1)) for block in filled])
 
     def greatest(self, times: Array) -> Array:
         """(T, E) greatest load over strength since the time before, of increasing `times`, s."""
@@ -145,11 +145,11 @@ def split_wrench(wrench: Array) -> tuple[Vec3, Vec3]:
     return (a, b, c), (d, e, f)
 
 
-def _squares(levels: Array) -> Array:
-    """(S, E, 2) squares of force and moment over strength, summed as `Loads` does."""
-    ordered = levels.take(WRENCH_ORDER, 2)
-    squares = (ordered * ordered).reshape(*levels.shape[:2], 2, 3)
-    return np.asarray(squares[..., 0] + squares[..., 1] + squares[..., 2])
+def _shares(levels: Array) -> Array:
+    """(S, E) force or moment over strength, whichever is greater, summed as `Loads` does."""
+    squares = levels * levels
+    a, b, c, p, q, r = (squares[..., i] for i in WRENCH_ORDER)
+    return np.sqrt(np.maximum(a + b + c, p + q + r))
 
 
 def _as_it_broke(item: Broken, after: bool) -> Peak:

@@ -6,7 +6,8 @@ are skipped until speeds or loads jump, something breaks, touches or is switched
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from math import inf
 
 from agentflow.env.measurements import Energy, Measured, Pull
@@ -150,10 +151,15 @@ class Monitor:
             history.greatest_peak(),
         )
 
+    @cached_property
+    def _lines(self) -> Mapping[int, tuple[Array, Array]]:
+        """`World.pulls` once the rollout is over."""
+        return self._world.pulls()
+
     def _pulls(self, times: Sequence[float]) -> dict[int, tuple[Array, Array]]:
         """Pull of springs and winches at some times, N, and their work from t = 0, J."""
         found, steps = {}, self._history.steps_until([inf, *times])
-        for block, (pull, work) in self._world.pulls().items():
+        for block, (pull, work) in self._lines.items():
             start = len(work) - 1 - steps[0]
             rows = start + steps[1:]
             found[block] = pull[rows], work[rows] - work[start]

@@ -85,6 +85,10 @@ def test_an_unsolved_item_has_the_greatest_possible_score_as_its_par(
     item = make._draw(tmp_path, "jumping-1", template, 0, 8, 1)
     assert (item.par.floor, item.par.par, item.machine) == (0.0, 10.0, None)
     assert runs == ["jumping-1.0.floor", "jumping-1.0.first", "jumping-1.0.par"]
+    _scores(monkeypatch, floor=0.0, first=4.0, par=4.5)
+    item = make._draw(tmp_path, "jumping-1", template, 0, 8, 1)
+    assert (item.par.par, item.reached, item.machine) == (10.0, 0.4, None), "hardly more"
+    _scores(monkeypatch, floor=0.0, first=0.0, par=0.0)
     template = make.content()["items"]["throwing"][0]
     with pytest.raises(UsageError, match="throwing-1: nothing in 8 draws scored more than random"):
         make._draw(tmp_path, "throwing-1", template, 0, 8, 1)
@@ -96,7 +100,7 @@ def test_an_item_that_first_machines_solve_is_drawn_again_without_a_search(
     runs = _scores(monkeypatch, floor=0.0, first=9.0, par=10.0)
     template = make.content()["items"]["lifting"][0]
     item = make._draw(tmp_path, "lifting-1", template, 0, 8, 1)
-    assert item.reached == 1.0
+    assert (item.par.par, item.reached) == (10.0, 0.9)
     assert len(runs) == 2 * make.DRAWS
     assert not [name for name in runs if name.endswith("par")]
 

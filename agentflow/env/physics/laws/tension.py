@@ -119,12 +119,10 @@ class PullForce(ABC):
         """(S + 1, P) pull of each line in each step, N, after a row without any."""
         return np.array([[0.0] * len(self.parts), *self._pulls])
 
-    def catch_up(
-        self, steps: Sequence[Sequence[list[float]]], pulled: list[tuple[float, float]], half: float
-    ) -> None:
-        """Note several steps: works and pulls of each, and `pulled` and `half` after the last."""
-        for works, pulls in steps:
-            self._note(works, pulls)
+    def catch_up(self, steps: Array, pulled: list[tuple[float, float]], half: float) -> None:
+        """Note several steps: (S, 2, P) works and pulls, and `pulled` and `half` after the last."""
+        self._works += steps[:, 0].tolist()
+        self._pulls += steps[:, 1].tolist()
         self.pulled[:], self.half = pulled, half
 
     def _note(self, works: list[float], pulls: list[float]) -> None:

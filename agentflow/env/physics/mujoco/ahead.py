@@ -144,9 +144,8 @@ class Ahead:
         motors.angles[:] = self._angles[last].tolist()
         motors.catch_up(self._step, self._torques[first:last], self._qvel[steps], self._qpos[steps])
         if self._springs.parts:
-            lengths = self._lengths[first:last].tolist()
             pulled = [(pull, before) for pull, before in self._pulled[last].tolist()]
-            self._springs.catch_up(lengths, pulled, self._step / 2)
+            self._springs.catch_up(self._lengths[first:last], pulled, self._step / 2)
 
     def rewind(self) -> None:
         """Take back the steps that were not shown; before anything else touches the engine."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -156,8 +157,7 @@ class Contacts:
         self._late: Kept | None = None
         """A step whose contacts are found here and have not been looked at."""
         self._efforts: Array = np.zeros(0)
-        self._known: dict[tuple[int, int], Pair | None] = {}
-        """Owners of two shapes: sorting them takes longer."""
+        self._pairs = _Pairs(built.owners)
         self._shapes: dict[Body, set[int]] = {}
         """Of each body that was asked about."""
 
@@ -220,16 +220,22 @@ class Contacts:
         found, (place, geoms, row) = self._look(), self._at
         forces = [*self._efforts.tolist(), 0.0]  # contacts without force: row -1
         places = found[:, place].copy().view(np.float64).reshape(-1, 3).tolist()
-        points = zip(found[:, geoms].tolist(), found[:, row].tolist(), places, strict=True)
-        return sum_touches(
-            (self._pair(one, other), forces[own], place) for (one, other), (own,), place in points
-        )
+        pairs = map(self._pairs.__getitem__, map(tuple, found[:, geoms].tolist()))
+        normal = map(forces.__getitem__, found[:, row].ravel().tolist())
+        return sum_touches(zip(pairs, normal, places, strict=True))
 
-    def _pair(self, one: int, other: int) -> Pair | None:
-        """The owners of two shapes."""
-        if (one, other) not in self._known:
-            self._known[one, other] = pair_up(self._owners[one], self._owners[other])
-        return self._known[one, other]
+
+class _Pairs(dict[tuple[int, int], Pair | None]):
+    """The owners of two shapes: sorting them takes longer than to find them again."""
+
+    def __init__(self, owners: Sequence[Body]) -> None:
+        super().__init__()
+        self._owners = owners
+
+    def __missing__(self, shapes: tuple[int, int]) -> Pair | None:
+        one, other = shapes
+        found = self[shapes] = pair_up(self._owners[one], self._owners[other])
+        return found
 
 
 def address_of(array: Array) -> int:
