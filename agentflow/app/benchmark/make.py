@@ -3,7 +3,8 @@
 An item's share begins at its *floor*, what random machines and edits reach, and is 1 at its *par*,
 what the built-in designer and its search reach with many simulations. Where the search reaches
 hardly more than the designer's first machines, or no more than the floor, the par is the greatest
-possible score. An item is drawn again while first machines come near that as well, or there is none.
+possible score. An item is drawn again while first machines come near that as well, or there is
+none.
 """
 
 from __future__ import annotations
