@@ -172,11 +172,11 @@ def _draw(
             if machine := best_machine(run):
                 best[solver] = machine.to_text()
         floor, solver = scores["floor"], max(scores, key=scores.__getitem__)
-        for par, machine in ((scores[solver], best.get(solver)), (greatest or 0.0, None)):
+        for par, reached_by in ((scores[solver], best.get(solver)), (greatest or 0.0, None)):
             if par <= floor:
                 continue
             share = _share(scores, par)
-            found.append(_Drawn(changes, Par(floor=floor, par=par), share, machine))
+            found.append(_Drawn(changes, Par(floor=floor, par=par), share, reached_by))
             if share <= TRIVIAL:
                 return found[-1]
     if not found:
