@@ -36,7 +36,9 @@ ITEMS = Path(__file__).with_name("items.yaml")
 SET, MAKING, MACHINES = "set.yaml", "making", "machines"
 TRIVIAL = 0.8
 """Greatest share of the par that first machines may reach."""
-DRAWS = 8
+FEWEST = 20
+"""Fewest simulations that set a par."""
+DRAWS = 4
 """Most draws of an item; if none fits, the one whose first machines reach least counts."""
 
 
@@ -88,7 +90,7 @@ def make_benchmark(
         folder: Where to write.
         seed: Everything is drawn from it.
         items: How many; they go round the families.
-        simulations: Of the search that sets a par.
+        simulations: Of the search that sets a par; those of several trials count as many.
         workers: Worker processes.
         say: Receives a line for each item.
 
@@ -162,9 +164,9 @@ def _draw(
 ) -> _Drawn:
     """An item that is neither trivial nor impossible, or the best of the draws."""
     found: list[_Drawn] = []
-    for number, changes, greatest in _draws(template, f"{seed}/{name}"):
+    for number, changes, greatest, trials in _draws(template, f"{seed}/{name}"):
         scores, best = dict[str, float](), dict[str, str]()
-        for solver, document in _documents(changes, seed, simulations):
+        for solver, document in _documents(changes, seed, max(FEWEST, simulations // trials)):
             if solver == "par" and greatest and _share(scores, greatest) > TRIVIAL:
                 break  # whatever its par would be
             run = _solve(folder / MAKING, f"{name}.{number}.{solver}", document, workers)
@@ -192,21 +194,21 @@ def _share(scores: Mapping[str, float], par: float) -> float:
 
 def _draws(
     template: Mapping[str, Any], seed: str
-) -> Iterator[tuple[int, dict[str, Any], float | None]]:
+) -> Iterator[tuple[int, dict[str, Any], float | None, int]]:
     """Numbered changes of an item, without those that make no task: a target over a hole, say.
 
-    With each, the greatest possible score, if there is one.
+    With each, the greatest possible score, if there is one, and how many trials a simulation has.
     """
     fitting = 0
     for number in range(10 * DRAWS):
         changes = draw_numbers(template, Random(f"{seed}/{number}"))
         knobs = {key: value for key, value in changes.items() if key not in ("task", "workflow")}
         try:
-            greatest = get_task(changes["task"], knobs, content()["engine"]).brief.greatest
+            task = get_task(changes["task"], knobs, content()["engine"])
         except ConfigError:
             continue
         fitting += 1
-        yield number, changes, greatest
+        yield number, changes, task.brief.greatest, len(task.trials(0))
         if fitting == DRAWS:
             return
 

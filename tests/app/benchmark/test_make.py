@@ -31,18 +31,19 @@ def test_shares_begin_at_the_floor_and_end_at_one_and_a_half() -> None:
 @for_each(sorted(make.content()["items"]))
 def test_draws_differ_and_are_in_their_ranges(family: str) -> None:
     for template in make.content()["items"][family]:
-        drawn = {number: changes for number, changes, _ in make._draws(template, "0/x")}
+        drawn = {number: changes for number, changes, *_ in make._draws(template, "0/x")}
         assert len(drawn) == make.DRAWS
-        again = {number: changes for number, changes, _ in make._draws(template, "0/x")}
+        again = {number: changes for number, changes, *_ in make._draws(template, "0/x")}
         assert drawn == again, "from the seed alone"
+        several = [changes for seed in "xyz" for _, changes, *_ in make._draws(template, seed)]
         for key, value in template.items():
             ends = ends_of(value)
-            numbers = [changes[key] for changes in drawn.values()]
+            numbers = [changes[key] for changes in several]
             if ends:
                 assert len({*numbers}) > 1, key
                 assert float(ends[0]) <= min(numbers) <= max(numbers) <= float(ends[1])
             else:
-                assert numbers == [value] * make.DRAWS
+                assert numbers == [value] * 3 * make.DRAWS
 
 
 def test_every_family_has_three_items() -> None:
