@@ -10,7 +10,13 @@ from agentflow.config.run import split_setting
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_json
-from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
+from agentflow.env.tasks.registry import (
+    get_level,
+    get_task,
+    knob_table,
+    known_unit,
+    task_names,
+)
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.tree import Machine
@@ -81,7 +87,10 @@ def list_tasks() -> list[dict[str, Any]]:
     """Every level: the first keys of `task_json`, its good and greatest scores, and its record."""
     keys = ("name", "family", "title", "objective", "window", "blocks", "good", "greatest")
     levels = map(task_json, task_names())
-    return [{key: level[key] for key in (*keys, "record")} for level in levels]
+    return [
+        {**{key: level[key] for key in (*keys, "record")}, "unit": known_unit(level["name"])}
+        for level in levels
+    ]
 
 
 def task_json(name: str, settings: Iterable[str] = ()) -> dict[str, Any]:

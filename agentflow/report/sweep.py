@@ -8,12 +8,18 @@ from typing import Any
 from agentflow.metrics.formats import cell_text
 from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import PUBLISHED, Column, Row, Table
-from agentflow.runs.locations import STAGES
+from agentflow.runs.locations import STAGE_WORDS
 
 MOST_DOTS = 400
 """Maximum number of scores drawn per variant, taken evenly from the sorted scores."""
 OURS = ("variant", "of")
 """Label columns with names from agentflow; their underscores are shown as spaces."""
+PLAIN = {
+    "of": "part",
+    "rollouts/s": "simulations/s",
+    "score against expansions": "best score after N new machines",
+}
+"""Names in tables -> what the page calls them."""
 
 
 def sweep_data(
@@ -22,10 +28,13 @@ def sweep_data(
     spreads: Mapping[tuple[str, str], Scores],
     tables: Sequence[Table],
     runs: Sequence[Mapping[str, Any]] = (),
+    units: Mapping[str, str] | None = None,
+    best: Mapping[tuple[str, str], Mapping[str, Any]] | None = None,
     *,
     zeros: bool = False,
 ) -> dict[str, Any]:
-    """Everything that the page shows; `spreads` are scores by task and variant.
+    """Everything that the page shows; `spreads` are scores by task and variant, `units` those of
+    tasks, `best` the best machines: run, score, and machine (content hash) or picture (URL).
 
     Columns of tables without any value but 0 are left out unless `zeros` keeps them.
     """
@@ -35,7 +44,14 @@ def sweep_data(
         "title": title,
         "about": about,
         "notes": shared,
-        "spreads": [_spread(task, name, scores) for (task, name), scores in spreads.items()],
+        "spreads": [
+            {
+                **_spread(task, name, scores),
+                "unit": (units or {}).get(task, ""),
+                "best": (best or {}).get((task, name)),
+            }
+            for (task, name), scores in spreads.items()
+        ],
         "tables": [_table(table, title, shared, zeros) for table in tables if table.columns],
         "runs": [dict(run) for run in runs],
     }
@@ -61,8 +77,8 @@ def _table(table: Table, title: str, shared: Sequence[str], zeros: bool) -> dict
     kept = [place for place in range(len(table.columns)) if zeros or _has_values(table, place)]
     columns = [table.columns[place] for place in kept]
     return {
-        "title": table.title.removeprefix(f"{title}: "),
-        "heads": list(table.heads),
+        "title": PLAIN.get(name := table.title.removeprefix(f"{title}: "), name),
+        "heads": [PLAIN.get(head, head) for head in table.heads],
         "columns": [[_words(column.group), _words(column.name)] for column in columns],
         "rows": [_cells(table, row, kept) for row in table.rows],
         "published": [_cells(table, row, kept) for row in table.published],
@@ -79,7 +95,9 @@ def _has_values(table: Table, place: int) -> bool:
 def _cells(table: Table, row: Row, kept: Sequence[int]) -> list[str]:
     labels = [_label(head, label) for head, label in zip(table.heads, row.labels, strict=True)]
     return labels + [
-        cell_text(row.values[place], column.digits, in_percent=column.percent)
+        cell_text(row.values[place], column.digits, in_percent=column.percent).replace(
+            " - ", " \N{EN DASH} "
+        )
         for place in kept
         for column in [table.columns[place]]
     ]
@@ -88,11 +106,11 @@ def _cells(table: Table, row: Row, kept: Sequence[int]) -> list[str]:
 def _label(head: str, label: str) -> str:
     if head not in OURS:
         return label
-    return f"stage {_words(label)}" if label in STAGES else _words(label)
+    return STAGE_WORDS.get(label, _words(label))
 
 
 def _words(name: str) -> str:
-    return name.replace("_", " ")
+    return PLAIN.get(name, name.replace("_", " "))
 
 
 def _reword(note: str, columns: Sequence[Column]) -> str:

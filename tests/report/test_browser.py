@@ -26,6 +26,7 @@ from agentflow.app.pages.robustness import page_writer, robustness_figure
 from agentflow.app.pages.runs import report, run_data
 from agentflow.app.pages.training import training_report
 from agentflow.env.drawing.gltf import machine_glb
+from agentflow.env.drawing.stills import png_url
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine
 from agentflow.metrics.scores import Scores
@@ -49,6 +50,7 @@ VISIBLE = (
     .replace("\ufeff", "[U+FEFF]")
 )
 """What the page makes of it: text, with the names of what would not be seen."""
+STILL: dict[str, Any] = {"view": "three-quarter", "size": (32, 24)}
 RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
 
 
@@ -182,6 +184,34 @@ def test_the_tree_shows_a_machine_that_breaks(opened: webdriver.Chrome) -> None:
     assert f"Add {NASTY[:20]}" in find(opened, ".edit pre").get_property("textContent")  # type: ignore[operator]
 
 
+def test_first_machines_that_nobody_edited_stand_side_by_side(
+    browser: webdriver.Chrome, page: Path, tmp_path: Path
+) -> None:
+    head, begin, rest = page.read_text(encoding="utf-8").partition('id="data">')
+    text, end, tail = rest.partition("</script>")
+    data = json.loads(text)
+    bare: dict[str, Any] = {
+        "machine": None,
+        "parent": None,
+        "lead": False,
+        "best": False,
+        "calls": [],
+    }
+    data["nodes"] += [{**data["nodes"][0], **bare, "id": f"other-{n}"} for n in range(40)]
+    changed = json.dumps(data).replace("<", "\\u003c")
+    file = tmp_path / "many.html"
+    file.write_text(f"{head}{begin}{changed}{end}{tail}", encoding="utf-8")
+    browser.get(file.as_uri())
+    until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".tree [data-node=other-39]"))
+    script = "return [...document.querySelectorAll('[data-node^=other] circle')]" + (
+        ".map(({ cx, cy }) => [cx, cy].map((place) => place.baseVal.value))"
+    )
+    places = browser.execute_script(script)
+    assert len({tuple(place) for place in places}) == 40
+    assert len({y for _, y in places}) <= 5
+    assert complaints(browser) == []
+
+
 def test_arrow_keys_walk_the_tree(opened: webdriver.Chrome) -> None:
     node(opened, "initial/traj-1").click()
     opened.switch_to.active_element.send_keys(Keys.ARROW_RIGHT)
@@ -200,7 +230,7 @@ def test_points_of_a_chart_say_what_they_are_and_pick_their_machine(
     until(opened, lambda: chart.find_elements(By.CSS_SELECTOR, ".dot"))
     chart.send_keys(Keys.ARROW_RIGHT, Keys.END)
     answer = find(opened, ".answer").text
-    assert answer.startswith("score 0 at ")
+    assert answer.startswith("score 0 m at ")
     chart.send_keys(Keys.ENTER)
     until(opened, lambda: title(opened).endswith(" · 0 m"))
 
@@ -488,11 +518,16 @@ def test_where_nothing_scored_the_axis_has_plain_numbers(
     spreads = {("throwing", "none"): Scores((0.0, 0.0), 0)}
     table = Table("", ("task", "variant"), (Column("", "a"),), (Row(("throwing", "none"), (0.0,)),))
     file = tmp_path / "sweep.html"
-    file.write_text(whole_page("sweep", sweep_data("zero", "about", spreads, [table], [])), "utf-8")
+    best = {("throwing", "none"): {"run": "a", "score": 0.0, "picture": png_url(CAR, **STILL)}}
+    data = sweep_data("zero", "about", spreads, [table], [], {"throwing": "m"}, best)
+    file.write_text(whole_page("sweep", data), "utf-8")
     browser.get(file.as_uri())
     until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".chart .tick"))
     ticks = browser.find_elements(By.CSS_SELECTOR, ".chart .tick.middle")
     assert [tick.text for tick in ticks] == ["0", "0.2", "0.4", "0.6", "0.8", "1"]
+    assert "score, m" in find(browser, ".chart").text
+    assert find(browser, ".cards .card").text == "0 m\nthrowing, none"
+    assert find(browser, ".cards img").get_property("naturalWidth") == 32
 
 
 def test_robustness_is_a_chart_and_a_picture(browser: webdriver.Chrome, tmp_path: Path) -> None:

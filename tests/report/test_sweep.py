@@ -69,7 +69,7 @@ def test_columns_that_say_nothing_are_left_out_and_names_are_words() -> None:
     assert shown["title"] == "usage"
     assert shown["columns"] == [["", "calls"], ["", "x"]]
     assert shown["rows"] == [
-        ["my_model", "no inspector", "stage blind refinement", "3", "0/2"],
+        ["my_model", "no inspector", "refinement without simulation", "3", "0/2"],
         ["my_model", "no inspector", "meta designer", "0", "0/2"],
     ]
     assert shown["notes"] == ["Tokens.", "avg speed: fast"]

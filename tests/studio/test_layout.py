@@ -9,10 +9,11 @@ from typing import Any
 
 import pytest
 from selenium import webdriver
+from selenium.webdriver.common.by import By
 
 import agentflow
 from tests.report.browser import complaints, on_phone
-from tests.studio.pages import NASTY, find, idle, open_page
+from tests.studio.pages import NASTY, find, idle, open_page, until
 from tests.studio.serving import Served
 from tests.study.example import record
 
@@ -45,6 +46,8 @@ for (const item of document.querySelectorAll("main :is(button, a, input, select,
   if (over && !item.contains(over) && !over.contains(item))
     faults.push(`${item.outerHTML} is under ${over.outerHTML}`);
 }
+for (const track of document.querySelectorAll(".track"))
+  if (track.checkVisibility() && track.offsetWidth < 150) faults.push("a slider is narrow");
 return faults;"""
 
 
@@ -75,6 +78,7 @@ def test_nothing_overlaps_or_is_cut_off(
     for width, height in WIDTHS:
         with on_phone(browser, width, height, dark=width == 820):
             open_page(browser, served, PAGES[page])
+            until(browser, lambda: not browser.find_elements(By.CSS_SELECTOR, ".player.empty"))
             found[width] = browser.execute_script(FAULTS)
     assert found == {width: [] for width, _ in WIDTHS}
     assert complaints(browser) == []

@@ -88,9 +88,9 @@ def test_a_session_is_recorded_while_a_person_builds(
     assert "Refine this" not in find(browser, ".more").text
     assert re.fullmatch(r"9:\d\d left", find(browser, ".clock").text)
     microphone = find(browser, ".microphone")
-    assert microphone.text == "Microphone off"
+    assert microphone.text == "Record voice"
     microphone.click()
-    until(browser, lambda: microphone.text == "Microphone on")
+    until(browser, lambda: microphone.text == "Recording voice")
     browser.execute_async_script("setTimeout(arguments[0], 500)")
     microphone.click()
     until(browser, lambda: list((runs / "sessions").glob("*/speech-1.webm")))
@@ -163,6 +163,9 @@ def test_a_design_is_started_watched_and_stopped(
     form.find_element(By.CSS_SELECTOR, "summary").click()
     fill(form, task="throwing", seed="5", rounds="50")
     until(browser, lambda: "simulations (about" in form.text)
+    assert "Good from 45 m" in find(browser, ".design .asked").text
+    assert "calls" not in find(browser, ".design .wide[role=status]").text  # no model is asked
+    until(browser, lambda: find(browser, ".asked img").get_property("naturalWidth"))
     form.find_element(By.CSS_SELECTOR, "[type=submit]").click()
     until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "run")
     until(browser, lambda: find(browser, ".live .state").text.endswith("running"))
@@ -235,6 +238,15 @@ def test_the_best_scores_of_three_runs_are_in_one_chart(
     assert complaints(browser) == []
 
 
+def marked(driver: webdriver.Chrome) -> list[str]:
+    """The faces that are marked in 3D."""
+    script = """const canvas = document.querySelector(".stage canvas"), found = [];
+    for (let block = 0; block < 7; block++) for (let face = 0; face < 10; face++)
+      try { canvas.placeOf(block, face); found.push(`${block}.${face}`); } catch { /* none */ }
+    return found;"""
+    return list(driver.execute_script(script))
+
+
 def test_an_empty_list_says_where_to_begin(browser: webdriver.Chrome, tmp_path: Path) -> None:
     with studio(tmp_path / "none") as empty:
         browser.get(empty.address)
@@ -246,10 +258,7 @@ def test_an_empty_list_says_where_to_begin(browser: webdriver.Chrome, tmp_path: 
         browser.find_elements(By.CSS_SELECTOR, ".first a")[0].click()
         until(browser, lambda: "Step 1 of 5" in find(browser, ".guide").text)
         take_block(browser, "wooden block")
-        view = find(browser, ".stage canvas")
-        script = "try { return arguments[0].placeOf(0, arguments[1]) } catch { return null }"
-        marked = [face for face in range(6) if browser.execute_script(script, view, face)]
-        assert marked == [0]  # the front, which the first step is about
+        assert marked(browser) == ["0.0"]  # the front, which the first step is about
         attach(browser, "0.3")
         until(browser, lambda: "that is another face" in find(browser, ".guide").text)
         find(browser, ".top button").click()
@@ -257,6 +266,17 @@ def test_an_empty_list_says_where_to_begin(browser: webdriver.Chrome, tmp_path: 
         take_block(browser, "wooden block")
         attach(browser, "0.0")
         until(browser, lambda: "Step 2 of 5" in find(browser, ".guide").text)
+        attach(browser, "0.1")
+        take_block(browser, "powered wheel")
+        for parent in (1, 2):
+            until(browser, lambda: len(marked(browser)) == 4)
+            attach(browser, marked(browser)[0])
+            until(browser, lambda: len(marked(browser)) == 1)  # what makes a straight axle
+            [opposite] = marked(browser)
+            assert opposite.startswith(f"{parent}.")
+            attach(browser, opposite)
+        until(browser, lambda: "Step 5 of 5" in find(browser, ".guide").text)
+        assert find(browser, "#faces h2").text == "Faces"
         open_page(browser, empty, "leaderboard")
         commands = [item.text for item in browser.find_elements(By.CSS_SELECTOR, "main li code")]
         assert len(commands) == 3

@@ -14,6 +14,7 @@ from pydantic import BaseModel
 from agentflow.app.subjects.robustness import KEPT
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.simulation.variations import DEFAULT
+from agentflow.env.tasks.registry import known_unit
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.machine.tree import MachineJson
@@ -114,8 +115,9 @@ def robustness_figure(given: Mapping[str, Any]) -> dict[str, Any]:
 def _write_page(out: Path, found: Mapping[str, Any]) -> None:
     about = f"{found['engine']}, seed {found['seed']}"
     figure = robustness_figure(found)
-    data = {"kind": "robustness", "task": found["task"], "about": about, "robustness": figure}
-    write_page(out, f"Robustness · {found['task']} · agentflow", data)
+    task = found["task"]
+    data = {"kind": "robustness", "task": task, "unit": known_unit(task), "about": about}
+    write_page(out, f"Robustness · {task} · agentflow", {**data, "robustness": figure})
 
 
 def _machine_of(found: _Found) -> Machine:

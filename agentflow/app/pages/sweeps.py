@@ -2,47 +2,76 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from agentflow.app.sweeps.registry import HUMAN, LAYOUT, MECHANISMS, VERIFIED, VIEWS
-from agentflow.app.sweeps.tables import SweepResult, layout_table, read_sweep_result
+from agentflow.app.sweeps.tables import (
+    FinishedRun,
+    SweepResult,
+    layout_table,
+    read_sweep_result,
+    task_of,
+)
 from agentflow.app.sweeps.views import last_cell, variants
-from agentflow.metrics.scores import Scores
+from agentflow.env.drawing.stills import png_url
+from agentflow.env.tasks.registry import known_unit
+from agentflow.machine import library, read_machine
 from agentflow.report.page import require_writable, write_page
 from agentflow.report.sweep import sweep_data
+
+PICTURE = (320, 240)
+"""Width and height of the pictures of the best machines, in pixels."""
 
 
 def sweep_report(path: Path, out: Path, **_: Any) -> Path:
     """Write the page of a sweep, finished or not, to a file."""
     require_writable(out)
-    data = sweep_page_data(path)
+    data = sweep_page_data(path, pictures=True)
     write_page(out, f"{data['title']} · agentflow", data)
     return out
 
 
-def sweep_page_data(path: Path) -> dict[str, Any]:
-    """The data of the page of a sweep, finished or not."""
+def sweep_page_data(path: Path, *, pictures: bool = False) -> dict[str, Any]:
+    """The data of the page of a sweep, finished or not; with `pictures` of the best machines."""
     result = read_sweep_result(path)
     views = {name: make(result) for name, make in VIEWS.items() if name != LAYOUT}
     for name in (HUMAN, VERIFIED, MECHANISMS):
         if not any(row.values[-1] is not None for row in views[name].rows):
             del views[name]
     tables = [layout_table(result, published=bool(result.sweep.table.published)), *views.values()]
-    return sweep_data(
-        result.sweep.title, result.sweep.about, _spreads(result), tables, _runs(result)
-    )
+    units = {task_of(run.planned): known_unit(run.planned.config.task) for run in result.finished}
+    groups, about = _groups(result), result.sweep.about
+    spreads = {key: last_cell(result, runs).scores for key, runs in groups.items()}
+    found = {key: _best(runs, pictures) for key, runs in groups.items()}
+    best = {key: one for key, one in found.items() if one}
+    return sweep_data(result.sweep.title, about, spreads, tables, _runs(result), units, best)
 
 
-def _spreads(result: SweepResult) -> dict[tuple[str, str], Scores]:
-    """Scores of the last stage by task and, where they differ, by model and variant."""
+def _groups(result: SweepResult) -> dict[tuple[str, str], list[FinishedRun]]:
+    """Runs by task and, where they differ, by model and variant."""
     groups = variants(result)
     differing = [len(set(parts)) > 1 for parts in zip(*groups, strict=True)][1:]
     found = {}
     for (task, *rest), runs in groups.items():
         named = [part for part, differs in zip(rest, differing, strict=True) if differs]
-        found[task, ", ".join(named)] = last_cell(result, runs).scores
+        found[task, ", ".join(named)] = runs
     return found
+
+
+def _best(runs: Sequence[FinishedRun], pictures: bool) -> dict[str, Any] | None:
+    """The run with the highest score, and its machine."""
+    scored = [run for run in runs if run.result.score is not None and run.result.machine]
+    if not scored:
+        return None
+    run = max(scored, key=lambda one: one.result.score or 0.0)
+    machine = read_machine(run.result.machine, library()).machine
+    if machine is None:
+        return None
+    drawn = png_url(machine, view="three-quarter", size=PICTURE) if pictures else None
+    known = {"run": run.planned.name, "score": run.result.score, "machine": machine.digest}
+    return {**known, "picture": drawn}
 
 
 def _runs(result: SweepResult) -> list[dict[str, Any]]:

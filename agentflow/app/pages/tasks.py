@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,12 @@ from PIL import Image
 from agentflow.app.tasks import find_task, list_tasks, task_json
 from agentflow.env.drawing.plan_drawing import PngPen, SvgPen, draw_plans, place_plans
 from agentflow.env.drawing.plans import level_plans
+from agentflow.env.drawing.stills import level_png
 from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
+
+PICTURE = (320, 240)
+"""Width and height of the small pictures of levels, in pixels."""
 
 
 def picture_name(name: str) -> str:
@@ -63,4 +68,6 @@ def _level(number: int, name: str) -> dict[str, Any]:
     views = level_plans(task)
     draw_plans(views, task.scene().wind, pen)
     svg = pen.to_svg(place_plans(views)[1], f"{task.name} from above and from the right")
-    return {**task_json(name), "anchor": f"level-{number}", "svg": svg, "unit": task.unit}
+    small = b64encode(level_png(task.brief.given, task.scene(), PICTURE)).decode()
+    shown = {"anchor": f"level-{number}", "svg": svg, "unit": task.unit, "small": small}
+    return {**task_json(name), **shown}

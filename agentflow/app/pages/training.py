@@ -136,6 +136,7 @@ class _Samples:
             {
                 "step": step,
                 "task": task,
+                "unit": self._levels[task].unit,
                 **_numbers(replies),
                 "best": [
                     {"machine": key, "score": reply.score, "text": reply.text}

@@ -85,6 +85,12 @@ def png(machine: Machine, *, view: str, size: Size) -> bytes:
     return content_of(_picture(machine, view, size))
 
 
+def level_png(given: Machine, scene: Scene, size: Size) -> bytes:
+    """A small picture of a level with what is given there, in few colours."""
+    drawn = _picture(given, "three-quarter", size, options=StillOptions(scene=scene))
+    return content_of(drawn.quantize(64, dither=Image.Dither.NONE))
+
+
 def png_url(machine: Machine, *, view: str, size: Size, red: Collection[int] = ()) -> str:
     """The picture of `render_png` as a data URL, for pages and requests."""
     return picture_url(_picture(machine, view, size, red))

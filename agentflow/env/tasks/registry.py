@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
@@ -26,7 +27,7 @@ from agentflow.env.physics.engines import choose_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.family import Family
 from agentflow.env.tasks.knobs import Knob, knobs_of, read_knobs
-from agentflow.errors import ConfigError, UnknownNameError
+from agentflow.errors import ConfigError, UnknownNameError, UsageError
 from agentflow.files.faults import tell_fault
 from agentflow.files.yaml import deep_merge, nest_keys, parse_yaml, read_yaml_file
 from agentflow.machine.blocks.library import library
@@ -135,6 +136,13 @@ def _levels(name: str) -> dict[str, Level]:
             level, number, _validate(parse_yaml(file.read_text("utf-8"), level), level)
         )
     return levels
+
+
+def known_unit(task: str) -> str:
+    """Unit of the scores of a task; "" if it cannot be made here."""
+    with suppress(UsageError):
+        return get_task(task).unit
+    return ""
 
 
 def recorded_level(record: Mapping[str, Any], source: str) -> Level:

@@ -1,6 +1,6 @@
 // Small SVG charts: score curves, lines, bars of counts, means with intervals.
 
-import { el, formatNumber, svg } from "./dom.js";
+import { el, formatNumber, svg, withUnit } from "./dom.js";
 import { save } from "./downloads.js";
 import { answering } from "./pointing.js";
 
@@ -10,10 +10,13 @@ const HEIGHT = 190;
 const BOTTOM = 34;
 const UPPER = 24;
 
+/** What an axis is named: a quantity, and its unit if there is one. */
+export const named = (quantity, unit) => (unit ? `${quantity}, ${unit}` : quantity);
+
 /** Scores as dots and the best so far as a line; points are [x, score, item]. A point answers to the
  *  pointer and to arrow keys; a click or Enter gives its item to `pick`. `logs` keeps which axes are
  *  logarithmic. */
-export function scoreChart(title, across, points, pick = null, logs = {}) {
+export function scoreChart(title, across, unit, points, pick = null, logs = {}) {
   let drawn = [];
   const chart = figure(title, (width) => {
     const shown = positive(points, logs);
@@ -26,13 +29,13 @@ export function scoreChart(title, across, points, pick = null, logs = {}) {
       way += way ? `H${xs(x)}V${ys(y)}` : `M${xs(x)} ${ys(y)}`;
       best = y;
     }
-    drawn = shown.map(([x, y, item]) => ({ x: xs(x), y: ys(y), item, text: `score ${formatNumber(y)} at ${formatNumber(x, 1)} ${across}` }));
+    drawn = shown.map(([x, y, item]) => ({ x: xs(x), y: ys(y), item, text: `score ${withUnit(y, unit)} at ${formatNumber(x, 1)} ${across}` }));
     return [
-      ...axes(xs, ys, across, "score"),
+      ...axes(xs, ys, across, named("score", unit)),
       ...drawn.map(({ x, y }) => svg("circle", { class: "dot", cx: x, cy: y, r: 2.6 })),
       svg("path", { class: "line", d: `${way}H${width - RIGHT}` }),
     ];
-  }, { rows: () => [[across, "score"], ...points.map(([x, y]) => [x, y])], logs: [logs, points] });
+  }, { rows: () => [[across, named("score", unit)], ...points.map(([x, y]) => [x, y])], logs: [logs, points] });
   const picture = chart.querySelector("svg");
   chart.querySelector("figcaption").children[0].after(answering(picture, () => drawn, pick));
   picture.classList.toggle("clickable", Boolean(pick));
@@ -42,13 +45,15 @@ export function scoreChart(title, across, points, pick = null, logs = {}) {
 const COLOURS = 6; // lines with a colour of their own; further ones begin again
 const SINGLE = 60; // fewest points of a line that are not marked one by one
 
-/** Numbers over steps, a line each: {name, points}, where points are [x, y] in order of x. */
-export function lineChart(title, up, across, lines, logs = {}) {
+/** Numbers over steps, a line each: {name, points}, where points are [x, y] in order of x; the axis begins
+ *  at `from` or at the first of them. */
+export function lineChart(title, up, across, lines, logs = {}, from = Infinity) {
   const hue = (index) => `hue${index % COLOURS}`;
   const chart = figure(title, (width) => {
     const shown = lines.map(({ name, points }) => ({ name, points: positive(points, logs) }));
     const every = shown.flatMap(({ points }) => points);
-    const xs = scale(extent(every, 0), [LEFT, width - RIGHT], logs.x);
+    const [first, last] = extent(every, 0);
+    const xs = scale([logs.x ? first : Math.min(first, from), last], [LEFT, width - RIGHT], logs.x);
     const [low, high] = logs.y ? extent(every, 1) : valueRange(every.map(([, y]) => y));
     const ys = scale(low === high && !logs.y ? [Math.min(0, 2 * low), Math.max(0, 2 * high)] : [low, high], [HEIGHT - BOTTOM, UPPER], logs.y);
     return [
@@ -82,9 +87,9 @@ const NEAR = 0.6; // if all values exceed this share of the greatest, the axis d
 const [LETTER, SMALL] = [6.9, 5.8]; // width of a character of a name and of a number, pixels
 const PILE = [0, -4, 4, -8, 8]; // vertical offsets of dots that would overlap
 
-/** Values as dots, one row each, with mean and interval: {name, values, count, invalid, failed, mean, low, high};
+/** Values as dots over an axis, one row each, with mean and interval: {name, values, count, invalid, failed, mean, low, high};
  *  a dashed line at `mark`, if it is given: {value, name}. */
-export function intervalChart(title, unit, rows, mark) {
+export function intervalChart(title, axis, rows, mark) {
   const every = [...rows.flatMap((row) => [...row.values, row.low, row.high]), mark?.value].filter(Number.isFinite);
   const height = BOTTOM + 6 + BAND * rows.length;
   return figure(title, (width) => {
@@ -107,8 +112,8 @@ export function intervalChart(title, unit, rows, mark) {
     });
     const line = rows.map((_, index) => `M${xs(mark?.value)} ${34 + BAND * index - 10}v30`).join(""); // not over the names
     if (Number.isFinite(mark?.value)) lines.push(svg("path", { class: "mark", d: line }, svg("title", {}, mark.name)));
-    return [...lines, ...ticksBelow(xs, height - BOTTOM + 8, unit), ...marks];
-  }, { height, rows: () => [["name", unit], ...rows.flatMap(({ name, values }) => values.map((value) => [name, value]))] });
+    return [...lines, ...ticksBelow(xs, height - BOTTOM + 8, axis), ...marks];
+  }, { height, rows: () => [["name", axis], ...rows.flatMap(({ name, values }) => values.map((value) => [name, value]))] });
 }
 
 /** Shares from 0 to 1.5 as bars with intervals: {name, bars: [{name, value, low, high}]}. */
@@ -118,7 +123,7 @@ export function shareChart(title, rows) {
   const height = rows.length * tall + BOTTOM;
   return figure(title, (width) => {
     const most = Math.max(...rows.flatMap(({ bars }) => bars.flatMap(({ value, high }) => [value ?? 0, high ?? 0])), 0.01);
-    const xs = scale([0, Math.min(1.5, Math.ceil(10 * most) / 10)], [4, width - 130]);
+    const xs = scale([0, Math.min(1.5, Math.ceil(10 * most) / 10)], [4, width - 220]);
     const percent = (value) => (Number.isFinite(value) ? `${formatNumber(100 * value, 1)} %` : "no share");
     return [
       ...ticks(xs.low, xs.high, 5).flatMap((value) => [svg("path", { class: "grid", d: `M${xs(value)} 4V${height - BOTTOM + 4}` }),

@@ -10,6 +10,10 @@ const OUTCOMES = {
   unverified: "Not verified", stopped: "Budget used up", missing: "Missing",
 };
 
+const WORDS = { first: "one reply, no feedback", refined: "refined with feedback" };
+/** What a part of the benchmark is called. */
+const wordsOf = (part) => WORDS[part] ?? part;
+
 export function leaderboardPage(data) {
   return [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "agentflow leaderboard"), el("h1", {}, data.title), el("p", { class: "lede" }, data.about)), ...leaderboardParts(data))];
 }
@@ -18,17 +22,17 @@ export function leaderboardPage(data) {
 export function leaderboardParts({ cards, parts, tables, notes }) {
   const lines = cards.filter(({ course }) => course.length).map(({ model, course }) => ({ name: model, points: course }));
   return [
-    section("Ranking", shareChart("Mean shares, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
-    section("Families", heatMap(cards, parts), el("p", { class: "quiet" }, `${parts[1] ? `Large: ${parts[0]}; small: ${parts[1]}. ` : ""}Stronger colour means a greater share.`)),
+    section("Ranking", shareChart("Mean shares, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note === `Cards are ranked by ${parts[0]}.` ? `Models are ranked by the share of “${wordsOf(parts[0])}”.` : note))),
+    section("Families", heatMap(cards, parts), el("p", { class: "quiet" }, `${parts[1] ? `Large: ${wordsOf(parts[0])}; small: ${wordsOf(parts[1])}. ` : ""}Stronger colour means a greater share.`)),
     lines.length ? section("Share over simulations", lineChart("Mean share of the best machine so far, by plain score", "", "simulations", lines)) : null,
-    section("How it ended", ...parts.map((part) => table(`Machines of the part ${part}`, ["Model", ...Object.values(OUTCOMES)], outcomes(cards, part)))),
+    section("How it ended", ...parts.map((part) => table(`Machines: ${wordsOf(part)}`, ["Model", ...Object.values(OUTCOMES)], outcomes(cards, part)))),
     tableSection(tables[0], "All numbers"), ...tables.slice(1).map((item) => el("details", {}, el("summary", {}, item.title), tableSection(item, item.title))),
   ].filter(Boolean);
 }
 
 const ranked = ({ model, complete, total }, index, parts) => ({
   name: `${complete ? `${index + 1}. ` : "Incomplete: "}${model}`,
-  bars: parts.map((part) => ({ name: part, value: total[part].mean, low: total[part].interval?.[0], high: total[part].interval?.[1] })),
+  bars: parts.map((part) => ({ name: wordsOf(part), value: total[part].mean, low: total[part].interval?.[0], high: total[part].interval?.[1] })),
 });
 
 /** A row for each model, a column for each family: every family, also where nothing was scored. */

@@ -33,14 +33,14 @@ export class Player {
     this.view.close();
   }
 
-  /** Show a machine, or say why there is none. Resolves when it is visible. */
-  async show(machine, title, remark = "") {
+  /** Show a machine, or say why there is none, above `still`, a picture of it. Resolves when it is visible. */
+  async show(machine, title, remark = "", still = "") {
     this.pause();
     const asked = (this.asked = {});
     this.title.textContent = title;
     this.remark.textContent = machine ? remark : "";
     this.element.classList.toggle("empty", !machine || !this.view.picture);
-    if (this.view.picture) this.view.nothing.textContent = remark && !machine ? remark : "No machine to show.";
+    if (this.view.picture) this.view.nothing.replaceChildren(still, remark && !machine ? remark : "No machine to show.");
     if (!machine || !this.view.picture) return;
     if (!(await this.load(machine, asked))) return;
     this.choices(machine);
@@ -176,6 +176,6 @@ export class Player {
     this.files = el("p", { class: "files" });
     this.view = new View([this.title, el("label", { class: "trials", hidden: "" }, "Trial ", this.trials)], () => this.ask());
     return el("div", { class: this.view.picture ? "player" : "player empty", role: "group", "aria-label": "Film", keydown: (event) => press(this, event) },
-      this.view.element, this.transport.element, this.timeline.lanes, this.remark, this.files, this.timeline.list);
+      this.view.element, this.transport.element, this.timeline.lanes, this.remark, this.files, this.timeline.element);
   }
 }

@@ -1,14 +1,14 @@
 // How robust a design is: scores by what was varied, and the block whose edits cost most.
 
-import { intervalChart } from "./charts.js";
-import { el, section, formatNumber, table } from "./dom.js";
+import { intervalChart, named } from "./charts.js";
+import { el, section, formatNumber, table, withUnit } from "./dom.js";
 import { scoreTable } from "./text.js";
 
 /** The page of one machine. */
 export function robustnessPage(data) {
   return [el("main", { class: "alone" },
     el("header", {}, el("p", { class: "kind" }, "agentflow robustness"), el("h1", {}, data.task), el("p", { class: "lede" }, data.about)),
-    robustnessSection(data.robustness))];
+    robustnessSection(data.robustness, data.unit))];
 }
 
 /** The Pareto front of a run; `choose` is called with the content hash of a machine. Null without one. */
@@ -20,14 +20,14 @@ export function frontSection(front, choose) {
 }
 
 /** The section; null without data. */
-export function robustnessSection(found) {
+export function robustnessSection(found, unit) {
   if (!found) return null;
   const { score, robust, kept, neighbours, rows, conditions, others, blocks, faces, picture } = found;
   const share = kept === null ? "" : ` ${formatNumber(100 * kept, 0)} % of ${neighbours} machines one edit away keep at least half of the score.`;
-  const told = robust === null ? "No robust score: some simulations failed." : `Robust score ${formatNumber(robust)}, the 10 % quantile of ${formatNumber(conditions.length)} conditions.`;
+  const told = robust === null ? "No robust score: some simulations failed." : `Robust score ${withUnit(robust, unit)}, the 10 % quantile of ${formatNumber(conditions.length)} conditions.`;
   return section("Robustness",
     el("p", {}, `${told}${share}`),
-    intervalChart("Score by what was varied", "score", rows, { value: score, name: `score ${formatNumber(score)}` }),
+    intervalChart("Score by what was varied", named("score", unit), rows, { value: score, name: `score ${withUnit(score, unit)}` }),
     el("p", { class: "quiet" }, "Each dot is a simulation; the bar below is their mean. The dashed line is the score without a change. Other engines do not count for the robust score."),
     el("details", {}, el("summary", {}, "Score under each condition"), scoreTable("Score of the design in each world", "Condition", [...conditions, ...others])),
     picture ? sensitive(blocks, faces, picture) : null);

@@ -20,9 +20,11 @@ export function runPage(data) {
 /** A run in two parts, `player` and `main`; it may grow. */
 export class RunView {
   /** @param film gives {machine, shapes, files} of a machine by content hash, or a promise of it
-   *  @param actions makes elements for what can be done with the machine of a node */
-  constructor(film, actions = () => []) {
+   *  @param actions makes elements for what can be done with the machine of a node
+   *  @param still makes a picture of a machine, shown until its film is there */
+  constructor(film, actions = () => [], still = () => "") {
     this.film = film;
+    this.still = still;
     this.actions = actions;
     this.player = new Player();
     this.chosen = el("section", { class: "chosen", "aria-label": "Selected machine" });
@@ -40,24 +42,25 @@ export class RunView {
   update(data) {
     this.data = data;
     this.calls = once(() => readCalls(data.calls));
+    const first = data.nodes.find((node) => node.best) ?? data.nodes.at(-1);
     this.put("header", [data.run, data.task], this.top, () => header(data));
     this.put("search", data.nodes, this.rest, () => this.search());
     this.put("kinds", [data.archive, data.classes], this.rest, () => kindsSection(data, (machine) => this.pick(machine)));
     this.put("makers", data.makers, this.rest, () => makersSection(data.makers));
     this.put("front", data.front, this.rest, () => frontSection(data.front, (machine) => this.pick(machine)));
-    this.put("robustness", data.robustness, this.rest, () => robustnessSection(data.robustness));
+    this.put("robustness", data.robustness, this.rest, () => robustnessSection(data.robustness, data.task.unit));
     this.put("score", data.progress, this.rest, () => scoreCharts(data, this.axis, (machine) => this.pick(machine)));
-    this.put("stages", data.stages, this.rest, () => stages(data));
+    const begun = first || !this.growing; // before, these are tables of zeros
+    this.put("stages", [begun, data.stages], this.rest, () => begun && stages(data));
     this.put("tools", [data.stages, data.tools], this.rest, () => tools(data));
-    this.put("failures", [data.validity, data.reasons, data.failures], this.rest, () => failures(data));
-    this.put("usage", data.usage, this.rest, () => usage(data));
+    this.put("failures", [begun, data.validity, data.reasons, data.failures], this.rest, () => begun && failures(data));
+    this.put("usage", [begun, data.usage], this.rest, () => begun && usage(data));
     this.put("talk", data.calls, this.rest, () => conversations(data, this.calls));
     this.put("facts", data.facts, this.rest, () => settings(data));
-    const first = data.nodes.find((node) => node.best) ?? data.nodes.at(-1);
     if (!first) this.player.show(null, "", this.growing ? "The first machine appears here when it has been simulated." : "");
     else if (!this.picked || (this.following && this.picked !== first.id)) {
       this.tree.select(first.id);
-      this.show(first);
+      this.show(first, true);
     }
   }
 
@@ -65,7 +68,7 @@ export class RunView {
     const text = JSON.stringify(key);
     const before = this.parts.get(name);
     if (before?.text === text || before?.element.querySelector("details[open]")) return;
-    const element = el("div", {}, make());
+    const element = el("div", {}, make() || "");
     if (before) before.element.replaceWith(element);
     else place.append(element);
     this.parts.set(name, { text, element });
@@ -91,10 +94,15 @@ export class RunView {
     return this.show(node);
   }
 
-  async show(node) {
+  /** @param calm whether the machine before stays until this one's film is there */
+  async show(node, calm = false) {
     this.picked = node.id;
+    const title = heading(node, this.data.task.unit);
     const coming = node.machine && this.film(node.machine);
-    if (coming instanceof Promise) this.player.show(null, heading(node, this.data.task.unit), "Simulating …");
+    if (coming instanceof Promise && !(calm && this.player.film)) {
+      this.player.show(null, title, "Simulating …", this.still(node.machine));
+      describe(this.chosen, node, title, null, this.calls, this.actions(node));
+    }
     let found = null;
     let fault = "";
     try {
@@ -104,8 +112,8 @@ export class RunView {
     }
     if (this.picked !== node.id) return;
     if (found) this.player.use(found.shapes, found.files);
-    this.player.show(found?.machine, heading(node, this.data.task.unit), fault || (found?.machine.remark ?? "")).then(() => this.growing && this.following && !matchMedia("(prefers-reduced-motion)").matches && this.player.play());
-    describe(this.chosen, node, heading(node, this.data.task.unit), found?.machine, this.calls, this.actions(node));
+    this.player.show(found?.machine, title, fault || (found?.machine.remark ?? "")).then(() => this.growing && this.following && !matchMedia("(prefers-reduced-motion)").matches && this.player.play());
+    describe(this.chosen, node, title, found?.machine, this.calls, this.actions(node));
   }
 }
 

@@ -1,6 +1,6 @@
 // The parts of a run's page in words, tables and charts; each is null if there is nothing to show.
 
-import { barChart, lineChart, scoreChart } from "./charts.js";
+import { barChart, lineChart, named, scoreChart } from "./charts.js";
 import { el, section, formatNumber, table, withUnit } from "./dom.js";
 import { taskDetails, callDetails, toolDetails, scoreTable } from "./text.js";
 
@@ -12,7 +12,7 @@ export function header(data) {
     el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}`),
     el("h1", {}, run.task),
     el("p", { class: "kind" }, data.task.title),
-    el("p", { class: "score" }, el("b", {}, run.score === null ? "no score" : withUnit(run.score, data.task.unit)), " ", run.sentence),
+    el("p", { class: "score" }, run.score === null ? "no score" : el("b", {}, withUnit(run.score, data.task.unit)), " ", run.sentence),
     run.verified ? verification(run.verified, data.task.unit) : null,
     el("p", { class: "lede" }, run.about),
     taskDetails(data.task));
@@ -29,33 +29,34 @@ function verification({ score, low, high, holds, fails, fragile, scores }, unit)
 }
 
 export function legend() {
-  return el("p", { class: "quiet" }, "Each dot is a machine, edited from the one to its left; stronger colour means a higher score. ",
+  return el("p", { class: "quiet" }, "Each dot is a machine; a line leads to it from the one that it was edited from. Stronger colour means a higher score. ",
     "Ring: something broke. Hollow: invalid. Cross: rejected edit. Arrow keys move the selection.");
 }
 
 const SPENT = ["seconds", "calls", "tokens", "expansions"];
 
 /** The scores over time, calls, tokens or expansions. `chosen` keeps what was chosen; `pick` gets a machine. */
-export function scoreCharts({ progress }, chosen = {}, pick = null) {
+export function scoreCharts({ progress, task }, chosen = {}, pick = null) {
   if (progress.length < 2) return null;
   chosen.logs ??= {};
-  const found = overSpent([progress], chosen, (name) => scoreChart(`Score over ${name}`, name, progress.map((point) => [point[name], point.score, point.machine]), pick, chosen.logs));
+  const found = overSpent([progress], chosen, (name) => scoreChart(`Score over ${name}`, name, task.unit, progress.map((point) => [point[name], point.score, point.machine]), pick, chosen.logs));
   return found && section("Score", ...found);
 }
 
 /** The best scores of several runs so far in one chart: {name, progress}. */
-export function bestCharts(title, runs, logs = {}) {
+export function bestCharts(title, runs, unit, logs = {}) {
   const steps = (progress, name) => {
     let best = -Infinity;
     return progress.flatMap((point) => {
       const before = best;
       best = Math.max(best, point.score);
-      return before === -Infinity || before === best ? [[point[name], best]] : [[point[name], before], [point[name], best]];
+      const corner = before === -Infinity ? [] : [[point[name], before]];
+      return before < best ? [...corner, [point[name], best]] : point === progress.at(-1) ? corner : [];
     });
   };
-  const scored = runs.filter(({ progress }) => progress.length > 1);
+  const scored = runs.filter(({ progress }) => progress.length);
   const found = scored.length && overSpent(scored.map(({ progress }) => progress), {}, (name) =>
-    lineChart(`Best score so far over ${name}`, "score", name, scored.map((run) => ({ name: run.name, points: steps(run.progress, name) })), logs));
+    lineChart(`Best score so far over ${name}`, named("score", unit), name, scored.map((run) => ({ name: run.name, points: steps(run.progress, name) })), logs, 0));
   return found ? section(title, ...found) : null;
 }
 
@@ -87,7 +88,7 @@ export function makersSection(makers) {
   if (!makers?.length) return null;
   return section("Who made them",
     table("Machines of the search by who made them. Better: than the machine that they were made from; first machines: than all earlier ones", ["Made by", "Machines", "Share, %", "Better", "Gain in total"],
-      makers.map(({ maker, machines, share, better, gain }) => [maker, machines, formatNumber(100 * share, 0), better, gain])));
+      makers.map(({ maker, machines, share, better, gain }) => [maker, machines, Math.round(100 * share), better, gain])));
 }
 
 /** How often an agent called each tool, by stage. */
@@ -117,7 +118,7 @@ export function failures({ validity, reasons, failures: kinds }) {
       : el("p", { class: "quiet" }, "No reply was rejected."),
     el("h3", {}, "Failures by kind"),
     counted.length ? barChart("Failures by kind", counted.map(({ name, count, unit, level, rule }) =>
-      [name, count, `${level}, of ${PLURAL[unit]}: ${rule}`])) : el("p", { class: "quiet" }, "No failures."));
+      [name, count, `${rule} (in ${PLURAL[unit]}; ${level})`])) : el("p", { class: "quiet" }, "No failures."));
 }
 
 export function usage({ usage: rows, run }) {

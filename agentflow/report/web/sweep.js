@@ -1,34 +1,45 @@
 // The page of a sweep: distribution of scores, tables, runs.
 
-import { intervalChart } from "./charts.js";
-import { el, section, table, verifiedText } from "./dom.js";
+import { intervalChart, named as axisName } from "./charts.js";
+import { el, section, table, verifiedText, withUnit } from "./dom.js";
 
-/** @param linked makes an element of the name of a run */
-export function sweepPage(data, linked = (name) => name) {
+/** @param linked makes an element of the name of a run, and of what is shown in its place
+ *  @param still makes a picture of the best machine of a variant, {run, machine} */
+export function sweepPage(data, linked = (name, ...parts) => (parts.length ? el("div", { class: "card" }, ...parts) : name), still = ({ picture }) => picture && el("img", { src: picture, alt: "", width: 320, height: 240 })) {
   return [
     el("main", { class: "alone" },
       el("header", {}, el("p", { class: "kind" }, "agentflow sweep"), el("h1", {}, data.title), el("p", { class: "lede" }, data.about),
         ...data.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
       data.spreads.length ? scoreDistributions(data.spreads) : null,
-      ...data.tables.filter(({ columns }) => columns.length).map((item) => tableSection(item, item.title === data.title ? "Table" : item.title)),
+      bestMachines(data.spreads.filter(({ best }) => best), linked, still),
+      ...data.tables.filter(({ columns }) => columns.length).map((item) => tableSection(item, item.title === data.title ? "Results" : item.title)),
       data.runs.length ? runsSection(data.runs, linked) : null),
   ];
 }
 
+/** The best machine of each variant. */
+function bestMachines(rows, linked, still) {
+  if (!rows.length) return null;
+  return section("Best machines", el("div", { class: "cards" }, ...rows.map(({ task, name, unit, best }) =>
+    linked(best.run, still(best) || null, el("b", {}, withUnit(best.score, unit)), el("span", {}, [task, name].filter(Boolean).join(", "))))));
+}
+
 /** One chart per task, because each task has its own unit. */
 function scoreDistributions(rows) {
-  const tasks = [...new Set(rows.map((row) => row.task))];
+  const tasks = [...new Set(rows.map((row) => row.task))].map((task) => rows.filter((row) => row.task === task));
   const known = rows.some((row) => Number.isFinite(row.low));
   const about = `Each dot is a machine; invalid machines count as 0. Below: the mean${known ? " with its 95% bootstrap confidence interval" : ""}.`;
   return section("Distribution of scores",
     el("p", { class: "quiet" }, about),
-    ...tasks.map((task) => intervalChart(task, "score", rows.filter((row) => row.task === task))));
+    ...tasks.map((found) => intervalChart(found[0].task, axisName("score", found[0].unit), found)));
 }
 
+const MOST_ROWS = 12; // of a table that is not folded
 const MOST_COLUMNS = 9; // most columns of numbers before a table is transposed
 
 export function tableSection({ heads, columns, rows, published, publishedTitle, notes }, title) {
-  return section(capitalize(title), compactTable(title, "Measured", heads, columns, rows),
+  const measured = compactTable(title, "Measured", heads, columns, rows);
+  return section(capitalize(title), rows.length > MOST_ROWS ? el("details", {}, el("summary", {}, `${rows.length} rows`), measured) : measured,
     published.length ? el("details", {}, el("summary", {}, capitalize(publishedTitle)), compactTable(title, "Published", heads, columns, published)) : null,
     ...notes.map((note) => el("p", { class: "quiet" }, note)));
 }
@@ -65,7 +76,7 @@ function runsSection(rows, linked) {
   const count = rows.length === 1 ? "1 run" : `${rows.length} runs`;
   const word = failed.length ? `${count}, ${failed.length} not done` : `${count}, all done`;
   const details = el("details", {}, el("summary", {}, word), list);
-  details.open = failed.length > 0;
+  details.open = failed.length > 0 || rows.length <= MOST_ROWS;
   return section("Runs", details);
 }
 

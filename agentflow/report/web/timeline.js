@@ -9,6 +9,9 @@ export class Timeline {
     this.ticks = el("div", { class: "ticks", "aria-hidden": "true" });
     this.lanes = el("ol", { class: "lanes", "aria-label": "Control program" });
     this.list = el("ol", { class: "events", "aria-label": "Events" });
+    this.counted = el("summary", {});
+    const roomy = matchMedia("(min-width: 960px)").matches; // else the list takes the place of the view
+    this.element = el("details", { class: "happened", open: roomy ? "" : null }, this.counted, this.list);
   }
 
   /** Show the events and the control program of a machine; its film lasts `duration` seconds. */
@@ -16,6 +19,9 @@ export class Timeline {
     const share = (time) => `${(100 * time) / (duration || 1)}%`;
     this.ticks.replaceChildren(...events.map((event) => tick(event, share)));
     this.list.replaceChildren(...events.map((event) => entry(event, this.seek)));
+    const broke = events.filter(({ kind }) => kind === "broke").length;
+    this.counted.textContent = `${events.length} event${events.length === 1 ? "" : "s"}${broke ? `, ${broke} broke` : ""}`;
+    this.element.hidden = !events.length;
     this.lanes.replaceChildren(...(lanes ?? []).map((item) => lane(item, (time) => share(Math.min(time, duration)))));
   }
 }

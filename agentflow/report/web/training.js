@@ -1,7 +1,7 @@
 // The page of a training run: the film of a sample, curves, samples by step, diversity by step.
 
-import { intervalChart, lineChart } from "./charts.js";
-import { el, formatNumber, section } from "./dom.js";
+import { intervalChart, lineChart, named as axisName } from "./charts.js";
+import { el, section, withUnit } from "./dom.js";
 import { Player } from "./player.js";
 import { plain } from "./text.js";
 
@@ -13,7 +13,7 @@ export function trainingPage(data) {
   const chosen = el("section", { class: "chosen", "aria-label": "Selected sample" });
   const several = new Set(data.steps.map((step) => step.task)).size > 1;
   const choose = (step, sample) => {
-    const title = `${nameOf(step, several)} · ${formatNumber(sample.score)}`;
+    const title = `${nameOf(step, several)} · ${withUnit(sample.score, step.unit)}`;
     player.show(data.machines[sample.machine], title, data.machines[sample.machine].remark);
     chosen.replaceChildren(el("h2", {}, title), el("details", {}, el("summary", {}, "Reply"), plain(sample.text)));
   };
@@ -39,20 +39,20 @@ function samples(steps, several, choose) {
   const rows = steps.filter((_, index) => index % Math.ceil(steps.length / MOST_ROWS) === 0 || index === steps.length - 1);
   return section("Samples by step",
     el("p", { class: "quiet" }, "Each dot is a reply; replies without a valid machine count as 0. Below: the mean with its 95% bootstrap confidence interval."),
-    ...[...new Set(rows.map((row) => row.task))].map((task) => intervalChart(`Scores: ${task}`, "score",
+    ...[...new Set(rows.map((row) => row.task))].map((task) => intervalChart(`Scores: ${task}`, axisName("score", rows.find((row) => row.task === task).unit),
       rows.filter((row) => row.task === task).map((row) => ({ ...row, name: `step ${row.step}`, invalid: row.count - row.valid })))),
     ...steps.toReversed().map((step, index) => el("details", { open: index === 0 && "" },
       el("summary", {}, nameOf(step, several), " ", el("small", {}, counts(step))),
       step.best.length ? el("p", { class: "picks" }, ...step.best.map((sample) =>
-        el("button", { click: () => choose(step, sample) }, `Show ${formatNumber(sample.score)}`))) : null,
+        el("button", { click: () => choose(step, sample) }, `Show ${withUnit(sample.score, step.unit)}`))) : null,
       ...step.refused.map((reply) => el("details", { class: "said" },
         el("summary", {}, "Reply without a valid machine ", el("small", {}, reply.problem.replaceAll("_", " "))), plain(reply.text))))));
 }
 
 const nameOf = ({ step, task }, several) => `step ${step}${several ? `, ${task}` : ""}`;
 
-function counts({ count, valid, faults, mean, values }) {
-  return [`${valid} of ${count} valid`, `mean ${formatNumber(mean)}`, values.length ? `best ${formatNumber(values.at(-1))}` : null,
+function counts({ count, valid, faults, mean, values, unit }) {
+  return [`${valid} of ${count} valid`, `mean ${withUnit(mean, unit)}`, values.length ? `best ${withUnit(values.at(-1), unit)}` : null,
     faults ? `${faults} without a score: their simulation crashed or timed out` : null].filter(Boolean).join(" · ");
 }
 

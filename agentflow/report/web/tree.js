@@ -1,11 +1,12 @@
 // The search tree: one dot per machine, to the right of its parent; refused edits
-// are crosses. Works with the pointer and, as an ARIA tree, with arrow keys.
+// are crosses; first machines that nobody edited stand side by side below. Works with the pointer and, as an ARIA tree, with arrow keys.
 
 import { formatNumber, svg } from "./dom.js";
 
 const ROW = 22;
 const TOP = 16;
 const EDGE = 14;
+const APART = 54; // of machines side by side
 
 export class Tree {
   /** @param nodes in order of creation; `parent` is an id or null
@@ -20,7 +21,6 @@ export class Tree {
     const scores = nodes.map((node) => node.score).filter((score) => score !== null);
     this.low = Math.min(...scores);
     this.high = Math.max(...scores);
-    this.arrange();
     this.element = svg("svg", { class: "tree", role: "tree", "aria-label": "Search tree", keydown: (e) => this.press(e) });
     new ResizeObserver(() => this.draw()).observe(this.element);
   }
@@ -34,12 +34,14 @@ export class Tree {
     }
   }
 
-  arrange() {
+  /** Give every node its row and depth; `across` machines fit side by side. */
+  arrange(across) {
     let row = 0;
+    this.deepest = 0;
     const visit = (node, depth) => {
       node.depth = depth;
       node.row = row;
-      this.deepest = Math.max(this.deepest ?? 0, depth);
+      this.deepest = Math.max(this.deepest, depth);
       const made = node.children.filter((child) => child.kind !== "refused");
       const refused = node.children.filter((child) => child.kind === "refused");
       made.forEach((child, index) => {
@@ -52,17 +54,20 @@ export class Tree {
         this.deepest = Math.max(this.deepest, depth + 1);
       });
     };
-    this.roots.forEach((root, index) => {
-      if (index) row += 1;
+    for (const root of this.roots.filter(({ children }) => children.length)) {
       visit(root, 0);
-    });
-    this.rows = row + 1;
+      row += 1;
+    }
+    const single = this.roots.filter(({ children }) => !children.length);
+    single.forEach((root, index) => Object.assign(root, { depth: 0, row: row + Math.floor(index / across), beside: index % across }));
+    this.rows = row + Math.ceil(single.length / across);
   }
 
   draw() {
     const width = this.element.clientWidth;
     if (!width || width === this.width) return;
     this.width = width;
+    this.arrange(Math.max(1, Math.floor((width - 2 * EDGE) / APART)));
     this.column = Math.min(110, (width - 2 * EDGE - 44) / Math.max(this.deepest, 1));
     const height = TOP + this.rows * ROW;
     this.element.setAttribute("height", height);
@@ -77,7 +82,7 @@ export class Tree {
   }
 
   x(node) {
-    return EDGE + node.depth * this.column + (node.place ?? 0) * Math.min(11, this.column / 4);
+    return EDGE + node.depth * this.column + (node.beside ?? 0) * APART + (node.place ?? 0) * Math.min(11, this.column / 4);
   }
 
   y(node) {
@@ -124,7 +129,7 @@ export class Tree {
 
   press(event) {
     const here = this.nodes.get(this.selected);
-    const all = [...this.nodes.values()].sort((a, b) => a.row - b.row || a.depth - b.depth || (a.place ?? 0) - (b.place ?? 0));
+    const all = [...this.nodes.values()].sort((a, b) => a.row - b.row || this.x(a) - this.x(b));
     const index = all.indexOf(here);
     const next = {
       ArrowDown: all[index + 1],

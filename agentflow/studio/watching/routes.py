@@ -23,13 +23,15 @@ from agentflow.app.pages.sweeps import sweep_page_data
 from agentflow.app.sweeps.estimates import estimate
 from agentflow.app.tasks import list_tasks
 from agentflow.config.run import KEY_VARIABLE
-from agentflow.env.drawing.stills import png
+from agentflow.env.drawing.stills import level_png, png
+from agentflow.env.tasks.registry import get_task
 from agentflow.errors import AgentflowError, UsageError
 from agentflow.machine import Machine
 from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_document
 from agentflow.studio.answers import Arguments, Nothing, get, post
 from agentflow.studio.building.person_runs import PERSON
+from agentflow.studio.building.routes import OnTask
 from agentflow.studio.folder import LONGEST, RunFolder
 from agentflow.studio.guard import FOLLOW, Refusal, told
 from agentflow.studio.simulations import Simulations
@@ -56,6 +58,12 @@ SIZES = {"line": (112, 84), "card": (320, 240)}
 @lru_cache(maxsize=2000)
 def _small_picture(machine: Machine, size: tuple[int, int]) -> bytes:
     return png(machine, view="three-quarter", size=size)
+
+
+@lru_cache(maxsize=100)
+def _level_picture(name: str) -> bytes:
+    task = get_task(name)
+    return level_png(task.brief.given, task.scene(), SIZES["card"])
 
 
 class OneRun(Arguments):
@@ -113,6 +121,7 @@ class Watching:
             post("/api/designs/stop", OneRun, self.stop_design),
             post("/api/designs/resume", OneRun, self.resume_design),
             get("/api/picture", OnePicture, self.picture),
+            get("/api/level", OnTask, self.level),
             get("/api/sweep", OneSweep, self.sweep),
             get("/api/leaderboards", Nothing, self.leaderboards),
             Route(FOLLOW, self.follow, methods=["GET"]),
@@ -198,6 +207,11 @@ class Watching:
         """A small picture of a machine as built."""
         machine = recorded_machine(self._folder.run(given.run), given.machine)
         content = await asyncio.to_thread(_small_picture, machine, SIZES[given.on])
+        return Response(content, media_type="image/png")
+
+    async def level(self, given: OnTask) -> Response:
+        """A small picture of a level."""
+        content = await asyncio.to_thread(_level_picture, given.level.name)
         return Response(content, media_type="image/png")
 
     async def sweep(self, given: OneSweep) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import { designForm } from "./design.js";
 import { Draft, draftsOf, lastTask } from "./drafts.js";
 import { Editor } from "./editor.js";
 import { EXAMPLE } from "./example.js";
+import { links } from "./first.js";
 import { carGuide } from "./guide.js";
 import { making } from "./making.js";
 import { blockPalette, blockTree, faceList, facts } from "./panel.js";
@@ -26,7 +27,7 @@ export async function buildPage({ task, run, machine, example, guide }) {
   editor.library = library;
   if (given) editor.take(await send("/api/build/state", { task: editor.task, machine: given.machine }), "open");
   const page = new BuildPage(editor, start, session);
-  if (guide) page.view.append(carGuide(editor, (way) => page.stage.lookFrom(way)));
+  if (guide) page.view.append(carGuide(editor, (sides) => page.stage.lookFor(sides)));
   return page;
 }
 
@@ -108,7 +109,7 @@ class BuildPage {
     const { editor } = this;
     const button = (text, key, act) => el("button", { title: `${text} (${key})`, click: act }, text);
     const tasks = el("select", { "aria-label": "Task", disabled: this.recorder ? "" : null, change: () => { location.hash = address("build", { task: tasks.value }); } },
-      ...start.tasks.map(({ name }) => el("option", { value: name, selected: name === editor.task ? "" : null }, name)));
+      ...start.tasks.map(({ name, title }) => el("option", { value: name, selected: name === editor.task ? "" : null }, `${name} · ${title}`)));
     this.tabs = ["Machine", "Film"].map((name, index) => el("button", { class: "tab", role: "tab", title: `${name} (E)`, click: () => this.switch(Boolean(index)) }, name));
     this.actions = {
       "Undo|Ctrl+Z": () => editor.undo(), "Redo|Ctrl+Y": () => editor.redo(),
@@ -118,7 +119,14 @@ class BuildPage {
     };
     const said = el("p", { class: "said", role: "status" });
     editor.on(["said"], () => { said.textContent = editor.said?.text ?? ""; said.classList.toggle("bad", Boolean(editor.said?.bad)); });
-    return el("div", { class: "top" }, tasks, ...Object.entries(this.actions).map(([name, act]) => button(...name.split("|"), () => { this.turnTo(false); act(); })),
+    const buttons = Object.entries(this.actions).map(([name, act]) => button(...name.split("|"), () => { this.turnTo(false); act(); }));
+    const [undo, redo, ...others] = buttons;
+    editor.on(["state", "choice"], () => {
+      undo.disabled = !editor.past.length;
+      redo.disabled = !editor.future.length;
+      for (const other of others) other.disabled = Boolean(editor.block().given);
+    });
+    return el("div", { class: "top" }, tasks, ...buttons,
       el("div", { class: "tabs", role: "tablist", "aria-label": "View" }, ...this.tabs), el("button", { class: "play test", title: "Simulate it (P)", click: () => this.trials.test() }, "Test"), said);
   }
 
@@ -128,7 +136,7 @@ class BuildPage {
     const details = taskDetails(start);
     details.addEventListener("toggle", () => details.open && this.editor.record("ask"));
     const { good, record, unit } = start;
-    const best = record ? ` · record ${verifiedText(record.score, record.fragile, unit)}` : "";
+    const best = record ? ` · record ${verifiedText(record.verified ?? record.score, record.fragile, unit)}` : "";
     return el("section", { class: "task-card", "aria-label": `Task ${task}` }, el("h1", { class: "unseen" }, `Build for ${task}`), details, el("p", {}, `good from ${withUnit(good, unit)}${best}`));
   }
 
@@ -141,7 +149,7 @@ class BuildPage {
     const form = designForm(start, () => editor.given, (run) => { editor.record("refine"); this.refined(run, told); });
     return el("div", { class: "more" },
       controlEditor(editor),
-      el("details", {}, el("summary", {}, "Open and save"), file, saved, el("p", { class: "files" }, "To make it ", ...making(() => editor.given, (text, bad) => editor.say(text, bad))), el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build.")),
+      el("details", {}, el("summary", {}, "Open and save"), file, saved, el("p", { class: "files" }, "To make it ", ...making(() => editor.given, (text, bad) => editor.say(text, bad))), el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build. ", ...links())),
       refine ? el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Let a model improve this machine, and use the result."), form, told) : "",
       el("details", {}, el("summary", {}, "Keys"), el("p", { class: "quiet" }, "B blocks · F faces · T tree · V view · arrows and digits move in lists · Enter chooses · Esc ends · P tests · E film or machine · ",
         Object.keys(this.actions).map((name) => name.split("|").reverse().join(" ").toLowerCase()).join(" · "))));

@@ -2,6 +2,7 @@
 
 import { el, formatNumber } from "../../report/web/dom.js";
 import { address, send } from "./api.js";
+import { goodFrom, levelPicture } from "./boards.js";
 
 const WAIT = 400; // milliseconds after the last change until the estimate is asked for
 // Programs that serve models on this computer, with the address that each uses by itself.
@@ -27,13 +28,19 @@ const option = (value, text, chosen) => el("option", { value, selected: chosen ?
 export function designForm(start, fixed = () => ({}), begun = (run) => { location.hash = address("run", { run }); }, before = {}) {
   const given = fixed();
   const tasks = el("select", {}, ...start.tasks.map(({ name, title }) => option(name, `${name} · ${title}`, name === "throwing")));
+  const asked = el("div", { class: "asked wide" });
+  const ask = () => {
+    const level = start.tasks.find(({ name }) => name === tasks.value);
+    asked.replaceChildren(levelPicture(level.name), el("p", {}, level.objective, " ", goodFrom(level)));
+  };
+  tasks.addEventListener("input", ask);
   const workflows = el("select", {}, ...start.workflows.map((name) => option(name, name)));
   const told = el("p", { class: "problem", role: "alert" });
   const needs = el("p", { class: "quiet wide", role: "status" });
   const button = el("button", { type: "submit", class: "play" }, given.machine ? "Refine this" : "Start");
   const form = el("form", { class: "form", autocomplete: "off", submit: (event) => { event.preventDefault(); begin(); }, input: () => later() },
     ...modelFields(start, before, () => ({ task: tasks.value, ...read(form), ...fixed() })),
-    given.task ? "" : field("task", "Task", tasks),
+    ...(given.task ? [] : [field("task", "Task", tasks), asked]),
     el("details", { class: "wide" }, el("summary", {}, "Advanced"), el("div", { class: "form" },
       field("workflow", "Workflow", workflows),
       field("seed", "Seed", number("0", 0)),
@@ -43,6 +50,7 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
       field("tokens", "Max tokens", number("no limit")))),
     needs, el("p", { class: "wide" }, button), told);
   for (const [name, value] of Object.entries(before)) if (form.elements[name]) form.elements[name].value = value;
+  ask();
   const usual = ["task", "model", "base_url", ...(before.workflow === start.workflows[0] ? ["workflow"] : [])];
   form.querySelector("details").open = Object.keys(before).some((name) => !usual.includes(name));
   let timer = null;
@@ -55,8 +63,9 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     if (!form.isConnected || !form.checkValidity()) return;
     try {
       const { calls, simulations, seconds } = await send("/api/designs/estimate", { ...read(form), ...fixed() });
-      const asked = read(form).model === BUILT_IN ? "Up to" : `About ${formatNumber(calls)} calls of the model and up to`;
-      needs.textContent = `${asked} ${formatNumber(simulations)} simulations (${spell(seconds)} if this computer does nothing else).`;
+      const work = `up to ${formatNumber(simulations)} simulations (${spell(seconds)} if this computer does nothing else).`;
+      needs.textContent = (read(form).model ?? start.model) === BUILT_IN ? work.replace("up", "Up")
+        : `About ${formatNumber(calls)} calls of the model, each as long as it takes to answer, and ${work}${read(form).calls ? "" : " Each call may cost money: Max calls, under Advanced, sets a limit."}`;
     } catch (error) {
       needs.textContent = error.message;
     }
@@ -99,19 +108,29 @@ function modelFields(start, before, asked) {
     url.value = SERVERS[presets.value] ?? "";
     said.textContent = "";
   };
+  let asking = null; // the timer of the question that is open
+  const tell = (words, bad = false) => {
+    clearInterval(asking);
+    asking = null;
+    test.textContent = "Test connection";
+    said.textContent = words;
+    said.className = bad ? "problem" : "quiet";
+  };
   async function connect() {
-    test.disabled = true;
-    said.className = "quiet";
-    said.textContent = "Asking for one small machine …";
+    if (asking) return tell("Cancelled.");
+    const began = performance.now();
+    const count = () => (said.textContent = `Asking for one small machine … ${Math.round((performance.now() - began) / 1000)} s`);
+    tell("");
+    const own = (asking = setInterval(count, 1000));
+    test.textContent = "Cancel";
+    count();
     try {
       const { problem, machine } = await send("/api/designs/connect", asked());
-      said.textContent = problem || `It answers. Its machine: ${machine}`;
-      said.classList.toggle("problem", Boolean(problem));
+      if (asking === own) tell(problem || `It answers. Its machine: ${machine}`, Boolean(problem));
     } catch (error) {
-      said.textContent = error.message;
-      said.className = "problem";
+      if (asking === own) tell(error.message, true);
     }
-    test.disabled = false;
+    return null;
   }
   if (before.base_url || (before.model && before.model !== BUILT_IN)) {
     presets.value = Object.entries(SERVERS).find(([, at]) => at === before.base_url)?.[0] ?? "Another endpoint";

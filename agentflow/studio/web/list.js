@@ -7,7 +7,7 @@ const MOST = 200; // rows shown at first
 const STEP = 40; // rows drawn at once: more would hold up the page
 const [WIDTH, HEIGHT] = [110, 22]; // of a curve, CSS pixels
 const COLUMNS = [
-  ["", ""], ["Run", "run"], ["State", "state"], ["Best over time", ""], ["Score", "score"], ["Of record", "share"], ["Verified", "verified"],
+  ["", ""], ["Run", "run"], ["State", "state"], ["Best over time", ""], ["Score", "score"], ["Verified", "verified"], ["Of record", "share", "Verified score, else score, as a share of the record's"],
   ["Task", "task"], ["Workflow", "workflow"], ["Model", "model"], ["Calls", "calls"], ["Started", "begun"],
 ];
 const NUMBERS = new Set(["score", "share", "verified", "calls", "begun"]);
@@ -29,8 +29,8 @@ export class RunList {
     this.words.value = words;
     this.pickers = Object.fromEntries(FILTERS.map((key) => [key, el("select", { "aria-label": key, ...changed })]));
     this.count = el("span", { class: "quiet", role: "status" });
-    this.compare = el("button", { click: () => this.open() }, "Compare runs");
-    this.heads = COLUMNS.map(([name, key]) => el("th", { scope: "col", class: NUMBERS.has(key) ? "number" : null }, key ? el("button", { class: "sort", click: () => this.sort(key) }, name) : name || el("span", { class: "unseen" }, "Picture")));
+    this.compare = el("button", { click: () => this.open() });
+    this.heads = COLUMNS.map(([name, key, title]) => el("th", { scope: "col", title, class: NUMBERS.has(key) ? "number" : null }, key ? el("button", { class: "sort", click: () => this.sort(key) }, name) : name || el("span", { class: "unseen" }, "Picture")));
     this.body = el("tbody", {});
     this.more = el("button", { hidden: "", click: () => { this.most = Infinity; this.draw(); } }, "Show all");
     this.elements = [
@@ -100,7 +100,7 @@ export class RunList {
     const differ = pair.some(({ task }) => task !== pair[0].task);
     this.count.textContent = (found.length === this.rows.size ? runs : `${found.length} of ${runs}`) + (this.left ? `, reading ${this.left} more` : "") + (differ ? " · runs of one task can be compared" : "");
     this.compare.disabled = pair.length < 2 || differ;
-    this.compare.textContent = pair.length > 1 ? `Compare ${pair.length} runs` : "Compare runs";
+    this.compare.textContent = pair.length > 1 ? `Compare ${pair.length} runs` : "Tick two to compare";
     this.heads.forEach((head, index) => head.setAttribute("aria-sort", COLUMNS[index][1] !== this.key || !this.key ? "none" : this.down ? "descending" : "ascending"));
   }
 
@@ -134,14 +134,14 @@ export class RunList {
     const text = (value, name) => el("td", { class: name, title: value }, value || "–");
     const picture = row.machine ? pictureOf(row, 56, 42, "line") : "";
     const bare = row.problem && !row.curve.length;
-    const line = el("tr", { "data-run": row.run, class: row.state },
+    const line = el("tr", { "data-run": row.run, class: row.sweep ? `member ${row.state}` : row.state },
       el("td", { class: "tick" }, tick), el("td", { class: "picture" }, picture),
       el("td", { class: "run", title: row.run }, el("a", { href: address("run", { run: row.run }) }, shortName(row.run))),
       el("td", { title: row.problem, class: "where", colspan: bare ? 2 : null }, el("span", { class: `state ${row.state}` }, row.state), row.problem ? el("small", { class: "why" }, row.problem) : ""),
       bare ? null : el("td", { class: "over-time" }, curve(row)), number(withUnit(row.score, row.unit), "reached"),
-      number(row.share === null || row.share === undefined ? "–" : `${formatNumber(100 * row.share, 0)} %`, "share"), number(verifiedText(row.verified, row.fragile, row.unit), "verified"),
+      number(verifiedText(row.verified, row.fragile, row.unit), "verified"), number(row.share === null || row.share === undefined ? "–" : `${formatNumber(100 * row.share, 0)} %`, "share"),
       text(row.task, "task"), text(row.workflow, "workflow"), text(row.model, "model"), number(formatNumber(row.calls), "calls"),
-      number(row.begun === null ? "–" : new Date(1000 * row.begun).toLocaleString("en-GB", { dateStyle: "short", timeStyle: "short" }), "begun"));
+      number(started(row.begun), "begun"));
     this.lines.set(row.run, { row, line });
     return line;
   }
@@ -160,6 +160,14 @@ export const shortName = (run) => run.replace(/^.*\/runs\//, "").replace(/^\d{8}
 
 /** The best machine of a run, as built. */
 export const pictureOf = ({ run, machine }, width, height, on) => el("img", { src: `/api/picture?${new URLSearchParams({ run, machine, on })}`, alt: "", loading: "lazy", decoding: "async", width, height });
+
+/** When a run began: the time today, else the day. */
+function started(begun) {
+  if (begun === null) return "–";
+  const at = new Date(1000 * begun);
+  const [today, year] = [new Date().toDateString() === at.toDateString(), new Date().getFullYear() === at.getFullYear()];
+  return at.toLocaleString("en-GB", { ...(today ? {} : { day: "numeric", month: "short" }), ...(year ? { hour: "2-digit", minute: "2-digit" } : { year: "numeric" }) });
+}
 
 /** The best score over time as a line of steps, to the end of the run. */
 function curve({ curve: points, seconds }) {

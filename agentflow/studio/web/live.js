@@ -4,6 +4,7 @@ import { el, formatNumber } from "../../report/web/dom.js";
 import { RunView } from "../../report/web/run.js";
 import { problem } from "../../report/web/text.js";
 import { address, ask, follow, send } from "./api.js";
+import { pictureOf } from "./list.js";
 import { making } from "./making.js";
 
 const PAUSE = 1500; // least milliseconds between two readings of the record
@@ -25,7 +26,7 @@ export async function livePage({ run }) {
   const view = new RunView(film, ({ machine }) => (machine ? [
     el("a", { class: "button", href: address("build", { run, machine }) }, "Edit in Build"), " To make it ",
     ...making(() => ask("/api/build/from", { run, machine }), (text) => (told.textContent = text)), told,
-  ] : []));
+  ] : []), (machine) => pictureOf({ run, machine }, 320, 240, "card"));
   const live = new Live(run, view);
   view.main.prepend(live.element);
   view.update(data);

@@ -4,7 +4,7 @@ import "../../report/web/player.css";
 import "./studio.css";
 import { el } from "../../report/web/dom.js";
 import { problem } from "../../report/web/text.js";
-import { galleryPage, leaderboardPage, resultsPage } from "./boards.js";
+import { galleryPage, leaderboardPage, resultsPage, tasksPage } from "./boards.js";
 import { buildPage } from "./build.js";
 import { livePage } from "./live.js";
 import { curvesPage, pairPage } from "./pair.js";
@@ -12,9 +12,9 @@ import { replayPage } from "./replay.js";
 import { runsPage } from "./runs.js";
 import { sessionsPage } from "./sessions.js";
 
-const PAGES = { runs: runsPage, run: livePage, pair: pairPage, curves: curvesPage, sweep: resultsPage, gallery: galleryPage, leaderboard: leaderboardPage, build: buildPage, sessions: sessionsPage, replay: replayPage };
+const PAGES = { runs: runsPage, run: livePage, pair: pairPage, curves: curvesPage, sweep: resultsPage, gallery: galleryPage, leaderboard: leaderboardPage, build: buildPage, tasks: tasksPage, sessions: sessionsPage, replay: replayPage };
 const UNDER = { run: "runs", pair: "runs", curves: "runs", replay: "sessions", sweep: "runs" }; // pages that the bar has no entry for
-const BAR = { runs: "Runs", build: "Build", gallery: "Gallery", leaderboard: "Leaderboard", sessions: "Sessions" };
+const BAR = { runs: "Runs", tasks: "Tasks", build: "Build", gallery: "Gallery", leaderboard: "Leaderboard", sessions: "Sessions" };
 const PATIENCE = 300; // milliseconds that the page before stays while another one loads
 let close = () => {};
 let asked = 0;

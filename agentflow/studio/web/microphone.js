@@ -10,7 +10,7 @@ export class Microphone {
   constructor(hear, say) {
     this.hear = hear;
     this.say = say;
-    this.element = el("button", { type: "button", class: "microphone", "aria-pressed": "false", click: () => (this.recording ? this.stop() : this.start()) }, "Microphone off");
+    this.element = el("button", { type: "button", class: "microphone", "aria-pressed": "false", click: () => (this.recording ? this.stop() : this.start()) }, "Record voice");
   }
 
   async start() {
@@ -47,7 +47,7 @@ export class Microphone {
 
   show(on) {
     this.element.setAttribute("aria-pressed", on);
-    this.element.textContent = on ? "Microphone on" : "Microphone off";
+    this.element.textContent = on ? "Recording voice" : "Record voice";
   }
 }
 

@@ -15,7 +15,7 @@ export function blockPalette(editor) {
     return { text: el("span", { class: "block-kind" }, el("img", { src: picture, alt: "", width: 28, height: 28 }), el("span", {}, el("span", { class: "kind-id" }, `${type} `), name, required ? el("small", {}, ` ${there} of ${required}`) : null)), key: type, disabled: there === required, group: category };
   }, { active: card, pick: aim });
   const about = el("div", { class: "about-block", "aria-live": "polite" });
-  const words = el("input", { type: "search", placeholder: "Block (B)", "aria-label": "Find a block", input: () => draw(), keydown: (event) => {
+  const words = el("input", { type: "search", placeholder: "Find a block (B)", "aria-label": "Find a block", input: () => draw(), keydown: (event) => {
     if (event.key === "Enter" && list.items.length) aim((list.items[list.at] ?? list.items[0]).item);
     else if (event.key === "ArrowDown" || event.key === "ArrowUp") list.move(list.at + (event.key === "ArrowDown" ? 1 : -1));
     else return;
@@ -99,7 +99,7 @@ export function facts(editor) {
     const { problems, warnings, size, mass, centre, stands, count, most, support } = editor.state;
     const rows = [
       ["Blocks", most === null ? `${count}` : `${count} of ${most}`], ["Size", `${size.map((side) => formatNumber(side)).join(" × ")} m`], ["Mass", `${formatNumber(mass)} kg`],
-      ["Centre of mass", `${centre.map((part) => formatNumber(part)).join(", ")} m`],
+      ["Centre of mass, the ball", `${centre.map((part) => formatNumber(part)).join(", ")} m`],
       ["Support", `${support.length > 2 ? `${support.length} corners` : support.length === 2 ? "a line" : "a point"}, ${stands ? "stands" : "tips over"}`],
     ];
     element.replaceChildren(

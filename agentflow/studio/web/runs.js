@@ -3,16 +3,16 @@
 import { el } from "../../report/web/dom.js";
 import { ask, follow } from "./api.js";
 import { designForm } from "./design.js";
-import { firstVisit } from "./first.js";
+import { firstVisit, links } from "./first.js";
 import { RunList } from "./list.js";
 
-export async function runsPage({ again, ...fields }) {
+export async function runsPage({ again, design: task, ...fields }) {
   const [start, designs] = await Promise.all([ask("/api/start"), again ? ask("/api/designs") : []]);
-  const before = designs.find(({ run }) => run === again)?.form ?? {};
+  const before = designs.find(({ run }) => run === again)?.form ?? (task ? { task } : {});
   const list = new RunList(fields);
   const first = firstVisit();
   const form = designForm(start, () => (before.machine ? { machine: before.machine } : {}), undefined, before);
-  const design = el("details", { class: "design", open: again ? "" : null, toggle: () => form.dispatchEvent(new Event("input")) }, el("summary", {}, "New design"), form);
+  const design = el("details", { class: "design", open: again || task ? "" : null, toggle: () => form.dispatchEvent(new Event("input")) }, el("summary", {}, "New design"), form);
   const show = (empty) => {
     first.hidden = !empty;
     for (const element of list.elements) element.classList.toggle("unused", empty);
@@ -24,7 +24,8 @@ export async function runsPage({ again, ...fields }) {
     show(!list.rows.size);
   });
   return {
-    elements: [el("main", { class: "alone runs" }, el("header", {}, el("h1", {}, "Runs"), el("p", { class: "lede" }, `Runs and sweeps in the folder ${start.runs}.`)), first, design, ...list.elements)],
+    elements: [el("main", { class: "alone runs" }, el("header", {}, el("h1", {}, "Runs"), el("p", { class: "lede" }, `Runs and sweeps in the folder ${start.runs}.`),
+      el("p", { class: "quiet" }, "New here? ", ...links())), first, design, ...list.elements)],
     close: stop,
   };
 }

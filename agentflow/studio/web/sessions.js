@@ -1,6 +1,6 @@
 // The page of sessions: a form that begins one, and those that are recorded.
 
-import { el, section, table } from "../../report/web/dom.js";
+import { el, formatNumber, section, table, withUnit } from "../../report/web/dom.js";
 import { problem } from "../../report/web/text.js";
 import { address, ask, send } from "./api.js";
 import { field } from "./design.js";
@@ -16,14 +16,14 @@ export async function sessionsPage() {
     elements: [el("main", { class: "alone sessions" },
       el("header", {}, el("h1", {}, "Sessions"), el("p", { class: "lede" }, `A session records what a person does while building: every action, test and pause, with the machine after it. Nothing leaves this computer unless you name a model endpoint. Sessions are in ${start.runs}/sessions.`)),
       open ? el("p", {}, `A session on ${open.task} is open. `, el("a", { class: "button", href: "#build" }, "Continue it")) : el("section", { class: "design", "aria-label": "A new session" }, el("h2", {}, "Begin a session"), form(start)),
-      list(sessions))],
+      list(sessions, new Map(start.tasks.map(({ name, unit }) => [name, unit]))))],
   };
 }
 
 function form(start) {
   const tasks = el("select", {}, ...start.tasks.map(({ name, title }) => el("option", { value: name, selected: name === "movement" ? "" : null }, `${name} · ${title}`)));
   const minutes = el("input", { type: "number", min: 1, max: 1440, step: 1, placeholder: "no limit" });
-  const mode = el("select", { change: () => (words.parentElement.hidden = mode.value === "free") }, el("option", { value: "free" }, "free: nothing is shown"), el("option", { value: "guided" }, "guided: a rationale is shown"));
+  const mode = el("select", { change: () => (words.parentElement.hidden = mode.value === "free") }, el("option", { value: "free" }, "free: without advice"), el("option", { value: "guided" }, "guided: with a rationale"));
   const words = el("textarea", { rows: 4, maxlength: 20000 });
   words.value = RATIONALE;
   const code = el("input", { pattern: "[A-Za-z0-9_\\-]*", maxlength: 40, placeholder: "none", title: "Letters, digits, - and _" });
@@ -70,13 +70,13 @@ function agrees(text) {
   });
 }
 
-function list(sessions) {
+function list(sessions, units) {
   if (!sessions.length) return el("p", { class: "quiet" }, "No session is recorded yet.");
   const whole = sessions.filter(({ problem: fault }) => !fault);
   const rows = whole.map(({ session, task, mode, participant, began, seconds, actions, trials, best }) =>
-    [el("a", { href: address("replay", { session }) }, session), participant || "–", task, mode, new Date(1000 * began).toLocaleString("en-GB", { dateStyle: "short", timeStyle: "short" }), seconds / 60, actions, trials, best]);
+    [el("a", { href: address("replay", { session }) }, session), participant || "–", task, mode, new Date(1000 * began).toLocaleString("en-GB", { dateStyle: "short", timeStyle: "short" }), formatNumber(seconds / 60, 1), formatNumber(actions), formatNumber(trials), withUnit(best, units.get(task))]);
   return section("Recorded sessions",
-    rows.length ? table("", ["Session", "Participant", "Task", "Mode", "Started", "Minutes", "Actions", "Tests", "Best score"], rows) : "",
+    rows.length ? table("", ["Session", "Participant", "Task", "Mode", "Started", "Minutes", "Actions", "Tests", "Best score"], rows, 5) : "",
     ...sessions.filter(({ problem: fault }) => fault).map(({ problem: fault }) => problem(fault)),
     el("p", { class: "quiet" }, "agentflow study reads these folders: metrics, segments, and annotations for ELAN."));
 }

@@ -68,11 +68,12 @@ export class Stage {
     this.picture.show(state.picture, state.shapes, film);
     this.picture.traces.forEach((trace) => (trace.visible = false));
     this.eye.begin(film, state.picture, state.shapes);
-    if (this.turned) {
+    const turned = this.sides && turnedTo(this.sides, this.eye.way);
+    if (turned) {
       this.remember();
-      Object.assign(this.eye, { way: this.turned, following: true });
-      this.turned = null;
+      Object.assign(this.eye, { way: turned, following: true });
     }
+    this.sides = null;
     this.level.position.set(-state.middle[0], 0, state.middle[2]).add(this.level.down);
     this.eye.framing.whole = framed(this.level, state);
     this.eye.at(0);
@@ -129,9 +130,9 @@ export class Stage {
     return meant.length ? meant : spots;
   }
 
-  /** Turn the camera to a direction from the machine, when the next state shows. */
-  lookFrom(way) {
-    this.turned = new THREE.Vector3(...way).normalize();
+  /** When the next state shows, turn the camera if it sees no faces with these directions. */
+  lookFor(sides) {
+    this.sides = sides;
   }
 
   /** Change the view in one step that can be undone. */
@@ -239,4 +240,18 @@ export class Stage {
     this.film = null;
     this.picture.close();
   }
+}
+
+const ASIDE = 0.55; // of the direction to the eye, along what it turns to
+const SEEN = 0.3; // least share of that direction along a face's normal
+
+/** The direction to the eye nearest to `way` from which the first of these sides is seen; null if one is already. */
+function turnedTo(sides, way) {
+  const sign = ([axis, end]) => (end === "+") === (axis === "x") ? -1 : 1; // the scene's x points left
+  if (sides.some((side) => sign(side) * way[side[0]] > SEEN)) return null;
+  const [axis, other] = sides[0][0] === "x" ? ["x", "z"] : ["z", "x"];
+  const turned = way.clone();
+  turned[axis] = sign(sides[0]) * ASIDE;
+  turned[other] = (Math.sign(way[other]) || 1) * Math.sqrt(Math.max(0.1, 1 - ASIDE ** 2 - way.y ** 2));
+  return turned.normalize();
 }
