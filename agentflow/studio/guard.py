@@ -6,8 +6,11 @@ A token opens the studio once; the browser that brought it has a cookie from the
 from __future__ import annotations
 
 import json
+import re
+from base64 import b64encode
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from hashlib import sha256
 from html import escape
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
@@ -19,13 +22,21 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from agentflow.listening import is_secret, make_token
 
+STYLE = (
+    ":root{color-scheme:light dark;--paper:#fcfbf8;--ink:#1c2226;--wash:#f3f1ea}"
+    "@media(prefers-color-scheme:dark){:root{--paper:#14181a;--ink:#e6e8e6;--wash:#1d2225}}"
+    "body{max-width:40rem;margin:4rem auto;padding:0 1.2rem;background:var(--paper);"
+    "color:var(--ink);font:16px/1.55 Inter,system-ui,sans-serif}"
+    "code{background:var(--wash);border-radius:4px;padding:.1rem .3rem}"
+)
+"""Of refusals that a person sees; no style sheet is served to them."""
 POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "default-src 'none'; script-src 'self'; style-src 'self' 'sha256-{}'; connect-src 'self'; "
     "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; "
     "trusted-types 'none'; require-trusted-types-for 'script'"
 )
 HEADERS = {
-    "content-security-policy": POLICY,
+    "content-security-policy": POLICY.format(b64encode(sha256(STYLE.encode()).digest()).decode()),
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
     "cross-origin-opener-policy": "same-origin",
@@ -40,13 +51,14 @@ Headers = Iterable[tuple[bytes, bytes]]
 """Names, in lower case, and values, as ASGI has them."""
 CLOSED = (
     "this address needs the token that `agentflow studio` printed, and the token opens one "
-    "browser only: start the studio again for another one"
+    "browser only: go on there, or start the studio again to use another one; runs are kept, and "
+    "designs that were stopped can be resumed"
 )
 
 PAGE = (
     '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
     '<meta name="viewport" content="width=device-width"><meta name="color-scheme" '
-    'content="light dark"><title>agentflow studio</title></head>'
+    'content="light dark"><title>agentflow studio</title><style>' + STYLE + "</style></head>"
     "<body><h1>agentflow studio</h1><p>{}.</p></body></html>"
 )
 """A refusal as a page."""
@@ -236,7 +248,8 @@ def _reads_pages(scope: Scope) -> bool:
 
 
 def _page_told(refusal: Refusal) -> Response:
-    content = PAGE.format(escape(refusal.text[:1].upper() + refusal.text[1:]))
+    words = escape(refusal.text[:1].upper() + refusal.text[1:])
+    content = PAGE.replace("{}", re.sub("`(.*?)`", r"<code>\1</code>", words))
     return Response(content, refusal.status, LAST, media_type="text/html")
 
 

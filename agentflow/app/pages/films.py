@@ -174,7 +174,8 @@ def _film_data(
         "breaks": {item.block: item.time for item in reversed(rollout.broken)} if rollout else {},
         "events": _events(rollout, machine) if rollout is not None else [],
         "film": pack_motion(_motion(figures, trace, machine, every)),
-        "flag": flag and {"time": flag.time, "place": flag.place, "words": flag.words},
+        "flag": flag
+        and {"time": flag.time, "place": flag.place, "words": flag.words, "origin": flag.origin},
     }
 
 

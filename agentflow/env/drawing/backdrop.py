@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,15 @@ class Ground:
     """Of the distance lines."""
     ink: tuple[int, int, int]
     """Of their labels."""
+    square: bool = False
+    """Whether thin lines run along z as well."""
+    bare: bool = False
+    """Whether there are neither lines nor shadows, which exact sides would turn to bars."""
 
 
 SCREEN = Ground((214, 219, 208), (190, 197, 184), (118, 126, 114))
-PAPER = Ground((255, 255, 255), (222, 222, 222), (96, 96, 96))
+FILM = replace(SCREEN, square=True)
+PAPER = Ground((255, 255, 255), (228, 228, 228), (96, 96, 96), square=True)
 DARK = (30, 36, 30)
 SHADE = 90
 """Opacity of a shadow, of 255."""
@@ -51,13 +56,20 @@ CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1) / 2
 
 
 def backdrop(
-    camera: Camera, solids: Sequence[SceneObject], spacing: float, ground: Ground = SCREEN
+    camera: Camera,
+    solids: Sequence[SceneObject],
+    spacing: float,
+    ground: Ground = SCREEN,
+    origin: float = 0.0,
 ) -> Image.Image:
-    """Draw the ground (RGBA) with lines every `spacing` metres along z, fewer from far away."""
+    """Draw the ground (RGBA) with lines every `spacing` metres from z = `origin` (m), fewer far
+    away."""
     size = (camera.width, camera.height)
     picture = Image.new("RGBA", size, ground.land)
+    if ground.bare:
+        return picture
     pen = ImageDraw.Draw(picture)
-    _lines(pen, camera, spacing, ground)
+    _lines(pen, camera, spacing, ground, origin)
     shade = Image.new("L", size, 0)
     shadow = ImageDraw.Draw(shade)
     for outline in _shadows(camera, solids):
@@ -68,33 +80,41 @@ def backdrop(
     return picture
 
 
-def _lines(pen: ImageDraw.ImageDraw, camera: Camera, spacing: float, ground: Ground) -> None:
-    width = max(1, camera.height // 300)
+def _lines(
+    pen: ImageDraw.ImageDraw, camera: Camera, spacing: float, ground: Ground, origin: float
+) -> None:
+    width = max(1, camera.height // (600 if ground.square else 300))
     away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
     half = away * camera.height / (2 * camera.focal_length)
     reach = REACH * min(away, WIDE * half)
     step = spacing * next((n for n in COARSER if LINES * spacing * n >= reach), COARSER[-1])
-    middle = round(camera.target[2] / step)
-    zs: Array = step * np.arange(middle - LINES, middle + LINES + 1, dtype=np.float64)
+    count: Array = np.arange(-LINES, LINES + 1, dtype=np.float64)
+    zs: Array = origin + step * (round((camera.target[2] - origin) / step) + count)
+    xs: Array = step * (round(camera.target[0] / step) + count)
     side = max(SIDE_REACH, reach)
-    xs = np.linspace(-side, side, PIECES)
-    points = np.stack([np.tile(xs, len(zs)), np.zeros(len(zs) * PIECES), np.repeat(zs, PIECES)], 1)
-    for line in project(points, camera).reshape(len(zs), PIECES, 2):
-        seen = line[_in_range(line, camera)]
-        if len(seen) > 1:
-            pen.line(seen.ravel().tolist(), fill=ground.line, width=width)
+    along = np.linspace(-side, side, PIECES)
+    for places, turned in ((zs, False), *([(xs, True)] if ground.square else [])):
+        ends = np.tile(along + (camera.target[2] if turned else 0.0), len(places))
+        pair = [ends, np.zeros(len(ends)), np.repeat(places, PIECES)]
+        points = np.stack(pair[::-1] if turned else pair, axis=1)
+        for line in project(points, camera).reshape(len(places), PIECES, 2):
+            seen = line[_in_range(line, camera)]
+            if len(seen) > 1:
+                pen.line(seen.ravel().tolist(), fill=ground.line, width=width)
     if spacing > 1.0:
-        _distances(pen, camera, zs, ground)
+        _distances(pen, camera, zs, ground, origin)
 
 
-def _distances(pen: ImageDraw.ImageDraw, camera: Camera, zs: Array, ground: Ground) -> None:
-    """Label the lines with their z where there is room, round numbers first."""
+def _distances(
+    pen: ImageDraw.ImageDraw, camera: Camera, zs: Array, ground: Ground, origin: float
+) -> None:
+    """Label lines with their distance from `origin` where there is room, round numbers first."""
     font = ImageFont.load_default(size=max(10, camera.height // 32))
     places = project(np.stack([np.full(len(zs), LABEL_X), np.zeros(len(zs)), zs], axis=1), camera)
     near = _in_range(places, camera)
     taken: list[tuple[float, float, float, float]] = []
     for z, place in sorted(
-        zip(zs[near].tolist(), places[near].tolist(), strict=True),
+        zip((zs[near] - origin).round(6).tolist(), places[near].tolist(), strict=True),
         key=lambda item: (item[0] % 50 != 0, item[0] % 10 != 0, item[0]),
     ):
         words = f"{z:g} m"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from agentflow.env.drawing.backdrop import SCREEN, Ground
+from agentflow.env.drawing.backdrop import FILM, Ground
 from agentflow.env.drawing.cameras import (
     SIDE,
     Camera,
@@ -32,6 +32,8 @@ from agentflow.machine.tree import Machine
 
 POLE = 2.2
 """Height of the flag where a score was earned, m."""
+ASPECT = 4 / 3
+"""Width of a moment of a strip, in heights."""
 SMOOTHING = 0.8
 """Time over which the camera's path is averaged, s."""
 TALL, ENDLESS = 2.0, 1000.0
@@ -47,7 +49,7 @@ def save_film(
     path: Path,
     *,
     size: Size = (640, 480),
-    ground: Ground = SCREEN,
+    ground: Ground = FILM,
 ) -> None:
     """Film a rollout, one frame per regular sample of its trace, so that time passes evenly.
 
@@ -74,13 +76,14 @@ def save_strip(
     rollout: Rollout,
     path: Path,
     *,
-    size: Size = (480, 360),
-    ground: Ground = SCREEN,
+    size: Size = (2400, 360),
+    ground: Ground = FILM,
     count: int = 5,
 ) -> None:
     """Draw moments of a rollout side by side, from its start to when its score is earned.
 
-    Arguments are as for `save_film`; each moment has the size.
+    Arguments are as for `save_film`; the size is that of the whole, which has as many rows as make
+    its parts most like `ASPECT`. One camera sees all that happens.
     """
     assert rollout.trace is not None
     trace = rollout.trace.even
@@ -88,8 +91,11 @@ def save_strip(
     end = trace.times[-1] if landing is None else landing.time
     last = int(np.searchsorted(trace.times, end - 1e-9).clip(max=len(trace.times) - 1))
     wanted = np.linspace(0, last, count).round().astype(int).tolist()
-    frames = list(_frames(machine, task, rollout, trace, size, ground, wanted))
-    tiled(frames, count, framed=False).save(path, "PNG", optimize=True)
+    shapes = [(-(-count // rows), rows) for rows in range(1, count + 1)]
+    columns, rows = min(shapes, key=lambda s: abs(np.log(size[0] * s[1] / s[0] / size[1] / ASPECT)))
+    part = (size[0] // columns, size[1] // rows)
+    frames = list(_frames(machine, task, rollout, trace, part, ground, wanted))
+    tiled(frames, columns, framed=False).save(path, "PNG", optimize=True)
 
 
 def tracked_block(machine: Machine) -> int:
@@ -107,6 +113,8 @@ class Landing:
     """Of the tracked block, m."""
     words: str
     """The score with its unit."""
+    origin: float
+    """z from which distance marks count: where the score is 0, if it is a distance along z; m."""
 
 
 def landing_of(machine: Machine, rollout: Rollout) -> Landing | None:
@@ -120,7 +128,10 @@ def landing_of(machine: Machine, rollout: Rollout) -> Landing | None:
     time = landed[0] if landed else float(rollout.terms.get("time") or trace.times[-1])
     index = int(np.abs(trace.times - time).argmin())
     words = rollout.feedback.text.partition("\n")[0].removeprefix("Score: ")
-    return Landing(time, to_vec3(trace.centre[index, tracked_block(machine)]), words)
+    place = to_vec3(trace.centre[index, tracked_block(machine)])
+    start = float(trace.centre[int(np.abs(trace.times).argmin()), tracked_block(machine), 2])
+    origin = place[2] - score
+    return Landing(time, place, words, origin if abs(origin - start) < POLE else 0.0)
 
 
 def frame_interval(trace: Trace) -> float:
@@ -135,7 +146,7 @@ def _frames(
     rollout: Rollout,
     trace: Trace,
     size: Size,
-    ground: Ground = SCREEN,
+    ground: Ground = FILM,
     wanted: Iterable[int] | None = None,
 ) -> Iterator[Image.Image]:
     """One picture per sample of an evenly sampled trace, or per wanted index."""
@@ -143,13 +154,16 @@ def _frames(
     tracked, machine_solids = tracked_block(machine), MachineSolids(machine)
     landing = landing_of(machine, rollout)
     earned = float(trace.times[-1]) if landing is None else landing.time
-    cameras = _cameras(trace, tracked, View(back=SIDE, size=size))
-    for index in range(len(cameras)) if wanted is None else wanted:
+    view, indices = View(back=SIDE, size=size), [*(wanted or range(len(trace.times)))]
+    cameras = _cameras(trace, tracked, view, None if wanted is None else indices[-1])
+    for index in indices:
         camera, time = cameras[index], float(trace.times[index])
         broken = {item.block for item in rollout.broken if item.time <= time}
         solids = machine_solids.objects(Pose.at(trace, index), broken)
         others = _remove_occluders(objects_at(rollout.scene, trace, index), camera)
-        picture = render_image(camera, solids, others, GRID, ground=ground)
+        picture = render_image(
+            camera, solids, others, GRID, ground=ground, origin=landing.origin if landing else 0.0
+        )
         _draw_trail(picture, camera, trace.centre[:index, tracked])
         if tracked:
             width = machine_solids.solids[tracked][0].size[0]
@@ -205,14 +219,19 @@ def _remove_occluders(objects: Sequence[SceneObject], camera: Camera) -> list[Sc
     return kept
 
 
-def _cameras(trace: Trace, tracked: int, view: View) -> list[Camera]:
-    """One camera per sample that keeps blocks near the root and the tracked block in view."""
+def _cameras(trace: Trace, tracked: int, view: View, last: int | None = None) -> list[Camera]:
+    """One camera per sample that keeps blocks near the root and the tracked block in view; up to
+    the sample `last`, if it is given, always the same one."""
     margin = np.array([[x, y, z] for x in (-3, 3) for y in (-1, 2) for z in (-3, 3)], dtype=float)
-    poses = []
+    seen = []
     for centre in trace.centre:
         near = np.linalg.norm(centre - centre[0], axis=1) < 12.0
         points = np.concatenate([centre[near], centre[[tracked]]])
-        poses.append(fit((points[:, None] + margin).reshape(-1, 3), view))
+        seen.append((points[:, None] + margin).reshape(-1, 3))
+    if last is not None:
+        same = fit(np.concatenate(seen[: last + 1]), view)
+        return [camera_at(*same, view)] * len(seen)
+    poses = [fit(points, view) for points in seen]
     path = np.array([[*target, distance] for target, distance in poses])
     smooth = _moving_average(path, max(1, round(SMOOTHING / frame_interval(trace))))
     return [camera_at(row[:3], float(row[3]), view) for row in smooth]

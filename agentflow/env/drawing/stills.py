@@ -108,6 +108,7 @@ def render_image(
     spacing: float,
     scenery: Sequence[SceneObject] = (),
     ground: Ground | None = SCREEN,
+    origin: float = 0.0,
 ) -> Image.Image:
     """Draw solids (which cast shadows) and other objects on the ground.
 
@@ -118,12 +119,13 @@ def render_image(
         spacing: Between the lines on the ground, m.
         scenery: Objects that are as glass where they would hide the rest.
         ground: Its colours; None for a transparent picture without shadows.
+        origin: z from which the lines count, m.
     """
     large = replace(camera, width=SMOOTH * camera.width, height=SMOOTH * camera.height)
     if ground is None:
         nothing = Image.new("RGBA", (large.width, large.height), (0, 0, 0, 0))
         return draw(large, (*others, *solids), nothing, scenery).reduce(SMOOTH)
-    behind = backdrop(large, solids, spacing, ground)
+    behind = backdrop(large, solids, spacing, ground, origin)
     return draw(large, (*others, *solids), behind, scenery).reduce(SMOOTH).convert("RGB")
 
 
@@ -149,7 +151,9 @@ def _picture(
 ) -> Image.Image:
     if view not in (*VIEWS, SHEET):
         raise UnknownNameError("view", view, (*VIEWS, SHEET))
-    shapes, scene = MachineSolids(machine), options.scene
+    shapes, scene, ground = MachineSolids(machine), options.scene, options.ground
+    if ground is not None and options.scale:
+        ground = replace(ground, bare=True)
     pose = shapes.rest if scene is None else shapes.rest.at_start(scene.start)
     solids = shapes.objects(pose, red)
     points = np.concatenate([corners_of(solid) for solid in solids])
@@ -167,7 +171,7 @@ def _picture(
         camera = camera_at(target, same or distance, each)
         others = () if scene is None else scene.objects
         spacing = 1.0 if scene is None else GRID
-        tile = render_image(camera, solids, (), spacing, others, options.ground)
+        tile = render_image(camera, solids, (), spacing, others, ground)
         if options.axes:
             if options.ground:  # so that no label of a distance is behind their names
                 side = (CORNER + 1.5 * ARROW) * _factor(tile)

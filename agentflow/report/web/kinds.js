@@ -18,7 +18,7 @@ function archiveParts({ axes, cells, size, coverage, qd_score }, choose) {
   return [
     el("p", {}, `${cells.length} of ${size} cells have a machine (${formatNumber(100 * coverage, 1)} %). QD score: ${formatNumber(qd_score)}.`),
     el("div", { class: "heats" }, ...shown.map(([title, found]) => heatMap(title, axes, found, best, choose))),
-    el("p", { class: "quiet" }, "Each coloured cell is the best machine of its kind; stronger colour means a higher score. ",
+    el("p", { class: "quiet" }, "Each cell with a number is the best machine of its kind, with its score; stronger colour means a higher one. ",
       "Numbers at the axes are lower bounds, or single whole numbers. Select a cell to see its machine.",
       shown.length < panels.length ? ` Grids without a machine are left out: ${panels.length - shown.length} of ${panels.length}.` : ""),
   ];
@@ -31,18 +31,18 @@ function heatMap(title, [across, up], cells, best, choose) {
   return el("table", { class: "heat", "aria-label": revealHidden(title) || "Archive" },
     el("caption", {}, title),
     el("tbody", {}, ...rows.map(([name, y]) => el("tr", {},
-      el("th", { scope: "row" }, name),
+      y === up?.cells.length - 1 ? el("th", { class: "up", rowspan: up.cells.length }, el("span", {}, up.name)) : null, el("th", { scope: "row" }, name),
       ...across.cells.map((_, x) => heatCell(found.get(y === undefined ? `${x}` : `${x},${y}`), best, choose))))),
     el("tfoot", {},
-      el("tr", {}, el("td", {}), ...across.cells.map((name) => el("th", { scope: "col" }, name))),
-      el("tr", {}, el("td", { colspan: across.cells.length + 1 }, up ? `${across.name} (across), ${up.name} (upwards)` : across.name))));
+      el("tr", {}, el("td", { colspan: up ? 2 : 1 }), ...across.cells.map((name) => el("th", { scope: "col" }, name))),
+      el("tr", {}, el("td", { colspan: across.cells.length + (up ? 2 : 1) }, across.name))));
 }
 
 function heatCell(item, best, choose) {
   if (!item) return el("td", {});
   const text = revealHidden(`${item.mechanism ?? "unknown mechanism"}: ${formatNumber(item.score)}`);
-  const button = el("button", { title: text, "aria-label": text, click: () => choose(item.machine) });
-  button.style.opacity = 0.2 + 0.8 * Math.max(0, item.score / best);
+  const button = el("button", { title: text, "aria-label": text, click: () => choose(item.machine) }, formatNumber(item.score, 1));
+  button.style.setProperty("--share", `${Math.round(15 + 55 * Math.max(0, item.score / best))}%`);
   return el("td", {}, button);
 }
 

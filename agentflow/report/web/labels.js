@@ -15,8 +15,8 @@ const ink = new THREE.Color();
 export const dressLabels = (style) => ink.setStyle(style);
 
 export class DistanceLabels {
-  /** Labels as far as a body gets. */
-  constructor(film, body) {
+  /** Labels as far as a body gets, of distances from z = `origin`. */
+  constructor(film, body, origin) {
     let reach = 10;
     for (let time = 0; time <= film.duration; time += 0.1) {
       film.sample(time);
@@ -24,8 +24,9 @@ export class DistanceLabels {
     }
     const every = reach > 60 ? 10 : 5;
     this.group = new THREE.Group();
-    for (let z = every; z <= Math.min(reach + every, FARTHEST); z += every) this.group.add(label(`${z} m`, [BESIDE, 0, z]));
-    const rank = ({ position: { z } }) => ROUND.findIndex((step) => z % step === 0) >>> 0;
+    for (let far = every; far <= Math.min(reach + every, FARTHEST); far += every) this.group.add(label(`${far} m`, [BESIDE, 0, origin + far]));
+    if (origin) this.group.add(label("0 m", [BESIDE, 0, origin]));
+    const rank = ({ position: { z } }) => ROUND.findIndex((step) => Math.round(z - origin) % step === 0) >>> 0;
     this.ranked = [...this.group.children].sort((a, b) => rank(a) - rank(b));
   }
 

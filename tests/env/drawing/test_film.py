@@ -85,12 +85,27 @@ def test_a_score_is_told_with_a_flag_once_it_is_earned_and_in_the_last_moment_of
     assert landing is not None
     assert (landing.time, landing.words) == (1.0, f"{rollout.score:.2f} m")
     assert landing.place[2] == pytest.approx(rollout.score, abs=0.01)
-    film.save_strip(CAR, task, rollout, tmp_path / "x.png", size=SIZE, count=3)
+    film.save_strip(CAR, task, rollout, tmp_path / "x.png", size=(360, 90), count=3)
     strip = np.asarray(Image.open(tmp_path / "x.png"))
     assert strip.shape == (90, 360, 3)
     cards = [(tile == 255).all(axis=2).sum() > 200 for tile in np.split(strip, 3, axis=1)]
     assert cards == [False, False, True]
     assert film.landing_of(CAR, replace(rollout, score=0.0)) is None
+    film.save_strip(CAR, task, rollout, tmp_path / "x.png", size=(240, 180), count=4)
+    with Image.open(tmp_path / "x.png") as square:
+        assert square.size == (240, 180)  # two rows of two
+
+
+def test_distance_marks_count_from_where_the_score_is_0() -> None:
+    rollout = drive()[1]
+    landing = film.landing_of(CAR, rollout)
+    assert landing is not None
+    assert rollout.trace is not None
+    assert landing.place[2] - landing.origin == pytest.approx(rollout.score)
+    moved = replace(rollout.trace, centre=rollout.trace.centre + np.array([0.0, 0.0, 7.0]))
+    shifted = film.landing_of(CAR, replace(rollout, trace=moved))
+    assert shifted is not None
+    assert shifted.origin == pytest.approx(landing.origin + 7.0)
 
 
 def test_one_frame_alone_makes_an_mp4_too(tmp_path: Path) -> None:
