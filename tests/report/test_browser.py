@@ -463,18 +463,18 @@ def test_training_shows_curves_and_films_and_executes_nothing(
     out = training_report(path, tmp_path / "r.html", films=1, workers=1, say=quiet)
     complaints(browser)
     browser.get(out.as_uri())
-    until(browser, lambda: title(browser) == f"step 5 · {best.score:.2f}")
+    until(browser, lambda: title(browser) == f"step 5 · {best.score:.2f} m")
     find(browser, ".play").click()
     until(browser, lambda: time_of(browser) > 0.3)
     until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .line")) == 5 + 1)
     keys = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".key span")]
     assert keys == ["reward", "score"]
     find(browser, ".picks button + button").click()
-    until(browser, lambda: title(browser) == f"step 5 · {throws()[1].score:.2f}")
+    until(browser, lambda: title(browser) == f"step 5 · {throws()[1].score:.2f} m")
     browser.execute_script("document.querySelectorAll('details').forEach((e) => (e.open = true))")
     buttons = browser.find_elements(By.CSS_SELECTOR, ".picks button")
     buttons[-1].click()
-    until(browser, lambda: title(browser) == f"step 4 · {best.score:.2f}")
+    until(browser, lambda: title(browser) == f"step 4 · {best.score:.2f} m")
     browser.execute_script("document.querySelectorAll('details').forEach((e) => (e.open = true))")
     texts = browser.execute_script(
         "return [...document.querySelectorAll('main pre')].map((pre) => pre.textContent)"

@@ -11,7 +11,8 @@ export function galleryPage(data) {
   const cards = data.cards.map((card) =>
     el("button", { class: "card", click: () => choose(card) },
       card.picture ? el("img", { src: card.picture, alt: "", loading: "lazy", width: 320, height: 240 }) : el("span", { class: "blank" }, "no machine"),
-      el("b", {}, scoreText(card)),
+      el("b", {}, card.score === null ? "no score" : withUnit(card.score, card.asked.unit)),
+      card.verified === null ? "" : el("small", {}, `verified ${withUnit(card.verified, card.asked.unit)}${card.fragile ? ", fragile" : ""}`),
       el("span", {}, card.task),
       el("small", {}, card.about)));
   const choose = (card) => {

@@ -122,7 +122,8 @@ class Live {
     if (retries.count > (this.tried?.count ?? 0)) this.tried = { count: retries.count, calls };
     this.waiting.textContent = this.tried?.calls === calls && state === "running" ? `Waiting for the endpoint: ${retries.last}` : "";
     const of = (count, about, name) => `${formatNumber(count)}${state !== "done" && about > count ? ` of about ${formatNumber(about)}` : ""} ${name}`;
-    this.stage.textContent = stage && planned.simulations && state !== "done" ? `stage: ${stage}` : "";
+    this.stage.textContent = stage && planned.simulations && state !== "done" && state !== "gone" ? `stage: ${stage}` : "";
+    if (state === "gone") this.view.main.querySelectorAll(".score, .actions").forEach((item) => item.remove());
     this.spent.textContent = [state === "open" ? "" : of(calls, planned.calls, "calls"), refused ? `${formatNumber(refused)} rejected and asked again` : "", retries.count ? `${formatNumber(retries.count)} tried again` : "", of(simulations, planned.simulations, simulations === 1 ? "simulation" : "simulations")].filter(Boolean).join(" · ");
     this.meter.hidden = state === "done" || !planned.simulations;
     Object.assign(this.meter, { max: planned.simulations || 1, value: Math.min(simulations, planned.simulations || 1) });
