@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from bisect import bisect_right
 from dataclasses import replace
 from math import atan2, degrees, inf, sqrt
 from typing import Any
@@ -11,10 +12,10 @@ import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.controllers.laws import Laws, spans_of
-from agentflow.env.controllers.pilot import rounded
+from agentflow.env.controllers.laws import law_lines, spans_of
+from agentflow.env.controllers.pilot import Pilot, rounded
 from agentflow.env.controllers.rays import Rays, _meet_box
-from agentflow.env.controllers.sensors import AHEAD, Senses
+from agentflow.env.controllers.telling import _rounded
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import World
 from agentflow.env.physics.engines import choose_engine
@@ -33,7 +34,15 @@ from agentflow.env.simulation.variations import (
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.controllers.model import QUANTITIES, RANGE, Controllers, Sensor
 from agentflow.machine.geometry.placement import place
-from agentflow.machine.geometry.vectors import about_axis, inverse, rotate_vector, subtract
+from agentflow.machine.geometry.vectors import (
+    Vec3,
+    about_axis,
+    dot,
+    inverse,
+    rotate_vector,
+    subtract,
+)
+from agentflow.machine.tree import Machine
 from benchmarks.shelf import load
 from tests.machine.builders import CAR
 from tests.machine.controllers import sensing_car
@@ -53,6 +62,14 @@ ALL: dict[str, Any] = {
     "touch": {"kind": "contact", "block": 3},
     "load": {"kind": "load", "block": 3},
     "below": {"kind": "distance", "axis": "y-"},
+}
+AHEAD: dict[str, Vec3] = {
+    "x+": (1.0, 0.0, 0.0),
+    "y+": (0.0, 1.0, 0.0),
+    "z+": (0.0, 0.0, 1.0),
+    "x-": (-1.0, 0.0, 0.0),
+    "y-": (0.0, -1.0, 0.0),
+    "z-": (0.0, 0.0, -1.0),
 }
 KEEP_SPEED = {"kind": "pd", "sensor": "speed", "target": 4, "p": 0.5, "bias": 0.2}
 
@@ -97,7 +114,10 @@ def test_sensors_read_what_the_trace_records(engine: str) -> None:
 def test_sensors_read_the_same_bits_as_plain_formulas(engine: str) -> None:
     wall = SceneObject("wall", "box", (8.0, 9.0, 1.0), (0.0, 4.5, 30.0))
     crate = SceneObject("crate", "box", (2.0, 2.0, 2.0), (0.0, 6.0, 9.0), mass=5.0)
-    scene = Scene((wall, crate), target=(1.0, 2.0, 30.0))
+    ball = SceneObject("ball", "sphere", (2.0, 2.0, 2.0), (0.0, 9.0, 2.0))
+    turned = about_axis((0.0, 1.0, 0.0), np.pi / 4)
+    post = SceneObject("post", "box", (1.0, 9.0, 1.0), (-5.0, 4.5, 0.0), rotation=turned)
+    scene = Scene((wall, crate, ball, post), target=(1.0, 2.0, 30.0))
     assembly = assemble(CAR, place(CAR), constants())
     world = choose_engine(engine).start().build(assembly, scene, 240.0)
     world.drive({3: 1.0, 5: 0.4}, True)
@@ -105,14 +125,25 @@ def test_sensors_read_the_same_bits_as_plain_formulas(engine: str) -> None:
     spots = [("height", None), ("heading", None), *(("tilt", axis) for axis in "xz")]
     spots += [(kind, axis) for kind in ("velocity", "target") for axis in "xyz"]
     spots += [("distance", axis) for axis in AHEAD]
-    made = [Sensor(kind=k, axis=a, block=b) for b in (0, 2, 6) for k, a in spots]
-    senses = Senses(world, assembly, scene, loads, 1.0)
-    prepared, found = senses.prepared(made), [0.0] * len(made)
+    found = []
+    for block in (0, 2, 6):
+        made = [Sensor(kind=kind, axis=axis, block=block) for kind, axis in spots]
+        own = {f"s{n}": sensor.to_json() for n, sensor in enumerate(made)}
+        pilot = Pilot(_holding(own), assembly, world, scene, loads, 0.1, 1.0, (0.0, 0))
+        found.append((made, pilot))
     for _ in range(60):
         for _ in range(8):
             world.step()
-        senses(0.0, prepared, found)
-        assert found == [_plain(world, scene, sensor) for sensor in made]
+        for made, pilot in found:
+            pilot(0.0)
+            assert [*pilot._readings()] == [_plain(world, scene, sensor) for sensor in made]
+
+
+def _holding(sensors: dict[str, Any]) -> Machine:
+    """The car with these sensors, and wheels that stand still."""
+    still = {"still": {"kind": "constant", "level": 0}}
+    outputs = [{"group": "motors", "law": "still"}]
+    return sensing_car({"sensors": sensors, "laws": still, "outputs": outputs})
 
 
 def _plain(world: World, scene: Scene, sensor: Sensor) -> float:
@@ -126,7 +157,13 @@ def _plain(world: World, scene: Scene, sensor: Sensor) -> float:
         for item in scene.objects:
             back = inverse(world.rotation(item.name))
             start = rotate_vector(back, subtract(centre, world.centre(item.name)))
-            near.append(_meet_box(start, rotate_vector(back, way), item.size))
+            ahead = rotate_vector(back, way)
+            if item.shape == "sphere":
+                along = -dot(start, ahead)
+                square = (item.size[0] / 2) ** 2 - dot(start, start) + along * along
+                near.append(along - sqrt(square) if square >= 0 and along >= sqrt(square) else inf)
+            else:
+                near.append(_meet_box(*start, *ahead, item.size))
         return min(RANGE, *near)
     arm = swap(subtract(centre, swap(row[POSITION])))
     swung = (np.cross(row[SPIN], arm) + row[VELOCITY])[[0, 2, 1]]
@@ -145,6 +182,8 @@ def test_levels_are_rounded_as_python_rounds() -> None:
     half = [count / 2000 + shift for count in range(-2000, 2001) for shift in (0.0, 1e-16, -1e-16)]
     for level in [*half, *(rng.uniform(-1, 1) for _ in range(20_000))]:
         assert repr(rounded(level)) == repr(round(level, 3)), level
+    many = np.array([[*half, 1e13 + 0.3, inf, *np.random.default_rng(0).normal(0, 99, 20_000)]])
+    assert _rounded(many, 3) == [[round(each, 3) for each in many[0].tolist()]]
 
 
 def test_levels_change_at_once_where_a_law_jumps_and_little_by_little_under_a_rate() -> None:
@@ -214,14 +253,22 @@ def test_feedback_tells_readings_outputs_and_times_at_a_limit() -> None:
 
 def outputs(laws: dict[str, Any], readings: list[list[float]], kind: str = "height") -> list[float]:
     """Outputs of the last law at 0.1 s intervals, while the only sensor reads these values."""
-    data = {"sensors": {"s": {"kind": kind}}, "laws": laws, "outputs": []}
+    data = {"sensors": {"s": {"kind": kind}}, "laws": laws}
     model = Controllers.model_validate({**data, "outputs": [{"blocks": [1], "law": [*laws][-1]}]})
-    now = [0.0]
-    made, found = Laws(model.laws, model.sensors, now, 0.1, 1.0), []
-    for step, values in enumerate(readings):
-        now[:] = values
-        made(step * 0.1)
-        found.append(made.outputs[-1])
+    found: list[float] = []
+    names: dict[str, Any] = {"bisect_right": bisect_right}
+
+    def name(value: Any) -> str:
+        names[f"n{len(names)}"] = value
+        return f"n{len(names) - 1}"
+
+    logs: Any = {law: ([], []) for law in laws}
+    lines, kept = law_lines(model.laws, model.sensors, logs, 0.1, 1.0, name)
+    names |= kept
+    for step, (names["s0"],) in enumerate(readings):
+        names["time"] = step * 0.1
+        exec("\n".join(lines), names)
+        found.append(names[f"o{len(laws) - 1}"])
     return found
 
 
@@ -252,12 +299,12 @@ def test_rays_meet_the_first_surface() -> None:
     many = tuple(replace(items[0], name=f"w{n}", position=(90.0, 1.0, n)) for n in range(20))
     for objects in (items, (*items, *many)):
         rays = Rays(Scene(objects), None)  # type: ignore[arg-type]
-        assert rays.first((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)) == pytest.approx(9.5)
-        assert rays.first((0.0, 3.0, 0.0), (0.0, 0.0, 1.0)) == inf
-        assert rays.first((0.0, 1.0, 10.0), (0.0, 0.0, 1.0)) == inf, "from the inside"
-        assert rays.first((5.0, 1.0, 0.0), (0.0, 0.0, 1.0)) == pytest.approx(4.0)
-        assert rays.first((-5.0, 1.0, 0.0), (0.0, 0.0, 1.0)) == pytest.approx(5 - sqrt(0.5))
-        assert rays.first((0.0, 3.0, 0.0), (0.0, -1.0, 0.0)) == 3.0, "the ground"
+        assert rays.first(0.0, 1.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx(9.5)
+        assert rays.first(0.0, 3.0, 0.0, 0.0, 0.0, 1.0) == inf
+        assert rays.first(0.0, 1.0, 10.0, 0.0, 0.0, 1.0) == inf, "from the inside"
+        assert rays.first(5.0, 1.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx(4.0)
+        assert rays.first(-5.0, 1.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx(5 - sqrt(0.5))
+        assert rays.first(0.0, 3.0, 0.0, 0.0, -1.0, 0.0) == 3.0, "the ground"
 
 
 def test_every_level_can_be_sensed() -> None:

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import random
+from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Collection, Iterable
-from math import nan
+from collections.abc import Callable, Collection
+from functools import lru_cache
+from math import atan2, degrees, nan
+from typing import Any
 
-from agentflow.env.controllers.laws import Laws
-from agentflow.env.controllers.sensors import Sensed, Senses
+from agentflow.env.controllers.laws import law_lines
+from agentflow.env.controllers.rays import Rays
+from agentflow.env.controllers.sensors import Senses
+from agentflow.env.physics.engine import World
 from agentflow.env.physics.laws.forces import Entry
+from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
+from agentflow.env.scene import Scene
 from agentflow.machine.controls import PRECISION, driven_blocks, following
 from agentflow.machine.tree import Machine
 
@@ -20,26 +27,60 @@ SCALE = 10.0**PRECISION
 """Steps of a level that make 1."""
 SAMPLE = 0.1
 """Time between samples of readings and outputs, s."""
+_FLY = """\
+def make({names}):
+    def fly(time):
+        nonlocal {kept}
+{lines}
+        return sudden
+
+    def readings():
+        return ({readings})
+
+    return fly, readings
+"""
+"""What makes the function that flies a machine, and one that tells all readings."""
+_FOLLOW = """\
+if o{law} != follows{at}:
+    follows{at} = o{law}
+    v = {scale} * o{law}
+    v = v if v < 1.0 else 1.0
+    v = rounded(v if v > -1.0 else -1.0)
+    if v != level{at}:
+        if abs(v - level{at}) >= {sudden}:
+            sudden = True
+        level{at} = v
+        for block in {blocks}:
+            changes[block] = v"""
+"""Lines that let blocks follow a law."""
 
 
 class Pilot:
-    """Reads the sensors of a machine, and says which of its blocks get which level."""
+    """Reads the sensors of a machine, and says which of its blocks get which level.
+
+    One function does all of it, written for the machine: any call would take longer than what it
+    computes. Its lines are of this package, and what a machine states are values that they use.
+    """
 
     def __init__(
         self,
         machine: Machine,
         assembly: Assembly,
-        senses: Senses,
+        world: World,
+        scene: Scene,
+        loads: Loads,
         interval: float,
         pace: float,
         sensing: tuple[float, int],
     ) -> None:
-        """Make all functions.
+        """Make the function.
 
         Args:
             machine: One with controllers.
             assembly: The same in parts.
-            senses: Makes what reads.
+            world: Where it is.
+            scene: The same as it is at the start.
+            loads: On its joints.
             interval: Time between calls, s.
             pace: By how much the machine's own clock is slow.
             sensing: Noise, as a share of each reading, and delay, in readings.
@@ -47,76 +88,96 @@ class Pilot:
         controllers = machine.controllers
         assert controllers is not None
         self.controllers, self._assembly = controllers, assembly
-        sensors = controllers.sensors
-        self._senses, self._working = senses, senses.prepared(sensors.values())
-        """What reads, and the sensors that have not broken off."""
-        self._whole = _attached(assembly, ())
-        self.readings = [0.0] * len(sensors)
-        """Of each sensor, in their order."""
-        self.laws = Laws(controllers.laws, sensors, self.readings, interval, pace)
-        names, driven = [*controllers.laws], driven_blocks(machine)
-        followed = following(machine)
+        sensors, laws = controllers.sensors, controllers.laws
+        self._senses = Senses(world, assembly, scene, loads, pace, [*sensors.values()])
+        self.edges: dict[str, list[float]] = {law: [] for law in laws}
+        """Times at which each law came to a limit and left it again, in turns."""
+        self.entered: dict[str, list[tuple[float, str]]] = {
+            name: [(0.0, law.states[0].name)] for name, law in laws.items() if law.kind == "states"
+        }
+        """When each state machine entered which state."""
+        driven, followed = driven_blocks(machine), following(machine)
         self.decouplers = frozenset[Entry](b for b in followed if driven[b] == "decouplers")
         """Those among the blocks."""
-        self._groups = [
-            (
-                number,
-                [block for block, at in followed.items() if at == number],
-                names.index(output.law),
-                output.scale,
-            )
-            for number, output in enumerate(controllers.outputs)
-        ]
-        self._followed, self._levels = [nan] * len(self._groups), [nan] * len(self._groups)
-        """Output of the law of each group in the last call, and its level."""
         self._changes: dict[Entry, float] = {}
-        noise, delay = sensing
-        self._disturb = _disturbance(len(sensors), noise, delay) if noise or delay else None
         self.lost: dict[str, tuple[float, float]] = {}
         """Time at which each sensor broke, s, and the last reading, which it keeps."""
-        self.samples: list[tuple[float, list[float], list[float]]] = []
-        """Times, readings and outputs of laws."""
-        self._due = 0.0
-        """When the next sample is, s."""
+        self.samples: list[float] = []
+        """Of each, its time, all readings, and the outputs of all laws."""
         self.sudden = False
         """Whether a level changed so much in the last call that it counts as a switch."""
+        noise, delay = sensing
+        names: dict[str, Any] = {
+            "world": world,
+            "where": self._senses.where,
+            "reads": self._senses.reads,
+            "locate": self._senses.locate,
+            "first": Rays(scene, world).first,
+            "disturb": _disturbance(len(sensors), noise, delay),
+            "changes": self._changes,
+            "samples": self.samples,
+        }
+
+        def name(value: Any) -> str:
+            names[f"n{len(names)}"] = value
+            return f"n{len(names) - 1}"
+
+        logs = {law: (self.edges[law], self.entered.get(law, [])) for law in laws}
+        lines, kept = law_lines(laws, sensors, logs, interval, pace, name)
+        readings = "".join(f"s{number}, " for number in range(len(sensors)))
+        outputs = "".join(f"o{number}, " for number in range(len(laws)))
+        kept |= {f"s{number}": 0.0 for number in range(len(sensors))}
+        kept |= {"now": None, "due": 0.0}
+        for at, output in enumerate(controllers.outputs):
+            kept |= {f"follows{at}": nan, f"level{at}": nan}
+            blocks = [block for block, group in followed.items() if group == at]
+            lines += _FOLLOW.format(
+                at=at,
+                law=[*laws].index(output.law),
+                scale=name(output.scale),
+                sudden=SUDDEN,
+                blocks=name(blocks),
+            ).splitlines()
+        whole = [
+            *self._senses.lines(bool(noise or delay), name),
+            "changes.clear()",
+            "sudden = not samples",
+            *lines,
+            "if time >= due:",
+            f"    due = time + {SAMPLE} - 1e-6",
+            f"    samples.extend((time, {readings}{outputs}))",
+        ]
+        text = _FLY.format(
+            names=", ".join([*names, *kept]),
+            kept=", ".join(kept),
+            lines="\n".join(f"        {line}" for line in whole),
+            readings=readings,
+        )
+        self._fly, self._readings = _compiled(text)(**names, **kept)
 
     def __call__(self, time: float) -> dict[Entry, float]:
         """Blocks whose level changes now, and their new levels; the same object in every call."""
-        readings, levels, followed = self.readings, self._levels, self._followed
-        self._senses(time, self._working, readings)
-        if self._disturb:
-            self._disturb(readings, self._working)
-        self.laws(time)
-        outputs, changes = self.laws.outputs, self._changes
-        changes.clear()
-        self.sudden = not self.samples
-        for at, blocks, law, scale in self._groups:
-            output = outputs[law]
-            if output == followed[at]:
-                continue
-            followed[at], level = output, scale * output
-            level = level if level < 1.0 else 1.0
-            level = rounded(level if level > -1.0 else -1.0)
-            if level != levels[at]:
-                self.sudden = self.sudden or abs(level - levels[at]) >= SUDDEN
-                levels[at] = level
-                for block in blocks:
-                    changes[block] = level
-        if time >= self._due:
-            self._due = time + SAMPLE - 1e-6
-            self.samples.append((time, [*readings], [*outputs]))
-        return changes
+        self.sudden = self._fly(time)
+        return self._changes
 
     def lose(self, time: float, gone: Collection[int]) -> None:
         """Let the sensors of blocks that are no longer connected to the Starting Block keep their
         last reading; `gone` are the joints that broke or let go."""
-        attached = _attached(self._assembly, gone)
-        names = [*self.controllers.sensors]
-        for sensor in [*self._working]:
-            if sensor.block in self._whole - attached and sensor.kind != "time":
-                self._working.remove(sensor)
-                self.lost[names[sensor.number]] = time, self.readings[sensor.number]
+        working = self._senses.working()
+        self._senses.lose(_attached(self._assembly, ()) - _attached(self._assembly, gone))
+        names, readings = [*self.controllers.sensors], self._readings()
+        for number in sorted({*working}.difference(self._senses.working())):
+            self.lost[names[number]] = time, readings[number]
+
+
+@lru_cache(256)
+def _compiled(text: str) -> Callable[..., Any]:
+    """The function that makes the functions of all machines with these lines."""
+    used = atan2, degrees, bisect_right, rounded
+    made: dict[str, Any] = {each.__name__: each for each in used}
+    exec(text, made)  # lines of this package, with numbers that it gave names
+    found: Callable[..., Any] = made["make"]
+    return found
 
 
 def rounded(level: float) -> float:
@@ -127,18 +188,16 @@ def rounded(level: float) -> float:
     return near / SCALE if plain else round(level, PRECISION)
 
 
-def _disturbance(
-    count: int, noise: float, delay: int
-) -> Callable[[list[float], Iterable[Sensed]], None]:
-    """What adds noise to readings, as a share of each, and delays them by some evaluations."""
+def _disturbance(count: int, noise: float, delay: int) -> Callable[[int, float], float]:
+    """What adds noise to the reading of a sensor, as a share of it, and delays it by some
+    evaluations."""
     rng = random.Random("sensing")
     past = [deque[float](maxlen=delay + 1) for _ in range(count)]
 
-    def disturb(readings: list[float], working: Iterable[Sensed]) -> None:
-        for sensor in working:
-            line, reading = past[sensor.number], readings[sensor.number]
-            line.append(reading * (1.0 + noise * rng.gauss(0.0, 1.0)))
-            readings[sensor.number] = line[0]
+    def disturb(number: int, reading: float) -> float:
+        line = past[number]
+        line.append(reading * (1.0 + noise * rng.gauss(0.0, 1.0)))
+        return line[0]
 
     return disturb
 

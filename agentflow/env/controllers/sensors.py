@@ -1,12 +1,16 @@
-"""What sensors read in a running world."""
+"""What sensors read in a running world.
+
+What is read most is written as lines of the function that flies a machine, as every call of another
+function takes longer than the numbers themselves. They compute the same bits as `rotate_vector` and
+`centre_of`: a factor of 0 adds nothing to a sum that begins with 0.0.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterator, Sequence
 from math import atan2, degrees, hypot
-from typing import NamedTuple
+from typing import Any
 
-from agentflow.env.controllers.rays import Rays
 from agentflow.env.physics.engine import World
 from agentflow.env.physics.frames import swap_quaternion, swap_turn
 from agentflow.env.physics.loads import Loads
@@ -18,113 +22,141 @@ from agentflow.machine.geometry.vectors import Vec3, dot, inverse, product, rota
 
 Read = Callable[[float], float]
 """The reading at a time, s since t = 0."""
-AHEAD: Mapping[str, Vec3] = {
-    "x+": (1.0, 0.0, 0.0),
-    "y+": (0.0, 1.0, 0.0),
-    "z+": (0.0, 0.0, 1.0),
-    "x-": (-1.0, 0.0, 0.0),
-    "y-": (0.0, -1.0, 0.0),
-    "z-": (0.0, 0.0, -1.0),
+_AHEAD = {
+    "x": (
+        "v, t = -2 * {s} * y, 2 * {s} * z",
+        ("{s} - z * t + y * v", "0.0 + w * v + x * t", "0.0 + w * t - x * v"),
+    ),
+    "y": (
+        "u, t = 2 * {s} * y, -2 * {s} * x",
+        ("0.0 + w * u - z * t", "{s} - y * u + x * t", "0.0 + w * t + z * u"),
+    ),
+    "z": (
+        "u, v = -2 * {s} * z, 2 * {s} * x",
+        ("0.0 + w * u + y * v", "0.0 + w * v - y * u", "{s} - x * v + z * u"),
+    ),
 }
-
-
-class Sensed(NamedTuple):
-    """A sensor in a rollout."""
-
-    number: int
-    kind: str
-    block: int
-    axis: int
-    """Of three."""
-    way: Vec3
-    """What is turned with the block."""
-    read: Read | None
-    """What reads it; None: `Senses` does."""
+"""Axis of a block -> lines that turn it, or its opposite, as `rotate_vector` does: `s` is 1 or -1,
+and x, y, z and w are the rotation in the engine's frame."""
+_VELOCITIES = {
+    "x": "vx + (wy * (cy - pz) - wz * (cz - py))",
+    "y": "vz + (wx * (cz - py) - wy * (cx - px))",
+    "z": "vy + (wz * (cx - px) - wx * (cy - pz))",
+}
+_MOTION = """\
+at = where[{number}]
+if at:
+    row, a, b, c = at
+    px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = rows[row]
+    cx, cy, cz = px, pz, py
+    if a or b or c:
+        u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+        cx += a + w * u + y * t - z * v
+        cz += b + w * v + z * u - x * t
+        cy += c + w * t + x * v - y * u"""
+"""Lines that read the motion of a block that has not broken off, and its centre."""
 
 
 class Senses:
     """Reads the sensors of one rollout."""
 
     def __init__(
-        self, world: World, assembly: Assembly, scene: Scene, loads: Loads, pace: float
+        self,
+        world: World,
+        assembly: Assembly,
+        scene: Scene,
+        loads: Loads,
+        pace: float,
+        sensors: Sequence[Sensor],
     ) -> None:
-        """Make nothing yet; `pace` is by how much the machine's own clock is slow."""
+        """Make what reads; `pace` is by how much the machine's own clock is slow."""
         self._world, self._assembly, self._scene = world, assembly, scene
-        self._loads, self._pace = loads, pace
-        self._first, self._motion = Rays(scene, world).first, world.motion
-
-    def prepared(self, sensors: Iterable[Sensor]) -> list[Sensed]:
-        """The sensors, in their order."""
-        return [
-            Sensed(
-                number,
-                sensor.kind,
-                sensor.block,
-                "xyz".index((sensor.axis or "y")[0]),
-                AHEAD[{"tilt": "y+", "distance": sensor.axis or ""}.get(sensor.kind, "z+")],
-                own(sensor) if (own := getattr(self, f"_{sensor.kind}", None)) else None,
-            )
-            for number, sensor in enumerate(sensors)
+        self._loads, self._pace, self._sensors = loads, pace, sensors
+        own = {number: getattr(self, f"_{each.kind}", None) for number, each in enumerate(sensors)}
+        self.reads: list[Read | None] = [
+            make and make(sensors[number]) for number, make in own.items()
         ]
+        """What reads each of the sensors that lines do not; None where one broke off."""
+        plain = [each for each, make in zip(sensors, own.values(), strict=True) if not make]
+        self._blocks = [*dict.fromkeys(each.block for each in plain)]
+        self.where: list[tuple[int, float, float, float] | None] = [None for _ in self._blocks]
+        """Where each block that senses is: the row of its cluster, and from there to its centre at
+        rest, engine frame; None if it broke off."""
+        self._lost = set[int]()
 
-    def __call__(self, time: float, sensors: Iterable[Sensed], readings: list[float]) -> None:
-        """Read sensors into the list, each in the unit of its quantity.
+    def lines(self, disturbed: bool, name: Callable[[Any], str]) -> Iterator[str]:
+        """Lines that read the sensors that work as `s0` and so on, each in the unit of its
+        quantity, from `time`, `world`, `where`, `reads` and `first`, which is that of `Rays`."""
+        yield "if world.now is not now:"
+        yield "    now = locate()"
+        numbered = [*enumerate(self._sensors)]
+        if self._blocks:
+            yield "rows = now.rows"
+        for at, block in enumerate(self._blocks):
+            yield from _MOTION.format(number=at).splitlines()
+            for number, sensor in numbered:
+                if sensor.block == block and self._is_plain(number):
+                    *before, value = self._formula(sensor, name)
+                    yield from (f"    {line}" for line in (*before, f"s{number} = {value}"))
+        for number, _ in numbered:
+            if not self._is_plain(number):
+                yield f"if reads[{number}]:"
+                yield f"    s{number} = reads[{number}](time)"
+        for number, sensor in numbered if disturbed else ():
+            plain = self._is_plain(number)
+            place = f"where[{self._blocks.index(sensor.block)}]" if plain else f"reads[{number}]"
+            yield f"if {place}:"
+            yield f"    s{number} = disturb({number}, s{number})"
 
-        What is read most is written out here, as every call of another function takes longer than
-        the numbers themselves: `rotate_vector` and `centre_of`.
-        """
-        motion, target, known = self._motion, self._scene.target, -1
-        for number, kind, block, axis, way, read in sensors:
-            if read is not None:
-                readings[number] = read(time)
-                continue
-            if block != known:
-                row, arm = motion(block)
-                known = block
-                px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = row
-                a, b, c = arm
-                if a or b or c:
-                    u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-                    a, b, c = (
-                        a + w * u + y * t - z * v,
-                        b + w * v + z * u - x * t,
-                        c + w * t + x * v - y * u,
-                    )
-                centre = px + a, pz + c, py + b
-            if kind == "height":
-                readings[number] = centre[1]
-            elif kind == "target":
-                readings[number] = target[axis] - centre[axis]
-            elif kind == "velocity":
-                a, b, c = centre[0] - px, centre[2] - py, centre[1] - pz
-                if axis == 0:
-                    readings[number] = vx + (wy * c - wz * b)
-                elif axis == 1:
-                    readings[number] = vz + (wx * b - wy * a)
-                else:
-                    readings[number] = vy + (wz * a - wx * c)
-            else:
-                a, b, c = way
-                u, v, t = 2 * (y * b - z * c), 2 * (x * c - y * a), 2 * (z * a - x * b)
-                ahead = (
-                    a + w * u - z * t + y * v,
-                    b + w * v - y * u + x * t,
-                    c + w * t - x * v + z * u,
-                )
-                if kind == "tilt":
-                    readings[number] = degrees(atan2(ahead[axis], ahead[1]))
-                elif kind == "heading":
-                    readings[number] = degrees(atan2(ahead[0], ahead[2]))
-                else:
-                    distance = self._first(centre, ahead)
-                    readings[number] = distance if distance < RANGE else RANGE
+    def _is_plain(self, number: int) -> bool:
+        return not hasattr(self, f"_{self._sensors[number].kind}")
+
+    def _formula(self, sensor: Sensor, name: Callable[[Any], str]) -> tuple[str, ...]:
+        """What reads a sensor, after lines before it."""
+        axis = (sensor.axis or "z")[0]
+        if sensor.kind == "height":
+            return ("cy",)
+        if sensor.kind == "target":
+            return (f"{name(self._scene.target['xyz'.index(axis)])} - c{axis}",)
+        if sensor.kind == "velocity":
+            return (_VELOCITIES[axis],)
+        turned = "y" if sensor.kind == "tilt" else axis
+        before, found = _AHEAD[turned]
+        sign = "-1.0" if sensor.axis and sensor.axis.endswith("-") else "1.0"
+        ahead = [each.format(s=sign) for each in found]
+        if sensor.kind == "distance":
+            first = f"first(cx, cy, cz, {', '.join(ahead)})"
+            return before.format(s=sign), f"e = {first}", f"e if e < {RANGE} else {RANGE}"
+        side, along = ahead["xyz".index("x" if sensor.kind == "heading" else axis)], turned
+        return before.format(s=sign), f"degrees(atan2({side}, {ahead['xyz'.index(along)]}))"
+
+    def locate(self) -> object:
+        """Find what senses, for as long as the machine does not split: what is valid so long."""
+        now = self._world.now
+        for number, block in enumerate(self._blocks):
+            at = now.readings.row_of[block], *now.readings.centre_at[block]
+            self.where[number] = None if block in self._lost else at
+        return now
+
+    def working(self) -> list[int]:
+        """Numbers of the sensors that have not broken off."""
+        lost = (each.block in self._lost and each.kind != "time" for each in self._sensors)
+        return [number for number, gone in enumerate(lost) if not gone]
+
+    def lose(self, blocks: Collection[int]) -> None:
+        """Let the sensors of these blocks keep their last reading."""
+        self._lost.update(blocks)
+        for number, sensor in enumerate(self._sensors):
+            if sensor.block in self._lost and sensor.kind != "time":
+                self.reads[number] = None
+        self.locate()
 
     def _time(self, _: Sensor) -> Read:
         return lambda time: time / self._pace
 
     def _spin(self, sensor: Sensor) -> Read:
-        motion, block, axis = self._motion, sensor.block, "xyz".index(sensor.axis or "x")
-        return lambda _: degrees(swap_turn(motion(block)[0][SPIN])[axis])
+        row, block, axis = self._world.row, sensor.block, "xyz".index(sensor.axis or "x")
+        return lambda _: degrees(swap_turn(row(block)[SPIN])[axis])
 
     def _angle(self, sensor: Sensor) -> Read:
         world, joint = self._world, self._joint(sensor.block, turns=True)

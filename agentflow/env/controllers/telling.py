@@ -6,11 +6,13 @@ from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
+import numpy as np
+
 from agentflow.env.controllers.laws import spans_of
 from agentflow.env.controllers.pilot import Pilot
 from agentflow.env.feedback.text import number
 from agentflow.env.query import CONTROLLERS
-from agentflow.env.rollout import Feedback, Moment
+from agentflow.env.rollout import Array, Feedback, Moment
 from agentflow.machine.controllers.model import Law
 
 _HEAD = 'Controllers (queries with the id "controllers" show readings and outputs over time):'
@@ -37,7 +39,9 @@ def tell_controllers(
     laws = pilot.controllers.laws
     times = sorted({0.0, *([moment.time] if moment else [end / 2]), end})
     told = [(name, law) for name, law in laws.items() if law.kind != "constant"][:MOST_LAWS]
-    lines = [f"law {name}{_law_text(pilot, name, law, times, end)}" for name, law in told]
+    rows = _samples(pilot)
+    nearest = [(time, rows[abs(rows[:, 0] - time).argmin(), 1:].tolist()) for time in times]
+    lines = [f"law {name}{_law_text(pilot, name, law, nearest, end)}" for name, law in told]
     lines += [
         f"sensor {name}: block {pilot.controllers.sensors[name].block} broke off at "
         f"{number(time)} s, so it keeps its last reading, {number(value)}"
@@ -47,21 +51,22 @@ def tell_controllers(
     return replace(feedback, text=text, data={**feedback.data, CONTROLLERS: series_of(pilot)})
 
 
-def _law_text(pilot: Pilot, name: str, law: Law, times: list[float], end: float) -> str:
+def _law_text(
+    pilot: Pilot, name: str, law: Law, samples: list[tuple[float, list[float]]], end: float
+) -> str:
     sensors, readings = [*pilot.controllers.sensors], []
     read = law.sensors[:1] if law.kind in ("pd", "switch") else ()
-    at = [*pilot.controllers.laws].index(name)
-    for time in times:
-        _, values, outputs = min(pilot.samples, key=lambda sample: abs(sample[0] - time))
+    at = len(sensors) + [*pilot.controllers.laws].index(name)
+    for time, values in samples:
         sensed = "".join(f"{number(values[sensors.index(each)])} -> " for each in read)
-        readings.append(f"{sensed}{number(outputs[at])} at {number(time)} s")
+        readings.append(f"{sensed}{number(values[at])} at {number(time)} s")
     what = "".join(f" ({each}" for each in read)
     what += f", target {number(law.target)})" if law.kind == "pd" else ")" * bool(read)
     parts = [f"{what}: {', '.join(readings)}"]
-    if entered := pilot.laws.entered.get(name):
+    if entered := pilot.entered.get(name):
         states = [next(group) for _, group in groupby(entered, key=lambda item: item[1])]
         parts.append("state " + ", ".join(f"{state} from {number(t)} s" for t, state in states[:6]))
-    spans = [span for span in spans_of(pilot.laws.edges[name], end) if span[1] - span[0] >= SHORT]
+    spans = [span for span in spans_of(pilot.edges[name], end) if span[1] - span[0] >= SHORT]
     if spans:
         longest = sorted(sorted(spans, key=lambda span: span[0] - span[1])[:MOST_SPANS])
         listed = " and ".join(f"from {number(a)} to {number(b)} s" for a, b in longest)
@@ -71,18 +76,29 @@ def _law_text(pilot: Pilot, name: str, law: Law, times: list[float], end: float)
 
 def series_of(pilot: Pilot) -> dict[str, Any]:
     """Readings of sensors and outputs of laws over time, as JSON data."""
-    times, readings, outputs = zip(*pilot.samples, strict=True)
-    names = (
-        ("sensors", pilot.controllers.sensors, readings),
-        ("laws", pilot.controllers.laws, outputs),
-    )
+    rows, laws = _samples(pilot), pilot.controllers.laws
+    columns = _rounded(rows[:, 1:].T, 4)
     return {
-        "times": [round(time, 3) for time in times],
-        **{
-            key: {name: [round(row[at], 4) for row in rows] for at, name in enumerate(known)}
-            for key, known, rows in names
-        },
-        "targets": {
-            name: law.target for name, law in pilot.controllers.laws.items() if law.kind == "pd"
-        },
+        "times": _rounded(rows[:, :1].T, 3)[0],
+        "sensors": dict(zip(pilot.controllers.sensors, columns, strict=False)),
+        "laws": dict(zip(laws, columns[-len(laws) :], strict=True)),
+        "targets": {name: law.target for name, law in laws.items() if law.kind == "pd"},
     }
+
+
+def _samples(pilot: Pilot) -> Array:
+    """(T, 1 + sensors + laws) what was sampled."""
+    width = 1 + len(pilot.controllers.sensors) + len(pilot.controllers.laws)
+    return np.array(pilot.samples).reshape(-1, width)
+
+
+def _rounded(rows: Array, digits: int) -> list[list[float]]:
+    """As `round` does, in a tenth of its time."""
+    scaled = rows * 10.0**digits
+    near = np.rint(scaled)
+    with np.errstate(invalid="ignore"):
+        plain = (abs(scaled - near) < 0.499) & (abs(scaled) < 1e12)
+    found: list[list[float]] = (near / 10.0**digits).tolist()
+    for row, column in np.argwhere(~plain).tolist():
+        found[row][column] = round(rows[row, column].item(), digits)
+    return found

@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # an engine's identity needs no physics
     from agentflow.env.physics.laws.forces import Entry
     from agentflow.env.physics.model import Assembly, State
     from agentflow.env.physics.rows import Row
+    from agentflow.env.physics.world import UnsplitMachine
     from agentflow.env.rollout import Array
     from agentflow.env.scene import Body, Scene
     from agentflow.machine.geometry.vectors import Quat, Vec3
@@ -88,6 +89,10 @@ class World(Protocol):
     @property
     def settle_rate(self) -> float:
         """Rate at which machines settle as they do at higher ones, Hz."""
+
+    @property
+    def now(self) -> UnsplitMachine:
+        """What there is until the next split."""
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:
         """Greatest linear and angular speed of anything that moves, m/s and rad/s; not finite when
@@ -168,10 +173,6 @@ class World(Protocol):
 
     def origin(self, block: int) -> Vec3:
         """Building point of a block."""
-
-    def motion(self, block: int) -> tuple[Row, Vec3]:
-        """The row of a block's cluster, and where the block's centre is from that of the cluster,
-        at rest; both in the engine's frame."""
 
     def row(self, body: Body) -> Row:
         """The row of a block's cluster or of a moving object, in the engine's frame."""

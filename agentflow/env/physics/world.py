@@ -214,10 +214,6 @@ class BaseWorld(ABC, Generic[Own]):
     def origin(self, block: int) -> Vec3:
         return self.now.readings.origin(self.row(block), block)
 
-    def motion(self, block: int) -> tuple[Row, Vec3]:
-        now = self.now
-        return now.rows[now.readings.row_of[block]], now.readings.centre_at[block]
-
     def part(self, part: int) -> Row:
         return self.now.rows[self.now.layout.locations.row.item(part)]
 

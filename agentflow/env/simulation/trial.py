@@ -10,7 +10,6 @@ from time import perf_counter, thread_time
 from agentflow.env.constants import Constants
 from agentflow.env.controllers.pilot import Pilot
 from agentflow.env.controllers.rate import RATE
-from agentflow.env.controllers.sensors import Senses
 from agentflow.env.controllers.telling import tell_controllers
 from agentflow.env.feedback.stalls import stalled_motors
 from agentflow.env.physics.assembly import assemble
@@ -117,11 +116,12 @@ class Trial:
         self._events: list[RolloutEvent] = []
 
     def _make_pilot(self, variation: Variation) -> Pilot:
-        pace, world = variation.times, self._world
-        senses = Senses(world, self._assembly, self._scene, self._loads, pace)
         (noise, delay), interval = self._task.sensing, self._every / self._rate
         sensing = noise + variation.noise, delay + round(variation.delay)
-        return Pilot(self._machine, self._assembly, senses, interval, pace, sensing)
+        world, scene, pace = self._world, self._scene, variation.times
+        return Pilot(
+            self._machine, self._assembly, world, scene, self._loads, interval, pace, sensing
+        )
 
     def run(self) -> Rollout:
         """Settle, run the window and score it."""

@@ -239,6 +239,8 @@ class States(_Law):
         leaves = {state.name: [leave.to for leave in state.leave] for state in self.states}
         if len(leaves) < len(self.states):
             raise ValueError("two states have the same name: give each its own")
+        for to in (to for each in leaves.values() for to in each if to not in leaves):
+            raise ValueError(f"there is no state {to}: the states are {', '.join(leaves)}")
         first = self.states[0].name
         if len(leaves) < 2 or not leaves[first]:
             raise ValueError(
@@ -248,8 +250,6 @@ class States(_Law):
         reached, ahead = set(), [first]
         while ahead:
             name = ahead.pop()
-            if name not in leaves:
-                raise ValueError(f"there is no state {name}: the states are {', '.join(leaves)}")
             if name not in reached:
                 reached.add(name)
                 ahead += leaves[name]
