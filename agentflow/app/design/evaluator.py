@@ -46,7 +46,7 @@ from agentflow.tools.host import Aims, Shot, Told
 from agentflow.workflows.base import SimulationSummary
 from agentflow.workflows.settings import Objective
 
-PICTURE = (960, 720)
+PICTURE = (1440, 720)
 """Width and height of pictures for models, in pixels."""
 
 

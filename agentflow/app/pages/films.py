@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -174,8 +174,7 @@ def _film_data(
         "breaks": {item.block: item.time for item in reversed(rollout.broken)} if rollout else {},
         "events": _events(rollout, machine) if rollout is not None else [],
         "film": pack_motion(_motion(figures, trace, machine, every)),
-        "flag": flag
-        and {"time": flag.time, "place": flag.place, "words": flag.words, "origin": flag.origin},
+        "flag": flag and asdict(flag),
     }
 
 

@@ -12,7 +12,7 @@ from shlex import quote
 from agentflow.app.machines.files import read_source
 from agentflow.app.subjects.simulate import WORKERS, simulate_in_parallel
 from agentflow.app.subjects.subject import Subject
-from agentflow.env.drawing.backdrop import FILM, PAPER
+from agentflow.env.drawing.backdrop import PAPER, SCREEN
 from agentflow.env.drawing.film import save_film, save_strip
 from agentflow.env.drawing.gltf import rollout_glb
 from agentflow.env.drawing.stills import StillOptions, render_png
@@ -31,7 +31,7 @@ SAMPLES = {STILL: 20, GIF: 10, MP4: 20, GLB: 20}
 """Samples per second of what is simulated."""
 NAMES = {STILL: "picture", GIF: "film", MP4: "film", GLB: "model"}
 SIZES = {STILL: (800, 600), GIF: (480, 360), MP4: (640, 480)}
-GROUNDS = {"screen": FILM, "paper": PAPER}
+GROUNDS = {"screen": SCREEN, "paper": PAPER}
 SMALLEST, LARGEST = 16, 4096
 """Limits of the width and height of a picture, pixels."""
 FASTEST = {GIF: 50, MP4: 60}
@@ -201,10 +201,11 @@ class _Drawing:
             if kind == GLB:
                 file.write_bytes(rollout_glb(machine, rollout))
                 return
-            save = partial(save_strip, count=wanted.moments) if wanted.moments else save_film
-            wide, high = SIZES[GIF if wanted.moments else kind]
-            size = wanted.size or (wide * (wanted.moments or 1), high)
-            save(machine, task, rollout, file, size=size, ground=ground)
+            if wanted.moments:
+                drawn = partial(save_strip, size=wanted.size, count=wanted.moments)
+            else:
+                drawn = partial(save_film, size=wanted.size or SIZES[kind])
+            drawn(machine, task, rollout, file, ground=ground)
         else:
             raise UnknownNameError("kind of picture", kind, tuple(SAMPLES))
 

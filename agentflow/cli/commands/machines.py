@@ -273,18 +273,19 @@ def render(
     """Draw a machine (.png), film its simulation (.gif, .mp4) or export it in 3D (.glb).
 
     Films have the course, distance marks, and a dotted line for the path of the boulder or of the
-    root block. Blocks that broke off are red. From the moment at which the score is earned, a flag
-    and a card tell it. An invalid machine can only be drawn; the blocks that overlap are red.
+    root block; 0 m is where a score that is a distance is 0. Blocks that broke off are red. From
+    the moment at which the score is earned, a flag and a card tell it. An invalid machine can only
+    be drawn; the blocks that overlap are red.
 
     Args:
         source: Run directory or machine file.
         out: Output file: .png, .gif, .mp4 or .glb. Without an extension, both a .png and a .gif are
             written.
         view: Viewpoint: front, back, left, right, top, three-quarter or sheet (all six).
-        size: Width and height in pixels, such as 1920x1080.
+        size: Width and height of the whole picture in pixels, such as 1920x1080.
         style: Ground: screen or paper (white).
         fps: Frames per second of a film, up to 60.
-        moments: Draw so many moments of the simulation side by side, until the score is earned.
+        moments: Draw so many moments of the simulation at one scale, until the score is earned.
         scene: Draw the level, with the machine where it starts.
         axes: Draw the axes x+, y+ and z+.
         scale: Draw without perspective, with a scale bar; a sheet has one scale.

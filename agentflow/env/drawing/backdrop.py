@@ -1,19 +1,19 @@
-"""The ground of a picture: distance lines, their labels, and shadows of the solids."""
+"""The ground of a picture: its grid, distances along it, and shadows of the solids."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw, ImageFilter, ImageFont
 
 from agentflow.env.drawing.cameras import Camera, axes_of, project
-from agentflow.env.drawing.raster import SUN, corners_of
+from agentflow.env.drawing.raster import NARROW, corners_of
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import rotated_axes
 from agentflow.env.scene import SceneObject
+from agentflow.machine.geometry.vectors import Vec3
 
 
 @dataclass(frozen=True)
@@ -22,34 +22,44 @@ class Ground:
 
     land: tuple[int, int, int]
     line: tuple[int, int, int]
-    """Of the distance lines."""
+    """Of the grid."""
     ink: tuple[int, int, int]
-    """Of their labels."""
-    square: bool = False
-    """Whether thin lines run along z as well."""
-    bare: bool = False
-    """Whether there are neither lines nor shadows, which exact sides would turn to bars."""
+    """Of distances."""
+    shade: int
+    """Opacity of a shadow, of 255."""
 
 
-SCREEN = Ground((214, 219, 208), (190, 197, 184), (118, 126, 114))
-FILM = replace(SCREEN, square=True)
-PAPER = Ground((255, 255, 255), (228, 228, 228), (96, 96, 96), square=True)
+@dataclass(frozen=True)
+class Course:
+    """The marks of distances along z+, and the line along which a score was measured."""
+
+    zero: float = 0.0
+    """z of the mark 0, m."""
+    measured: tuple[Vec3, Vec3] | None = None
+    """Ends of the line, m."""
+
+
+SCREEN = Ground((214, 219, 208), (186, 193, 180), (84, 92, 80), 72)
+PAPER = Ground((255, 255, 255), (214, 214, 214), (84, 84, 84), 56)
 DARK = (30, 36, 30)
-SHADE = 90
-"""Opacity of a shadow, of 255."""
-LINES = 25
-"""Lines on either side of the camera's target."""
-COARSER = (1, 2, 4, 10, 20)
-"""Factors by which the lines may be farther apart."""
-REACH = 0.6
-"""How far the lines must reach to either side, in distances between eye and target."""
-WIDE = 10.0
-"""As far as they must reach for a camera of a very narrow field of view, in half heights of what it
-sees."""
-SIDE_REACH, PIECES = 60.0, 49
-"""Least half length of a line along x (m), and its number of points."""
-LABEL_X = 3.5
+FALL = (-2.5, 12.0, -4.5)
+"""Direction from shadows to their light: steeper than the light on surfaces, so that they are no
+longer than what casts them."""
+GRIDS = ((1.0, 0.4), (5.0, 1.0), (50.0, 1.0))
+"""Distance between the lines of each grid on the ground (m), and their strength."""
+TONES = (16, 2)
+"""Tones of the lines besides that of the ground, without and with a course: there few, so that
+films stay small."""
+CLEAR = 1.3
+"""Up to where the grid is clear, in half heights of what the camera sees at its target; at twice
+this, it has faded out."""
+EVERY, FARTHEST = 5.0, 500.0
+"""Distance between marks, and that of the last one, m."""
+LABEL_X = 4.0
 """x of the labels, m."""
+LEVEL, STEEP = 0.02, 0.999
+"""Sines of how far a camera looks down below which it sees the ground from its side, and above
+which from above: it then shows neither grid nor shadows, which tell nothing from there."""
 _TURNS = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
 CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1) / 2
 """(24, 2) points of a circle of diameter 1."""
@@ -58,97 +68,145 @@ CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1) / 2
 def backdrop(
     camera: Camera,
     solids: Sequence[SceneObject],
-    spacing: float,
     ground: Ground = SCREEN,
-    origin: float = 0.0,
+    clear: float = CLEAR,
+    course: Course | None = None,
 ) -> Image.Image:
-    """Draw the ground (RGBA) with lines every `spacing` metres from z = `origin` (m), fewer far
-    away."""
+    """Draw the ground (RGBA) with its grid, which is wider where there is a course, shadows, and
+    the line along which a score was measured.
+
+    Args:
+        camera: The view; its width and height are even.
+        solids: What casts shadows.
+        ground: Colours.
+        clear: As `CLEAR`.
+        course: The marks, with whose 0 the grid begins.
+    """
     size = (camera.width, camera.height)
     picture = Image.new("RGBA", size, ground.land)
-    if ground.bare:
+    down = float(camera.axes[2][1])
+    if down < LEVEL:
+        pen, height = ImageDraw.Draw(picture), max(2, camera.height // 300)
+        ((_, y),) = project(np.array([(camera.target[0], 0.0, camera.target[2])]), camera)
+        pen.rectangle((0, y, camera.width, y + height), ground.line)
+    if not LEVEL <= down <= STEEP:
         return picture
-    pen = ImageDraw.Draw(picture)
-    _lines(pen, camera, spacing, ground, origin)
+    zero = 0.0 if course is None else course.zero
+    lines = _grid(camera, clear, GRIDS[course is not None :], zero)
+    tones = TONES[course is not None]
+    ink = Image.fromarray((255 / tones * np.round(tones * lines)).astype(np.uint8))
+    picture.paste(ground.line, (0, 0), ink.resize(size, Image.Resampling.NEAREST))
     shade = Image.new("L", size, 0)
-    shadow = ImageDraw.Draw(shade)
-    for outline in _shadows(camera, solids):
-        shadow.polygon(outline, fill=SHADE)
-    area = shade.getbbox()
-    if area is not None:
-        picture.paste(DARK, area, shade.crop(area))
+    pen = ImageDraw.Draw(shade)
+    if camera.focal_length < NARROW * camera.height:  # in drawings to scale, they say nothing
+        for outline in _shadows(camera, solids):
+            pen.polygon(outline, fill=ground.shade)
+    if (area := shade.getbbox()) is not None:
+        soft = max(1, camera.height // 250)
+        grown = np.add(area, (-3 * soft, -3 * soft, 3 * soft, 3 * soft)).tolist()
+        soften = ImageFilter.GaussianBlur(soft)
+        picture.paste(DARK, grown, shade.crop(grown).filter(soften))
+    if course is not None and course.measured is not None:
+        _measure(picture, camera, course.measured, ground)
     return picture
 
 
-def _lines(
-    pen: ImageDraw.ImageDraw, camera: Camera, spacing: float, ground: Ground, origin: float
-) -> None:
-    width = max(1, camera.height // (600 if ground.square else 300))
+def _grid(camera: Camera, clear: float, grids: Sequence[tuple[float, float]], zero: float) -> Array:
+    """(H / 2, W / 2) strength of the grid, from 0 to 1, in every second pixel.
+
+    Lines are about two pixels wide; where they would be too close, they fade.
+    """
+    right, up, towards = camera.axes
+    u = ((np.arange(1, camera.width, 2) - camera.width / 2) / camera.focal_length)[None]
+    v = ((camera.height / 2 - np.arange(1, camera.height, 2)) / camera.focal_length)[:, None]
+    fall = towards[1] - v * up[1]
+    with np.errstate(divide="ignore"):
+        ahead = np.where(fall > 1e-3, camera.eye[1] / fall, np.nan)  # to the ground
     away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
     half = away * camera.height / (2 * camera.focal_length)
-    reach = REACH * min(away, WIDE * half)
-    step = spacing * next((n for n in COARSER if LINES * spacing * n >= reach), COARSER[-1])
-    count: Array = np.arange(-LINES, LINES + 1, dtype=np.float64)
-    zs: Array = origin + step * (round((camera.target[2] - origin) / step) + count)
-    xs: Array = step * (round(camera.target[0] / step) + count)
-    side = max(SIDE_REACH, reach)
-    along = np.linspace(-side, side, PIECES)
-    for places, turned in ((zs, False), *([(xs, True)] if ground.square else [])):
-        ends = np.tile(along + (camera.target[2] if turned else 0.0), len(places))
-        pair = [ends, np.zeros(len(ends)), np.repeat(places, PIECES)]
-        points = np.stack(pair[::-1] if turned else pair, axis=1)
-        for line in project(points, camera).reshape(len(places), PIECES, 2):
-            seen = line[_in_range(line, camera)]
-            if len(seen) > 1:
-                pen.line(seen.ravel().tolist(), fill=ground.line, width=width)
-    if spacing > 1.0:
-        _distances(pen, camera, zs, ground, origin)
+    wide = max(2.0, camera.height / 700)
+    ink: Array = np.zeros((v.size, u.size), dtype=np.float32)
+    squares: Array = np.zeros_like(ink)
+    for axis, start in ((0, 0.0), (2, zero)):
+        place = (
+            camera.eye[axis] + ahead * (v * up[axis] - towards[axis] + u * right[axis])
+        ).astype(np.float32)
+        squares += (place - camera.target[axis]) ** 2
+        pixel = np.abs(np.gradient(place, axis=0)) + np.abs(np.gradient(place, axis=1))
+        for every, strength in grids:
+            off = np.abs((place - start + every / 2) % every - every / 2)
+            thin = np.clip(1.25 - 6 * pixel / every, 0, 1)
+            line = strength * np.clip(wide / 2 - off / pixel, 0, 1) * thin
+            np.fmax(ink, line, out=ink)
+    faded: Array = ink * np.clip(2 - np.sqrt(squares) / (clear * half), 0, 1)
+    return np.nan_to_num(faded)
 
 
-def _distances(
-    pen: ImageDraw.ImageDraw, camera: Camera, zs: Array, ground: Ground, origin: float
+def _measure(picture: Image.Image, camera: Camera, ends: tuple[Vec3, Vec3], ground: Ground) -> None:
+    """Draw the line along which a score was measured, with a tick at each end."""
+    pen, width = ImageDraw.Draw(picture), max(2, camera.height // 200)
+    (x, _, start), (_, _, end) = ends
+    for a, b in (
+        ((x, start), (x, end)),
+        ((x - 1, start), (x + 1, start)),
+        ((x - 1, end), (x + 1, end)),
+    ):
+        line = np.linspace((a[0], 0.0, a[1]), (b[0], 0.0, b[1]), 64)
+        seen = [
+            tuple(place) for place in project(line, camera).tolist() if np.isfinite(place).all()
+        ]
+        pen.line(seen, fill=ground.ink, width=width)
+
+
+def mark_distances(
+    picture: Image.Image, behind: Image.Image, camera: Camera, course: Course, ground: Ground
 ) -> None:
-    """Label lines with their distance from `origin` where there is room, round numbers first."""
-    font = ImageFont.load_default(size=max(10, camera.height // 32))
-    places = project(np.stack([np.full(len(zs), LABEL_X), np.zeros(len(zs)), zs], axis=1), camera)
-    near = _in_range(places, camera)
-    taken: list[tuple[float, float, float, float]] = []
-    for z, place in sorted(
-        zip((zs[near] - origin).round(6).tolist(), places[near].tolist(), strict=True),
+    """Write distances on what is still as in the backdrop `behind`, round ones first; none is cut,
+    and none is over another."""
+    font = ImageFont.load_default(size=max(20, camera.height // 30))
+    ways: Array = np.arange(0.0, FARTHEST + EVERY, EVERY)
+    places = np.stack([np.full(len(ways), LABEL_X), 0 * ways, ways + course.zero], axis=1)
+    pen, taken = ImageDraw.Draw(picture), list[tuple[float, float, float, float]]()
+    for way, place in sorted(
+        zip(ways.tolist(), project(places, camera).tolist(), strict=True),
         key=lambda item: (item[0] % 50 != 0, item[0] % 10 != 0, item[0]),
     ):
-        words = f"{z:g} m"
+        if not (0 <= place[0] <= camera.width and 0 <= place[1] <= camera.height):
+            continue
+        words = f"{way:g} m"
         left, top, right, bottom = pen.textbbox(place, words, font=font, anchor="lt")
-        gap = (bottom - top) / 2
-        if all(
+        gap = bottom - top
+        box = (int(left), int(top), int(right) + 1, int(bottom) + 1)
+        inside = right < camera.width and bottom < camera.height
+        free = all(
             right + gap < other[0] or other[2] + gap < left or bottom < other[1] or other[3] < top
             for other in taken
-        ):
+        )
+        if inside and free and picture.crop(box).tobytes() == behind.crop(box).tobytes():
             taken.append((left, top, right, bottom))
-            pen.text(place, words, fill=ground.ink, font=font, anchor="lt")
-
-
-def _in_range(places: Array, camera: Camera) -> NDArray[np.bool_]:
-    """Mask of the pixels (..., 2) in front of the camera and not far outside the picture."""
-    with np.errstate(invalid="ignore"):
-        near: NDArray[np.bool_] = np.abs(places).max(axis=-1) < 8 * camera.width
-    return near
+            pen.text(place, words, ground.ink, font, "lt", stroke_width=3, stroke_fill=ground.land)
 
 
 def _shadows(camera: Camera, solids: Sequence[SceneObject]) -> Iterator[list[tuple[float, float]]]:
     """Outline of each solid's shadow in the picture; all solids are convex."""
-    sun = np.asarray(SUN)
     for item in solids:
-        points = silhouette(item)
-        places = project(points - sun * (points[:, 1:2] / sun[1]), camera)
-        if _in_range(places, camera).all():
-            yield convex_hull(places)
+        places = project(shadow_of(item), camera)
+        with np.errstate(invalid="ignore"):
+            if np.abs(places).max() < 8 * camera.width:
+                yield convex_hull(places)
+
+
+def shadow_of(item: SceneObject) -> Array:
+    """(K, 3) points on the ground that span the shadow of a solid."""
+    points = silhouette(item)
+    shadow: Array = points - np.asarray(FALL) * (points[:, 1:2] / FALL[1])
+    return shadow
 
 
 def silhouette(item: SceneObject) -> Array:
     """(K, 3) points of a solid whose projections span its shadow."""
     if item.shape == "sphere":
-        across, upwards, _ = axes_of(np.asarray(SUN))
+        across, upwards, _ = axes_of(np.asarray(FALL))
         points: Array = CIRCLE[:, :1] * across + CIRCLE[:, 1:] * upwards
         return points * item.size[0] + item.position
     if item.shape == "box":

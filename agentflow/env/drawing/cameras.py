@@ -71,17 +71,22 @@ def axes_of(back: Array) -> tuple[Array, Array, Array]:
     return right, np.cross(-towards, right), towards
 
 
-def fit(points: Array, view: View, nearest: float = 6.0) -> tuple[Array, float]:
+def fit(
+    points: Array, view: View, nearest: float = 6.0, at: Array | None = None
+) -> tuple[Array, float]:
     """Target (3,) and smallest distance at which all points are in the picture, m.
 
     Args:
         points: (K, 3), m.
         view: Direction and picture.
         nearest: Minimum distance, m.
+        at: The target, if it is given.
     """
     right, up, towards = axes_of(np.asarray(view.back, dtype=np.float64))
     across = np.stack([points @ right, points @ up, points @ towards], axis=1)
     middle = (across.min(axis=0) + across.max(axis=0)) / 2
+    if at is not None:
+        middle = np.array([at @ right, at @ up, at @ towards])
     rest = np.abs(across - middle)
     slope = tan(radians(view.field_of_view) / 2) * view.fill
     aspect = view.size[0] / view.size[1]

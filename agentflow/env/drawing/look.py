@@ -172,7 +172,7 @@ def _is_framed(item: SceneObject, blocks: Collection[int], near: Array) -> bool:
 def _draw(shapes: MachineSolids, moment: _Moment, camera: Camera, said: str) -> Image.Image:
     """One moment, with its words."""
     solids = shapes.objects(moment.pose, moment.broken)
-    picture = render_image(camera, solids, moment.moving, 1.0, moment.fixed)
+    picture = render_image(camera, solids, moment.moving, moment.fixed)
     _label_blocks(picture, camera, moment.pose.centre)
     draw_axes(picture, camera)
     draw_scale(picture, camera)

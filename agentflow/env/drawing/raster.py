@@ -28,7 +28,7 @@ Numbers = tuple[float, float, float]
 
 SUN = (-4.0, 12.0, -7.0)
 """Direction towards the light, game frame."""
-SHADED, LIT = 0.68, 0.36
+SHADED, LIT = 0.74, 0.3
 """Brightness of a surface parallel to the light, and the gain when it faces the light."""
 LEVELS = 64
 """Number of brightness levels of one solid."""
@@ -36,6 +36,8 @@ NEAR = 0.1
 """Near clipping distance, m."""
 OUTLINE, STEP = 0.6, 0.1
 """Brightness of outlines, and the depth step within a block that gets one (m)."""
+THIN = 700
+"""Pixels of the picture's height for each pixel of an outline's width."""
 OUTLINED = 8
 """Pixels per metre below which solids have no outlines, which would hide their colours."""
 BAND = 64
@@ -95,7 +97,11 @@ def draw(
         pixels = _apply_colours(ink, shown, ground)
         names = {name: i for i, name in enumerate(dict.fromkeys(t.name for t in shown), start=1)}
         owners = np.array([0, *(names[item.name] for item in shown)])
-        lines = _lines(ink // LEVELS, depth, owners) & (depth < camera.focal_length / OUTLINED)
+        lines = _lines(ink // LEVELS, depth, owners)
+        for _ in range(1, round(camera.height / THIN)):
+            lines[:-1] |= lines[1:]
+            lines[:, :-1] |= lines[:, 1:]
+        lines &= depth < camera.focal_length / OUTLINED
         pixels[lines] = (pixels[lines] * (OUTLINE, OUTLINE, OUTLINE, 1.0)).astype(np.uint8)
         for item in glass:
             _tint(pixels, depth, bare, camera, item)

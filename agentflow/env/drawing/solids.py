@@ -75,6 +75,7 @@ class MachineSolids:
         self.solids = tuple(
             () if step.two_ended else tuple(self._solids(step.id, assembly)) for step in machine
         )
+        self._grown = 2 * float(constants()["shrink"])
         self._colors = [assembly.parts[parts[0]].color for parts in assembly.blocks]
         shift = centres[0] - geometry.blocks[0].center
         self.ends = {
@@ -88,16 +89,25 @@ class MachineSolids:
         """Two-ended block -> both ends, each in the frame of the parent that it is attached to."""
 
     def objects(self, pose: Pose, red: Collection[int] = ()) -> list[SceneObject]:
-        """The solids in a pose, named by block; blocks in `red` are red."""
+        """The solids in a pose, named by block; blocks in `red` are red.
+
+        Boxes are as large as they are built, so that neighbours touch.
+        """
         result: list[SceneObject] = []
         for step in self._machine:
             if step.two_ended:
                 solids = [self.rod(step.id, pose)] if step.id in pose.alive else []
             else:
                 place = to_vec3(pose.centre[step.id]), _quat(pose.rotation[step.id])
-                solids = [_to_world(solid, *place) for solid in self.solids[step.id]]
+                solids = [_to_world(self._full(solid), *place) for solid in self.solids[step.id]]
             result += (replace(s, color=BROKEN) for s in solids) if step.id in red else solids
         return result
+
+    def _full(self, solid: SceneObject) -> SceneObject:
+        if solid.shape != "box" or solid.color == SPOKE:
+            return solid
+        x, y, z = solid.size
+        return replace(solid, size=(x + self._grown, y + self._grown, z + self._grown))
 
     def rod(self, block: int, pose: Pose) -> SceneObject:
         """The cylinder that shows a two-ended block."""

@@ -11,7 +11,15 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from agentflow.env.drawing.backdrop import SCREEN, Ground, backdrop
+from agentflow.env.drawing.backdrop import (
+    CLEAR,
+    SCREEN,
+    Course,
+    Ground,
+    backdrop,
+    mark_distances,
+    shadow_of,
+)
 from agentflow.env.drawing.cameras import VIEWS, Camera, Size, View, camera_at, fit
 from agentflow.env.drawing.plans import frame_of
 from agentflow.env.drawing.raster import CORNERS, corners_of, draw
@@ -29,11 +37,15 @@ SCALES = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 AXES = {"x": (200, 40, 30), "y": (30, 130, 40), "z": (30, 70, 200)}
 ARROW, CORNER = 34, 58
 """Length of the arrows of the axes, and how far from the left and lower edge they start, pixels."""
+FILL = 0.88
+"""Share of a picture's width or height that the machine may fill."""
 SMOOTH = 2
 """Supersampling: pictures are drawn this many times larger, then averaged."""
-INK = (30, 32, 36)
-GRID = 5.0
-"""Distance between the lines on the ground of a level, m."""
+INK, FRAME = (30, 32, 36), (178, 182, 176)
+DIM = 140
+"""Brightness below which letters on it are white, of 255."""
+FAR = 4.0
+"""How far the grid of a level is clear, as `backdrop.CLEAR`."""
 ORTHOGRAPHIC = 1.0
 """Field of view of pictures to scale, degrees: so narrow that lengths do not depend on distance."""
 
@@ -69,8 +81,8 @@ def render_png(
     Args:
         machine: A file-valid machine.
         path: PNG file to write.
-        view: One of `cameras.VIEWS`, or `sheet` for all of them, each half as wide and high.
-        size: Width and height in pixels.
+        view: One of `cameras.VIEWS`, or `sheet` for all of them in two rows.
+        size: Width and height of the whole picture in pixels.
         red: Blocks to draw in red.
         options: What else is shown.
 
@@ -105,10 +117,10 @@ def render_image(
     camera: Camera,
     solids: Sequence[SceneObject],
     others: Sequence[SceneObject],
-    spacing: float,
     scenery: Sequence[SceneObject] = (),
     ground: Ground | None = SCREEN,
-    origin: float = 0.0,
+    clear: float = CLEAR,
+    course: Course | None = None,
 ) -> Image.Image:
     """Draw solids (which cast shadows) and other objects on the ground.
 
@@ -116,23 +128,28 @@ def render_image(
         camera: The view.
         solids: Of the machine.
         others: Other objects.
-        spacing: Between the lines on the ground, m.
         scenery: Objects that are as glass where they would hide the rest.
         ground: Its colours; None for a transparent picture without shadows.
-        origin: z from which the lines count, m.
+        clear: How far its grid is clear, as `backdrop.CLEAR`.
+        course: Marks of distances; None: there are none.
     """
     large = replace(camera, width=SMOOTH * camera.width, height=SMOOTH * camera.height)
     if ground is None:
         nothing = Image.new("RGBA", (large.width, large.height), (0, 0, 0, 0))
         return draw(large, (*others, *solids), nothing, scenery).reduce(SMOOTH)
-    behind = backdrop(large, solids, spacing, ground, origin)
-    return draw(large, (*others, *solids), behind, scenery).reduce(SMOOTH).convert("RGB")
+    behind = backdrop(large, solids, ground, clear, course)
+    picture = draw(large, (*others, *solids), behind, scenery)
+    if course is not None:
+        mark_distances(picture, behind, large, course, ground)
+    return picture.reduce(SMOOTH).convert("RGB")
 
 
 def caption(picture: Image.Image, text: str) -> None:
-    """Write text into the upper left corner of a picture."""
-    font = ImageFont.load_default(size=max(12, picture.height // 24))
-    ImageDraw.Draw(picture).text((10, 8), text, fill=INK, font=font)
+    """Write text into the upper left corner of a picture: in white where that is dark."""
+    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=max(12, picture.height // 24))
+    area = picture.crop(pen.textbbox((10, 8), text, font=font)).convert("L")
+    dark = np.asarray(area).mean() < DIM
+    pen.text((10, 8), text, fill="white" if dark else INK, font=font)
 
 
 def content_of(picture: Image.Image) -> bytes:
@@ -151,27 +168,27 @@ def _picture(
 ) -> Image.Image:
     if view not in (*VIEWS, SHEET):
         raise UnknownNameError("view", view, (*VIEWS, SHEET))
-    shapes, scene, ground = MachineSolids(machine), options.scene, options.ground
-    if ground is not None and options.scale:
-        ground = replace(ground, bare=True)
+    shapes, scene = MachineSolids(machine), options.scene
     pose = shapes.rest if scene is None else shapes.rest.at_start(scene.start)
     solids = shapes.objects(pose, red)
     points = np.concatenate([corners_of(solid) for solid in solids])
     if scene is not None:
         bounds = np.array(frame_of(scene.objects, points))
         points = CORNERS * np.ptp(bounds, axis=0) + bounds.mean(axis=0)
+    elif view == "three-quarter" and options.ground is not None:
+        points = np.concatenate([points, *(shadow_of(solid) for solid in solids)])
     names = tuple(VIEWS) if view == SHEET else (view,)
-    if view == SHEET:
-        size = (size[0] // 2, size[1] // 2)
-    views = [View(VIEWS[name], size, ORTHOGRAPHIC if options.scale else 30.0) for name in names]
+    cell = (-(-size[0] // COLUMNS), -(-size[1] // 2)) if view == SHEET else size
+    angle = ORTHOGRAPHIC if options.scale else 30.0
+    views = [View(VIEWS[name], cell, angle, FILL) for name in names]
     fits = [fit(points, each) for each in views]
     same = max(distance for _, distance in fits) if options.scale else None
     tiles = []
     for name, each, (target, distance) in zip(names, views, fits, strict=True):
         camera = camera_at(target, same or distance, each)
         others = () if scene is None else scene.objects
-        spacing = 1.0 if scene is None else GRID
-        tile = render_image(camera, solids, (), spacing, others, ground)
+        clear = CLEAR if scene is None else FAR
+        tile = render_image(camera, solids, (), others, options.ground, clear)
         if options.axes:
             if options.ground:  # so that no label of a distance is behind their names
                 side = (CORNER + 1.5 * ARROW) * _factor(tile)
@@ -183,20 +200,24 @@ def _picture(
         if view == SHEET:
             caption(tile, name)
         tiles.append(tile)
-    return tiled(tiles, COLUMNS)
+    return tiled(tiles, COLUMNS, size)
 
 
-def tiled(tiles: Sequence[Image.Image], columns: int, *, framed: bool = True) -> Image.Image:
-    """Pictures of equal size as one, in rows; a single one stays as it is."""
+def tiled(
+    tiles: Sequence[Image.Image], columns: int, size: Size | None = None, *, framed: bool = True
+) -> Image.Image:
+    """Pictures of equal size as one of a size, by default that of all; a single one stays as it
+    is."""
     if len(tiles) == 1:
         return tiles[0]
-    width, height = tiles[0].size
     rows = -(-len(tiles) // columns)
-    whole = Image.new(tiles[0].mode, (columns * width, rows * height), "white")
+    width, height = size or (columns * tiles[0].width, rows * tiles[0].height)
+    whole = Image.new(tiles[0].mode, (width, height), "white")
     for index, tile in enumerate(tiles):
         if framed:
-            ImageDraw.Draw(tile).rectangle((0, 0, width - 1, height - 1), outline=INK)
-        whole.paste(tile, (index % columns * width, index // columns * height))
+            ImageDraw.Draw(tile).rectangle((0, 0, tile.width - 1, tile.height - 1), outline=FRAME)
+        row, column = divmod(index, columns)
+        whole.paste(tile, (column * width // columns, row * height // rows))
     return whole
 
 
@@ -209,7 +230,7 @@ def draw_axes(picture: Image.Image, camera: Camera) -> None:
     for name, axis in zip(AXES, np.eye(3), strict=True):
         across, rise = ARROW * f * float(right @ axis), -ARROW * f * float(up @ axis)
         x, y = start[0] + across, start[1] + rise
-        pen.line((*start, x, y), fill=AXES[name], width=3 * f)
+        pen.line((*start, x, y), fill=AXES[name], width=round(3 * f))
         if abs(across) + abs(rise) > ARROW * f / 4:
             where = (x + across * 0.35, y + rise * 0.35)
             pen.text(where, f"{name}+", AXES[name], font, "mm", stroke_width=2, stroke_fill="white")
@@ -220,14 +241,14 @@ def draw_scale(picture: Image.Image, camera: Camera) -> None:
     f = _factor(picture)
     away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
     pixels = camera.focal_length / away
-    metres = max((s for s in SCALES if s * pixels <= picture.width / 4), default=SCALES[0])
+    metres = max((s for s in SCALES if s * pixels <= picture.width / 2.5), default=SCALES[0])
     right, y = picture.width - 20 * f, picture.height - 20 * f
-    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=13 * f)
-    pen.line((right - metres * pixels, y, right, y), fill=INK, width=3 * f)
+    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=15 * f)
+    pen.line((right - metres * pixels, y, right, y), fill=INK, width=round(3 * f))
     where = (right - metres * pixels / 2, y - 12 * f)
     pen.text(where, f"{metres:g} m", INK, font, "mm", stroke_width=2, stroke_fill="white")
 
 
-def _factor(picture: Image.Image) -> int:
-    """How many times larger what is written is than in a picture 480 pixels high."""
-    return max(1, round(picture.height / 480))
+def _factor(picture: Image.Image) -> float:
+    """How many times larger what is written is than in a picture of 480 pixels."""
+    return max(1.0, min(picture.size) / 480)

@@ -12,6 +12,7 @@ const NEAR = 12; // blocks within so many metres of the root stay in the picture
 const FAR = 30; // the same for bodies with a trace
 const WIDEST = 40; // largest objects that the wide view includes, metres
 const MARGIN = 0.4; // metres
+const ENDING = 1; // seconds in which the view widens at the end
 
 /** Boxes are rows of six numbers: the centre in the world, then half the extents in the camera's frame, metres. */
 export class Framing {
@@ -22,6 +23,7 @@ export class Framing {
     const boxes = boxesOverTime(film, machine, found, frame.clone().transpose());
     this.path = smoothPath(boxes, frame);
     this.whole = centreAndHalfSize(boxOfAll(boxes, machine, frame.clone().transpose()), frame);
+    if (!machine.hero && machine.flag) this.path = endWide(this.path, this.whole);
   }
 
   /** The box around the action at a time. */
@@ -63,8 +65,9 @@ function isFlat(film, found) {
   return y < FLAT * Math.min(x, z);
 }
 
-/** For each moment, the box around the bodies near the root and the tracked body, in the camera's frame. */
-function boxesOverTime(film, { hero, traces }, found, back) {
+/** For each moment, the box around the bodies near the root and the way of the tracked body, in the camera's frame. */
+function boxesOverTime(film, { hero, traces, flag }, found, back) {
+  const flown = new THREE.Box3(); // the way of a boulder until it lands
   const traced = traces.map(({ body }) => body);
   const boxes = [];
   for (let time = 0; time <= film.duration + EVERY; time += EVERY) {
@@ -74,9 +77,11 @@ function boxesOverTime(film, { hero, traces }, found, back) {
     const box = new THREE.Box3();
     found.forEach((points, body) => {
       const near = place(body).distanceTo(root) < (traced.includes(body) ? FAR : NEAR);
-      if (near || body === hero) expandBox(box, film, body, points, back);
+      const followed = body === hero && time <= (flag?.time ?? Infinity);
+      if (near || (followed && !hero)) expandBox(box, film, body, points, back);
+      if (followed && hero) expandBox(flown, film, body, points, back);
     });
-    boxes.push(box);
+    boxes.push(box.union(flown));
   }
   return boxes;
 }
@@ -120,6 +125,14 @@ function smoothPath(boxes, frame) {
   });
   const sizes = slideWindow(slideWindow(needed, (values) => Math.max(...values)), (values) => values.reduce((a, b) => a + b) / values.length);
   return middles.map((point, index) => [...point.applyMatrix4(frame), ...sizes[index]]);
+}
+
+/** A path that ends with the whole course, from where the machine started to where it got. */
+function endWide(path, whole) {
+  return path.map((row, index) => {
+    const share = THREE.MathUtils.smoothstep(index * EVERY, (path.length - 1) * EVERY - ENDING, (path.length - 1) * EVERY);
+    return row.map((value, axis) => value + share * (whole[axis] - value));
+  });
 }
 
 /** Apply a function to each number and its neighbours in time. */

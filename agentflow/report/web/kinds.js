@@ -16,33 +16,41 @@ function archiveParts({ axes, cells, size, coverage, qd_score }, choose) {
   const shown = panels.map(([title, index]) => [title, cells.filter(({ cell }) => index === null || cell[2] === index)])
     .filter(([, found]) => found.length);
   return [
-    el("p", {}, `${cells.length} of ${size} cells have a machine (${formatNumber(100 * coverage, 1)} %). QD score: ${formatNumber(qd_score)}.`),
+    el("p", {}, `${cells.length} of ${size} cells have a machine (${formatNumber(100 * coverage, 1)} %). The sum of their scores, the QD score, is ${formatNumber(qd_score)}.`),
     el("div", { class: "heats" }, ...shown.map(([title, found]) => heatMap(title, axes, found, best, choose))),
-    el("p", { class: "quiet" }, "Each cell with a number is the best machine of its kind, with its score; stronger colour means a higher one. ",
-      "Numbers at the axes are lower bounds, or single whole numbers. Select a cell to see its machine.",
+    el("p", { class: "quiet" }, "Each coloured cell is the best machine of its kind; stronger colour means a higher score. ",
+      "Numbers in cells are scores; those at the axes are lower bounds, or single whole numbers. Cells farther out are empty. Select a cell to see its machine.",
       shown.length < panels.length ? ` Grids without a machine are left out: ${panels.length - shown.length} of ${panels.length}.` : ""),
   ];
 }
 
-/** One grid: the first axis across, the second upwards (a single row without one). */
+/** One grid: the first axis across, the second upwards (a single row without one), as far as there are machines. */
 function heatMap(title, [across, up], cells, best, choose) {
   const found = new Map(cells.map((item) => [item.cell.slice(0, 2).join(), item]));
-  const rows = up ? up.cells.map((name, index) => [name, index]).reverse() : [["", undefined]];
+  const [columns, rows] = [shownCells(across, cells, 0), up ? shownCells(up, cells, 1).reverse() : [["", undefined]]];
   return el("table", { class: "heat", "aria-label": revealHidden(title) || "Archive" },
     el("caption", {}, title),
-    el("tbody", {}, ...rows.map(([name, y]) => el("tr", {},
-      y === up?.cells.length - 1 ? el("th", { class: "up", rowspan: up.cells.length }, el("span", {}, up.name)) : null, el("th", { scope: "row" }, name),
-      ...across.cells.map((_, x) => heatCell(found.get(y === undefined ? `${x}` : `${x},${y}`), best, choose))))),
+    el("tbody", {}, ...rows.map(([name, y], index) => el("tr", {},
+      index || !up ? null : el("th", { class: "upwards", rowspan: rows.length }, up.name),
+      el("th", { scope: "row" }, name),
+      ...columns.map(([, x]) => heatCell(found.get(y === undefined ? `${x}` : `${x},${y}`), best, choose))))),
     el("tfoot", {},
-      el("tr", {}, el("td", { colspan: up ? 2 : 1 }), ...across.cells.map((name) => el("th", { scope: "col" }, name))),
-      el("tr", {}, el("td", { colspan: across.cells.length + (up ? 2 : 1) }, across.name))));
+      el("tr", {}, el("td", { colspan: up ? 2 : 1 }), ...columns.map(([name]) => el("th", { scope: "col" }, name))),
+      el("tr", {}, el("td", { colspan: up ? 2 : 1 }), el("td", { colspan: columns.length }, across.name))));
+}
+
+/** The names and numbers of an axis's cells from the first that has a machine to one after the last. */
+function shownCells({ cells: names }, cells, axis) {
+  const used = cells.map(({ cell }) => cell[axis]);
+  const [first, last] = [Math.max(0, Math.min(...used) - 1), Math.max(...used, Math.min(...used) + 3) + 1];
+  return names.map((name, index) => [name, index]).slice(first, last + 1);
 }
 
 function heatCell(item, best, choose) {
   if (!item) return el("td", {});
   const text = revealHidden(`${item.mechanism ?? "unknown mechanism"}: ${formatNumber(item.score)}`);
   const button = el("button", { title: text, "aria-label": text, click: () => choose(item.machine) }, formatNumber(item.score, 1));
-  button.style.setProperty("--share", `${Math.round(15 + 55 * Math.max(0, item.score / best))}%`);
+  button.style.setProperty("--share", `${Math.round(10 + 50 * Math.max(0, item.score / best))}%`);
   return el("td", {}, button);
 }
 

@@ -53,11 +53,11 @@ export const shadows = new THREE.ShaderMaterial({
   stencilZPass: THREE.ReplaceStencilOp,
 });
 
-/** The ground, with lines every 1, 5 and 50 metres from z = `origin`, as far as they are a few pixels apart. It is clear
+/** The ground, with lines every 1, 5 and 50 metres from where z is `zero`, as far as they are a few pixels apart. It is clear
  *  up to `clear` metres from the eye and fades into the sky beyond. */
 export function ground() {
   const material = new THREE.ShaderMaterial({
-    uniforms: { sky: { value: null }, land: { value: null }, line: { value: null }, clear: { value: 0 }, origin: { value: 0 } },
+    uniforms: { sky: { value: null }, land: { value: null }, line: { value: null }, clear: { value: 0 }, zero: { value: 0 } },
     vertexShader: `
       varying vec3 place;
       void main() {
@@ -65,10 +65,10 @@ export function ground() {
         gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.0);
       }`,
     fragmentShader: `
-      uniform vec3 sky, land, line; uniform float clear, origin; varying vec3 place;
+      uniform vec3 sky, land, line; uniform float clear, zero; varying vec3 place;
       float lines(float every) {
         vec2 pixel = fwidth(place.xz) / every;
-        vec2 off = 0.5 - abs(fract((place.xz - vec2(0.0, origin)) / every) - 0.5);
+        vec2 off = 0.5 - abs(fract((place.xz - vec2(0.0, zero)) / every) - 0.5);
         vec2 ink = clamp(1.0 - off / pixel, 0.0, 1.0) * clamp(1.25 - 6.0 * pixel, 0.0, 1.0);
         return max(ink.x, ink.y);
       }

@@ -35,9 +35,9 @@ export class Picture {
     this.machine = machine;
     this.solids = new Solids(machine, shapes);
     this.traces = machine.traces.map(({ body }, index) => pathDots(film, body, index));
-    const origin = machine.flag?.origin ?? 0; // where the score is 0
-    this.ground.material.uniforms.origin.value = origin;
-    this.labels = new DistanceLabels(film, machine.hero, origin);
+    const zero = machine.flag?.start ?? 0;
+    this.ground.material.uniforms.zero.value = zero;
+    this.labels = new DistanceLabels(film, machine.hero, zero);
     if (machine.flag) this.labels.flag(machine.flag);
     this.stage.add(...this.solids.meshes, ...this.traces, this.labels.group);
   }

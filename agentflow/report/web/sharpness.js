@@ -1,7 +1,7 @@
 // The resolution of a 3D view: full at rest, lower while frames are slow.
 
 const SLOW = 32; // milliseconds per frame above which the resolution is reduced
-const COARSEST = 0.5; // lowest resolution, as a share of the canvas
+const COARSEST = 0.6; // lowest resolution, as a share of the canvas
 
 export class Sharpness {
   /** @param draw asks for a frame */

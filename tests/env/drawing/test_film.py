@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from agentflow.env.drawing import film
-from agentflow.env.drawing.cameras import Camera
+from agentflow.env.drawing.cameras import SIDE, Camera, View, project
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.mp4 import save_mp4
 from agentflow.env.rollout import Broken, Rollout
@@ -20,6 +20,7 @@ from agentflow.env.scene import SceneObject
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
+from agentflow.machine.tree import Machine
 from tests.env.drawing.mp4boxes import boxes_of
 from tests.env.far_throw import far_throw
 from tests.env.machines import CAR
@@ -35,11 +36,20 @@ def drive() -> tuple[Task, Rollout]:
     return task, rollout
 
 
+def frames_of(
+    machine: Machine, task: Task, rollout: Rollout, size: tuple[int, int]
+) -> list[Image.Image]:
+    assert rollout.trace is not None
+    view = View(back=SIDE, size=size)
+    cameras = film._cameras(rollout.trace, film.tracked_block(machine), view)
+    return list(film._frames(machine, task, rollout, rollout.trace, dict(enumerate(cameras))))
+
+
 def reds(rollout: Rollout) -> list[int]:
     """How many red pixels each frame has: at 0, 0.2, 0.4, 0.6, 0.8 and 1 s."""
     assert rollout.trace is not None
     counts = []
-    for frame in film._frames(CAR, drive()[0], rollout, rollout.trace, (320, 240)):
+    for frame in frames_of(CAR, drive()[0], rollout, (320, 240)):
         pixels = np.asarray(frame).astype(np.int64)
         counts.append(int((pixels[:, :, 0] > 90 + pixels[:, :, 1:].max(axis=2)).sum()))
     return counts
@@ -85,6 +95,7 @@ def test_a_score_is_told_with_a_flag_once_it_is_earned_and_in_the_last_moment_of
     assert landing is not None
     assert (landing.time, landing.words) == (1.0, f"{rollout.score:.2f} m")
     assert landing.place[2] == pytest.approx(rollout.score, abs=0.01)
+    assert landing.start == pytest.approx(0.0, abs=0.01)
     film.save_strip(CAR, task, rollout, tmp_path / "x.png", size=(360, 90), count=3)
     strip = np.asarray(Image.open(tmp_path / "x.png"))
     assert strip.shape == (90, 360, 3)
@@ -101,11 +112,53 @@ def test_distance_marks_count_from_where_the_score_is_0() -> None:
     landing = film.landing_of(CAR, rollout)
     assert landing is not None
     assert rollout.trace is not None
-    assert landing.place[2] - landing.origin == pytest.approx(rollout.score)
+    assert landing.start is not None
+    assert landing.place[2] - landing.start == pytest.approx(rollout.score)
     moved = replace(rollout.trace, centre=rollout.trace.centre + np.array([0.0, 0.0, 7.0]))
     shifted = film.landing_of(CAR, replace(rollout, trace=moved))
     assert shifted is not None
-    assert shifted.origin == pytest.approx(landing.origin + 7.0)
+    assert shifted.start == pytest.approx(landing.start + 7.0)
+
+
+def test_a_throw_counts_from_where_its_boulder_was_and_all_its_way_is_in_view() -> None:
+    """The mark 0 and the flag are as far apart as the score, wherever the machine stands."""
+    machine, _, rollout = far_throw()
+    assert rollout.trace is not None
+    boulder = rollout.trace.centre[:, film.tracked_block(machine)]
+    landing = film.landing_of(machine, rollout)
+    assert landing is not None
+    assert landing.start is None  # its flight was stretched, its score was not
+    rollout = replace(rollout, score=landing.place[2] - float(boulder[0, 2]))
+    landing = film.landing_of(machine, rollout)
+    assert landing is not None
+    assert landing.start is not None
+    assert abs(landing.start) > 1.0
+    assert landing.start == pytest.approx(boulder[0, 2])
+    assert landing.place[2] - landing.start == pytest.approx(rollout.score)
+    assert rollout.trace is not None
+    trace = rollout.trace.even
+    last = int(np.searchsorted(trace.times, landing.time))
+    view = View(back=SIDE, size=(320, 240))
+    for index, camera in enumerate(film._cameras(trace, film.tracked_block(machine), view, last)):
+        flown = trace.centre[: min(index + 1, last), film.tracked_block(machine)]
+        places = project(flown, camera)
+        assert (places > 0).all()
+        assert (places < (320, 240)).all()
+
+
+@pytest.mark.parametrize(
+    ("count", "size", "rows"),
+    [
+        (5, (2000, 800), [3, 2]),
+        (3, (1800, 450), [3]),
+        (5, (2400, 360), [5]),
+        (2, (300, 900), [1, 1]),
+    ],
+)
+def test_moments_are_in_as_many_rows_as_suit_the_whole_picture(
+    count: int, size: tuple[int, int], rows: list[int]
+) -> None:
+    assert film._rows(count, size) == rows
 
 
 def test_one_frame_alone_makes_an_mp4_too(tmp_path: Path) -> None:
@@ -131,7 +184,7 @@ def test_a_block_is_red_from_the_moment_it_breaks() -> None:
     hurt = np.array(reds(replace(rollout, broken=(broken,))))
     more = hurt - reds(rollout)
     assert more[:3].tolist() == [0, 0, 0]
-    assert (more[3:] > 100).all()
+    assert (more[3:] > 80).all()
 
 
 @pytest.mark.slow
@@ -156,7 +209,7 @@ def test_tall_objects_before_the_machine_are_left_out_low_ones_are_not() -> None
 def test_the_camera_follows_smoothly() -> None:
     _, rollout = drive()
     assert rollout.trace is not None
-    cameras = film._cameras(rollout.trace, 0, film.View(back=film.SIDE, size=SIZE))
+    cameras = film._cameras(rollout.trace, 0, View(back=SIDE, size=SIZE))
     targets = np.array([camera.target for camera in cameras])
     moves = [float(np.linalg.norm(after - before)) for before, after in pairwise(targets)]
     assert len(cameras) == 6
@@ -169,7 +222,7 @@ def test_a_far_throw_shows_machine_walls_and_boulder_in_every_frame() -> None:
     machine, task, rollout = far_throw()
     assert rollout.trace is not None
     every = [0, 20, 40, 60, 90, 120, 150]
-    frames = list(film._frames(machine, task, rollout, rollout.trace, (320, 240)))
+    frames = frames_of(machine, task, rollout, (320, 240))
     rightmost = []
     for index in every:
         pixels = np.asarray(frames[index]).astype(np.int64)

@@ -62,7 +62,7 @@ def test_all_views_differ_and_a_sheet_shows_them_all(tmp_path: Path) -> None:
         pictures[view] = pixels_of(tmp_path / "x.png")
     for one, other in combinations(pictures, 2):
         assert np.abs(pictures[one] - pictures[other]).max() > 60, (one, other)
-    render_png(BALLASTED, tmp_path / "sheet.png", view="sheet", size=(160, 120))
+    render_png(BALLASTED, tmp_path / "sheet.png", view="sheet", size=(240, 120))
     sheet = pixels_of(tmp_path / "sheet.png")
     assert sheet.shape == (120, 240, 3)
     tile = sheet[60 + 24 : 119, 1:79]  # below its name, within its frame
@@ -118,6 +118,21 @@ def test_a_spring_spans_the_faces_that_it_hangs_on() -> None:
     )
 
 
+def test_from_its_sides_and_from_above_a_machine_has_neither_grid_nor_shadow(
+    tmp_path: Path,
+) -> None:
+    found = {}
+    for view in VIEWS:
+        options = StillOptions(PAPER, scale=view != "three-quarter")
+        render_png(ARROW, tmp_path / "x.png", view=view, size=(160, 120), options=options)
+        pixels = pixels_of(tmp_path / "x.png")[:80]  # above the scale
+        grey = (np.ptp(pixels, axis=2) == 0) & (pixels[:, :, 0] > 150) & (pixels[:, :, 0] < 250)
+        found[view] = np.flatnonzero(grey.any(axis=1)).size
+    assert found.pop("three-quarter") > 30
+    assert found.pop("top") == 0
+    assert max(found.values()) <= 3  # the line of the ground
+
+
 def alpha(path: Path) -> NDArray[np.uint8]:
     return np.asarray(Image.open(path).convert("RGBA"))[:, :, 3]
 
@@ -134,7 +149,7 @@ def test_nothing_is_behind_a_machine_on_no_ground_and_white_on_paper(tmp_path: P
 
 def test_all_views_of_a_sheet_to_scale_have_one_scale(tmp_path: Path) -> None:
     path = tmp_path / "x.png"
-    render_png(ARROW, path, view="sheet", size=(320, 240), options=StillOptions(None, scale=True))
+    render_png(ARROW, path, view="sheet", size=(480, 240), options=StillOptions(None, scale=True))
     tiles = [alpha(path)[2:90, 2 + 160 * i : 158 + 160 * i] > 0 for i in range(3)]
     rows = [int(np.flatnonzero(tile[22:].any(axis=1)).size) for tile in tiles]
     assert max(rows) - min(rows) <= 1  # as high from the front, from the back and from the left
