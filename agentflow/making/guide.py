@@ -109,5 +109,5 @@ def _picture(new: Sequence[SceneObject], view: View, old: Sequence[SceneObject] 
     """A picture of new solids and old ones, which are as glass where they would hide new ones."""
     target, distance = fit(np.concatenate([corners_of(solid) for solid in (*new, *old)]), view)
     return picture_url(
-        render_image(camera_at(target, distance, view), new, (), 1.0, old).quantize(COLORS)
+        render_image(camera_at(target, distance, view), new, (), old).quantize(COLORS)
     )
