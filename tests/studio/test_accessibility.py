@@ -39,6 +39,7 @@ STUDIO = {
     "run": "run?run=throwing",
     "pair": "pair?a=throwing&b=again",
     "gallery": "gallery",
+    "tasks": "tasks",
     "leaderboard": "leaderboard",
     "curves": "curves?runs=%5B%22throwing%22%2C%22again%22%5D",
     "sessions": "sessions",

@@ -27,6 +27,7 @@ PAGES = {
     "sessions": "sessions",
     "replay": "replay?session=one",
     "gallery": "gallery",
+    "tasks": "tasks",
     "leaderboard": "leaderboard",
 }
 SHARED = {"card", "cards", "facts", "files", "pair", "player", "problem", "quiet", "said", "task"}
