@@ -49,7 +49,7 @@ ENDING = 0.5
 TALL, ENDLESS = 2.0, 1000.0
 """Height above which objects can hide the machine, and the height that they then count with, m."""
 TRAIL = (200, 40, 30)
-COLORS = 64
+COLORS = 48
 
 
 def save_film(

@@ -44,7 +44,7 @@ SMOOTH = 2
 INK, FRAME = (30, 32, 36), (178, 182, 176)
 DIM = 140
 """Brightness below which letters on it are white, of 255."""
-FAR = 4.0
+FAR = 3.0
 """How far the grid of a level is clear, as `backdrop.CLEAR`."""
 ORTHOGRAPHIC = 1.0
 """Field of view of pictures to scale, degrees: so narrow that lengths do not depend on distance."""
