@@ -57,8 +57,8 @@ if TYPE_CHECKING:
     from agentflow.notebook.loading import load as load
     from agentflow.notebook.machine_rows import CurvePoint as CurvePoint
     from agentflow.notebook.recorded import Run as Run
+    from agentflow.notebook.recorded import Sweep as Sweep
     from agentflow.notebook.recorded import load_runs as load_runs
-    from agentflow.notebook.sweeps import Sweep as Sweep
     from agentflow.rewards import Reward as Reward
     from agentflow.rewards import reward as reward
     from agentflow.rewards import reward_async as reward_async
@@ -82,8 +82,7 @@ _MODULES = {
     "agentflow.notebook.figures.plot": "plot",
     "agentflow.notebook.loading": "Card Evaluation Training load",
     "agentflow.notebook.machine_rows": "CurvePoint",
-    "agentflow.notebook.recorded": "Run load_runs",
-    "agentflow.notebook.sweeps": "Sweep",
+    "agentflow.notebook.recorded": "Run Sweep load_runs",
     "agentflow.rewards": "Reward reward reward_async",
 }
 """Module -> the names that this package offers from it, as above for type checkers."""

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from agentflow.env.verification import Verification
     from agentflow.llm.function import FunctionClient, ModelFunction
     from agentflow.machine.building import MachineBuilder
-    from agentflow.notebook.sweeps import Sweep
+    from agentflow.notebook.recorded import Sweep
     from agentflow.runs import Listener, Notify, RunResult
 
 MachineLike = Machine | str | list[dict[str, Any]] | dict[str, Any] | Path

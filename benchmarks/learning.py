@@ -17,7 +17,7 @@ from statistics import fmean
 from typing import Any
 
 from agentflow.metrics.tables import Column, Row, Table, markdown
-from agentflow.training.evaluation.collection import Collection, collect
+from agentflow.training.evaluation.record import Collection, collect
 from agentflow.training.evaluation.tables import best_table, uncertainty_table
 from agentflow.training.record import TrainingRecord
 

@@ -25,10 +25,9 @@ from agentflow.errors import UsageError
 from agentflow.machine import Machine, Problem, place, spatial_problems
 from agentflow.machine.build_order import build_order
 from agentflow.machine.edits.random import random_machine
-from agentflow.making.bill import bill
-from agentflow.making.guide import steps_of
+from agentflow.making.guide import bill, steps_of
+from agentflow.making.parts import Making, making
 from agentflow.making.printing import machine_3mf, machine_stl
-from agentflow.making.sizes import Making, making
 from agentflow.making.step import machine_step
 from agentflow.making.usd import machine_usd
 from tests.cad.reading import expected, read_3mf, read_mesh, read_step

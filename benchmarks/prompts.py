@@ -13,11 +13,10 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from agentflow.agents.base import Role
-from agentflow.agents.designer import Designer, DesignerInput
+from agentflow.agents.designer import Designer, DesignerInput, Placer, PlacerInput
 from agentflow.agents.history import EditRecord, History
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
-from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.env.query import answer_queries

@@ -29,8 +29,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine, read_machine
 from agentflow.metrics.tables import Column, Row, Table, markdown
-from agentflow.models.local.folder import ModelFolder, read_folder
-from agentflow.models.local.shorthand import shorten
+from agentflow.models.local.folder import ModelFolder, read_folder, shorten
 from agentflow.training.config import TinyModel, read_config
 from agentflow.training.data.pairs import TRAIN, read_pairs
 from agentflow.training.evaluation.record import read_replies

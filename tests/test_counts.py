@@ -37,10 +37,9 @@ from agentflow.machine.edits.script import MAX_COMMANDS
 from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.search.registry import STRATEGIES
 from agentflow.study.episodes import Label
-from agentflow.study.labelling import AFTER, BEFORE
+from agentflow.study.segments import AFTER, BEFORE
 from agentflow.tools.bench import MOST_CHARACTERS, TOOLS
-from agentflow.workflows.tools.stages import ROLLOUTS
-from agentflow.workflows.tools.workflow import MOST_CALLS, MOST_REFUSED, MOST_SILENT
+from agentflow.workflows.tools import MOST_CALLS, MOST_REFUSED, MOST_SILENT, ROLLOUTS
 from tests.loops import for_each
 from tests.pages import PAGES, page, rows
 

@@ -1,20 +1,22 @@
-"""The designer: builds a whole machine, or adds one structure of a blueprint to a machine; before
-that it may send a draft."""
+"""The designer: builds a whole machine, or adds one structure of a blueprint; the placer adds
+blocks to a given structure."""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.context import ROOT_TYPE, RoleInput
+from agentflow.agents.context import ROOT_TYPE, RoleInput, block_rows, task_context
 from agentflow.agents.meta_designer import Blueprint, Structure
-from agentflow.agents.replies import machine_items, no_machine, read_reply, rejection
+from agentflow.agents.replies import machine_items, machine_text, no_machine, read_reply, rejection
 from agentflow.llm.procedural.designing import design
+from agentflow.llm.procedural.placing import place_cogs
 from agentflow.llm.procedural.reading import Script
+from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
 from agentflow.machine.description.geometry_info import describe_text
 from agentflow.machine.description.statics_text import statics_text
@@ -211,3 +213,41 @@ def _find_foreign_block(machine: Machine, given: DesignerInput) -> tuple[str, st
                 f"does not allow; allowed: {allowed}.",
             )
     return None
+
+
+@dataclass(frozen=True)
+class PlacerInput:
+    """A task; its brief holds the given structure."""
+
+    brief: Brief
+
+
+class Placer(Role[PlacerInput, DesignedMachine]):
+    """Adds blocks to a given structure."""
+
+    name: ClassVar[str] = "placer"
+    stage: ClassVar[str] = "initial"
+    tokens: ClassVar[tuple[int, int]] = (3230, 220)
+    model_role: ClassVar[str] = "designer"
+    labels: ClassVar[tuple[str, ...]] = ("Build",)
+    script: ClassVar[Script] = Script(place_cogs, "Place cogs")
+
+    @classmethod
+    def sample(cls, brief: Brief, machine: Machine) -> PlacerInput:  # noqa: ARG003
+        return PlacerInput(brief)
+
+    def variables(self, given: PlacerInput) -> Mapping[str, object]:
+        brief, start = given.brief, given.brief.given
+        kinds = {*brief.blocks, *(step.type for step in start.steps[1:])}
+        return {
+            **task_context(brief),
+            "blocks": block_rows([library()[kind] for kind in sorted(kinds)]),
+            "machine": machine_text(start, "tree"),
+            "first_id": len(start),
+            "first_step": json.dumps(start[0].to_json()),
+        }
+
+    def parse(self, text: str, given: PlacerInput) -> Parsed[DesignedMachine]:
+        """Read the last machine of the reply, as the designer does."""
+        parsed = Designer().parse(text, DesignerInput(given.brief))
+        return parsed if parsed.parsed else replace(parsed, spatial=None)

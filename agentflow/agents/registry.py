@@ -21,7 +21,7 @@ ROLES: Registry[type[Role[Any, Any]]] = Registry(
         "querier": "agentflow.agents.querier:Querier",
         "refiner": "agentflow.agents.refiner:Refiner",
         "analyst": "agentflow.agents.analyst:Analyst",
-        "placer": "agentflow.agents.placer:Placer",
+        "placer": "agentflow.agents.designer:Placer",
         "agent": "agentflow.agents.tool_agent:Agent",
     },
     subclass_of("agentflow.agents.base:Role", named_by="name"),

@@ -11,8 +11,7 @@ from agentflow.errors import UsageError
 from agentflow.machine import Brief, Machine, apply_script, check, describe_text, read_machine
 from agentflow.machine.edits.commands import is_machine, script_lines
 from agentflow.prompts.render import PromptSet
-from agentflow.rewards import Reward
-from agentflow.rewards.scoring import Sample, Scorer, require_score
+from agentflow.rewards import Reward, Sample, Scorer, require_score
 
 RULES = ("world", "format", "geometry", "rules", "motion", "edits", "feedback")
 """Parts of the prompts that say how machines are built and changed."""

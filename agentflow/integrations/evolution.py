@@ -14,8 +14,7 @@ from typing import Any
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import check, read_machine
-from agentflow.rewards import Reward, reward_async
-from agentflow.rewards.scoring import Sample, require_score, shared_scorer
+from agentflow.rewards import Reward, Sample, require_score, reward_async, shared_scorer
 
 Candidate = str | Mapping[str, str]
 """The text of a machine in any format, or named texts with that as the only one."""

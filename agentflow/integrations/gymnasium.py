@@ -22,7 +22,7 @@ from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.errors import UnknownNameError
 from agentflow.extras import needs_extra
 from agentflow.integrations.episode import DesignEpisode
-from agentflow.rewards.scoring import Sample, Scorer, read_knobs
+from agentflow.rewards import Sample, Scorer, read_knobs
 
 with needs_extra("gymnasium"):
     import gymnasium

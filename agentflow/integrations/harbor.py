@@ -26,7 +26,7 @@ from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import NoScoreError, UsageError
 from agentflow.files.atomic import write_output
 from agentflow.integrations.episode import rules_of
-from agentflow.rewards.scoring import Sample, require_score, shared_scorer
+from agentflow.rewards import Sample, require_score, shared_scorer
 from agentflow.version import __version__
 
 FILES = {

@@ -35,12 +35,11 @@ from agentflow.config.run import DesignConfig
 from agentflow.env.archive import rollout_json
 from agentflow.env.tasks.registry import FAMILIES, get_level, task_names
 from agentflow.integrations.session import Benches
-from agentflow.rewards import Reward
-from agentflow.rewards.scoring import Sample, shared_scorer
+from agentflow.rewards import Reward, Sample, shared_scorer
 from agentflow.runs.locations import FEEDBACK, StageName
 from agentflow.tools import Bench, ToolSpec
 from agentflow.version import __version__
-from agentflow.workflows.tools.workflow import MOST_CALLS, workflow_of
+from agentflow.workflows.tools import MOST_CALLS, workflow_of
 
 
 @solver

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from agentflow.errors import UsageError
 from agentflow.integrations.session import Benches, BenchSession
-from agentflow.rewards.scoring import shared_scorer
+from agentflow.rewards import shared_scorer
 
 OPTIONS = ("seed", "episode_id", "task", "knobs")
 

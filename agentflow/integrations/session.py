@@ -14,12 +14,11 @@ from agentflow.app.sessions.clients import RunSession
 from agentflow.config.run import DesignConfig
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.tasks.registry import get_task
-from agentflow.rewards.scoring import Sample, Scorer, read_knobs, shared_scorer
+from agentflow.rewards import Sample, Scorer, read_knobs, shared_scorer
 from agentflow.runs.locations import FEEDBACK
 from agentflow.tools import Bench, ToolResult, ToolSpec
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.stages import Worker
-from agentflow.workflows.tools.workflow import TOOLS, workflow_of
+from agentflow.workflows.tools import TOOLS, Worker, workflow_of
 
 FAULTS = ("timeout", "crashed")
 """Statuses of simulations that say nothing about their machine."""

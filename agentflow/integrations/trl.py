@@ -18,7 +18,7 @@ from PIL import Image
 
 from agentflow.env.physics.engine import AUTO
 from agentflow.integrations.session import Benches, BenchSession, signature_of
-from agentflow.rewards.scoring import Sample, Scorer, read_knobs, shared_scorer
+from agentflow.rewards import Sample, Scorer, read_knobs, shared_scorer
 from agentflow.tools import ToolSpec
 from agentflow.tools.bench import TOOLS
 

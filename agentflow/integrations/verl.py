@@ -9,8 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agentflow.env.physics.engine import AUTO
-from agentflow.rewards import Reward
-from agentflow.rewards.scoring import Sample, read_knobs, require_score, shared_scorer
+from agentflow.rewards import Reward, Sample, read_knobs, require_score, shared_scorer
 
 
 def compute_score(

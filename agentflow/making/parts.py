@@ -1,4 +1,5 @@
-"""What is made of each block: solid shapes in its own frame, and where they go.
+"""What is made of each block: solid shapes in its own frame, and where they go; how large, and
+with which pegs.
 
 Metres, in the right-handed frame with z up (`env.physics.frames`); the machine stands on z = 0.
 Shapes have the sizes of the block library, without the gaps that simulated ones leave. Hinges are
@@ -7,6 +8,7 @@ whole blocks, so that all of their faces are there. Two-ended blocks are rods fr
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cache
 
@@ -14,6 +16,7 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.assembly.parts import ROD_DIAMETER, block_parts
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Shape
+from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import BlockType
 from agentflow.machine.geometry.placement import Geometry, place, place_step
@@ -27,6 +30,53 @@ from agentflow.machine.geometry.vectors import (
     subtract,
 )
 from agentflow.machine.tree import Machine, Step
+
+PRINTED, FULL = 20.0, 1.0
+"""Scales by default, 1 : N: of files for printers, and of others."""
+LEAST, MOST = 1.0, 1000.0
+THICKEST = 100.0
+"""Thickest peg, mm."""
+
+
+@dataclass(frozen=True)
+class Making:
+    """What was asked for; None and False stand for what is usual in a format."""
+
+    scale: float | None = None
+    """N of 1 : N."""
+    pegs: float | None = None
+    """Diameter of the pegs, mm: parts get pegs where they are attached, and holes for them."""
+    parts: bool = False
+    """Whether each block is a part of its own; pegs need that."""
+
+    def millimetres(self, usual: float) -> float:
+        """mm of the made machine per m, with the scale that is usual in a format."""
+        return 1000.0 / (self.scale or usual)
+
+
+USUAL = Making()
+
+
+def making(scale: float | None = None, pegs: str | None = None, *, parts: bool = False) -> Making:
+    """What options ask for.
+
+    Raises:
+        UsageError: The scale or the pegs are none.
+    """
+    if scale is not None and not LEAST <= scale <= MOST:
+        raise UsageError(
+            f"--scale {scale:g} is no scale: give a number from {LEAST:g} to {MOST:g}, such as "
+            f"{PRINTED:g} for 1 : {PRINTED:g}"
+        )
+    if pegs is None:
+        return Making(scale, parts=parts)
+    found = re.fullmatch(r"(\d+(?:\.\d*)?|\.\d+)\s*(?:mm)?", pegs.strip())
+    if found is None or not 0.0 < float(found[1]) <= THICKEST:
+        raise UsageError(
+            f"--pegs {pegs!r} is no diameter: give millimetres up to {THICKEST:g}, such as 5mm"
+        )
+    return Making(scale, float(found[1]), parts=True)
+
 
 SHORTEST = 1e-3
 """Least length of a rod, m: both ends of a two-ended block may be at one place."""

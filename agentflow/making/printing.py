@@ -26,8 +26,7 @@ from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.geometry.vectors import Quat, Vec3, add, inverse, rotation_from_up
 from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
-from agentflow.making.parts import ORIGIN, Part, parts_of, shift_of
-from agentflow.making.sizes import PRINTED, Making
+from agentflow.making.parts import ORIGIN, PRINTED, Making, Part, parts_of, shift_of
 
 SEGMENTS = 180
 """Sides of round bodies: their volume differs by less than 0.1 %."""

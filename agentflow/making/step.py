@@ -35,8 +35,7 @@ from agentflow.machine.geometry.pieces import parent_bonds
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import Quat, Vec3, add
 from agentflow.machine.tree import Machine
-from agentflow.making.parts import parts_of, shift_of, type_name
-from agentflow.making.sizes import FULL, Making
+from agentflow.making.parts import FULL, Making, parts_of, shift_of, type_name
 
 AXIS = 1.0
 """Length of the line that shows the axis of a joint, m."""

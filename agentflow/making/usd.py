@@ -25,8 +25,7 @@ from agentflow.machine.geometry.vectors import (
     subtract,
 )
 from agentflow.machine.tree import Machine
-from agentflow.making.parts import Part, parts_of, shift_of
-from agentflow.making.sizes import FULL, Making
+from agentflow.making.parts import FULL, Making, Part, parts_of, shift_of
 
 _JOINTS = {
     "fixed": UsdPhysics.FixedJoint,

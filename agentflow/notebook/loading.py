@@ -11,12 +11,9 @@ from typing import TYPE_CHECKING, Any
 from agentflow.app.benchmark.card import Scorecard, read_card
 from agentflow.app.sweeps.folder import is_sweep
 from agentflow.errors import RunError
-from agentflow.notebook.frames import frame
-from agentflow.notebook.recorded import Run
-from agentflow.notebook.sweeps import Sweep
+from agentflow.notebook.recorded import Run, Sweep, frame
 from agentflow.runs import find_runs
 from agentflow.runs.reading import FILE_NAME
-from agentflow.training.curves import flatten
 from agentflow.training.evaluation.record import (
     ABOUT,
     REPLIES,
@@ -26,7 +23,7 @@ from agentflow.training.evaluation.record import (
 )
 from agentflow.training.evaluation.replies import JudgedReply
 from agentflow.training.record import ABOUT as TRAINING
-from agentflow.training.record import TrainingRecord, read_training
+from agentflow.training.record import TrainingRecord, flatten, read_training
 
 if TYPE_CHECKING:
     import pandas

@@ -20,7 +20,7 @@ from agentflow.env.pool.base import Pool
 from agentflow.errors import RunError, UsageError
 from agentflow.llm.function import FunctionClient, ModelFunction
 from agentflow.notebook.display.progress import SweepLine
-from agentflow.notebook.sweeps import Sweep
+from agentflow.notebook.recorded import Sweep
 from agentflow.runs import Listener, Notify
 
 EVERY = ""

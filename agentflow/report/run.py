@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.holding import with_holding
-from agentflow.metrics.formats import counted
+from agentflow.metrics.tables import counted
 from agentflow.metrics.usage import Cost, summarize_usage
 from agentflow.report.elites import archive_of, classes_of
 from agentflow.report.film import deflate_json

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from agentflow.metrics.formats import cell_text
-from agentflow.metrics.scores import Scores
-from agentflow.metrics.tables import PUBLISHED, Column, Row, Table
+from agentflow.metrics.cells import Scores
+from agentflow.metrics.tables import PUBLISHED, Column, Row, Table, cell_text
 from agentflow.runs.locations import STAGE_WORDS
 
 MOST_DOTS = 400

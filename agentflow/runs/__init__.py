@@ -1,11 +1,11 @@
 """Run directories: written by one process at a time, readable by others at any moment."""
 
-from agentflow.runs.calls import read_calls
 from agentflow.runs.reading import (
     SCHEMA,
     Event,
     State,
     find_runs,
+    read_calls,
     read_document,
     read_events,
     state_of,

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from agentflow.files.atomic import write_output
 from agentflow.study.episodes import MEANING
-from agentflow.study.labelling import describe_event
-from agentflow.study.segments import Segments, read_segments
+from agentflow.study.segments import Segments, describe_event, read_segments
 from agentflow.study.session import Action, Audio, Note, Pause, Session, StudioTest
 
 Span = tuple[float, float, str]

@@ -16,12 +16,11 @@ from agentflow.app.inspect.behaviour import Machines, moving_types
 from agentflow.app.tasks import find_task
 from agentflow.machine import Machine, place
 from agentflow.machine.geometry.balance import stands
-from agentflow.metrics.behaviour.measures import Behaviour, Edit, behaviour
+from agentflow.metrics.behaviour import Behaviour, Edit, behaviour
 from agentflow.runs.events import EvaluationEvent
 from agentflow.runs.locations import Location
-from agentflow.study.episodes import Episode
+from agentflow.study.episodes import Episode, Utterance
 from agentflow.study.session import Action, Session, StudioTest
-from agentflow.study.transcript import Utterance
 
 FOUNDATION = 2
 """Blocks that do not move which make a foundation, without the given ones; chosen."""

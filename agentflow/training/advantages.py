@@ -20,7 +20,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from agentflow.metrics.scores import best_at
+from agentflow.metrics.cells import best_at
 
 Floats = npt.NDArray[np.float64]
 

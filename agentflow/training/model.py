@@ -21,8 +21,7 @@ from transformers import (
 )
 
 from agentflow.errors import ConfigError
-from agentflow.models.local.folder import ModelFolder, find_model, read_folder
-from agentflow.models.local.shorthand import END
+from agentflow.models.local.folder import END, ModelFolder, find_model, read_folder
 from agentflow.training.config import Adapter, TinyModel, TrainingConfig
 
 PAD, EOS = "<pad>", "<eos>"

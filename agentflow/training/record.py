@@ -11,6 +11,7 @@ result.json         written last: only finished runs have it
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import shutil
@@ -31,7 +32,77 @@ from agentflow.files.documents import Document, first_difference, read_object, r
 from agentflow.files.folders import hold_folder
 from agentflow.files.lines import LineFile, parse_object, read_lines
 from agentflow.files.yaml import NOT_YAML, read_yaml, yaml_problem
-from agentflow.models.local.folder import MODEL
+from agentflow.models.local.folder import MODEL, find_model
+from agentflow.training.config import TrainingConfig
+from agentflow.training.data.pairs import DEV, TRAIN
+
+PART = 1 << 20
+"""Bytes that are read at a time."""
+MOST_PARTS = 64
+"""Parts of a model's file that count. Files of up to 64 MiB count as a whole, larger ones by parts
+spread over them: 28 GB take less than a second, and training changes all weights."""
+
+
+def digest_set(folder: Path) -> str:
+    """Digest of the pairs of a set, whole."""
+    return _digest_files(file for file in (folder / TRAIN, folder / DEV) if file.is_file())
+
+
+def digest_model(folder: Path) -> str:
+    """Digest of the files of a model: configuration, tokenizer, weights.
+
+    For an adapter, those of the model that it belongs to do not count.
+
+    Raises:
+        ConfigError: The folder holds no model.
+    """
+    files = (path for path in find_model(folder).iterdir() if not path.name.startswith("."))
+    return _digest_files((path for path in files if path.is_file()), MOST_PARTS)
+
+
+def digest_base(config: TrainingConfig) -> dict[str, str]:
+    """Key of the model to begin with -> its digest; nothing if it is not in a folder."""
+    folder = Path(config.model.name or "")
+    return {"model.name": digest_model(folder)} if config.model.name and folder.is_dir() else {}
+
+
+def _digest_files(files: Iterable[Path], most: int | None = None) -> str:
+    """Digest of names, sizes and content, of which at most so many parts of each file count."""
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        size = file.stat().st_size
+        digest.update(f"{file.name} {size}\n".encode())
+        with file.open("rb") as content:
+            for start in range(0, size, max(PART, size // most if most else 0)):
+                content.seek(start)
+                digest.update(content.read(PART))
+    return digest.hexdigest()[:16]
+
+
+OF_SAMPLES = "eval."
+"""Before the names of numbers of the samples taken between steps: eval.TASK.NAME."""
+MOST = 1e300
+"""Largest number that counts."""
+
+
+def flatten(row: Mapping[str, Any], above: str = "") -> dict[str, float]:
+    """The numbers of a logged step and of the groups in it: `eval.throwing.mean`.
+
+    Texts, lists, and values that are missing, infinite or undefined are left out.
+    """
+    found: dict[str, float] = {}
+    for key, value in row.items():
+        if isinstance(value, Mapping):
+            found |= flatten(value, f"{above}{key}.")
+        elif isinstance(value, int | float) and not isinstance(value, bool) and _is_finite(value):
+            found[f"{above}{key}"] = value
+    return found
+
+
+def _is_finite(value: float) -> bool:
+    """Whether a number, perhaps a very large integer, can be drawn."""
+    return -MOST <= value <= MOST
+
 
 ABOUT, CONFIG, CURVES, RESULT = "training.json", "config.yaml", "curves.jsonl", "result.json"
 SAMPLES = "samples"

@@ -49,10 +49,12 @@ from agentflow.workflows.base import (
     SimulationSummary,
     Stage,
     WorkflowResult,
+    find_best,
+    pareto_front,
+    stage_row,
 )
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.memory import Memory
-from agentflow.workflows.statistics import find_best, pareto_front, stage_row
 
 In = TypeVar("In")
 Out = TypeVar("Out")

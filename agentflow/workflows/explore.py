@@ -28,8 +28,8 @@ from agentflow.workflows.stages.designs import (
     draw_machine,
     simulate,
 )
-from agentflow.workflows.stages.emitters import draw_revision
 from agentflow.workflows.stages.feedback import Revision, Trajectory
+from agentflow.workflows.stages.pooled import draw_revision
 from agentflow.workflows.stages.search_record import SearchRecorder
 from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
 

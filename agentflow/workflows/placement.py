@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from agentflow.agents.placer import Placer, PlacerInput
+from agentflow.agents.designer import Placer, PlacerInput
 from agentflow.machine.brief import Brief
 from agentflow.runs.locations import INITIAL, Location
 from agentflow.search.concurrency import run_concurrently

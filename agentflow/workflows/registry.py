@@ -18,7 +18,7 @@ WORKFLOWS: Registry[Workflow] = Registry(
         "single": "agentflow.workflows.single:SINGLE",
         "iterative": "agentflow.workflows.iterative:ITERATIVE",
         "hierarchical": "agentflow.workflows.hierarchical:HIERARCHICAL",
-        "tools": "agentflow.workflows.tools.workflow:TOOLS",
+        "tools": "agentflow.workflows.tools:TOOLS",
         "random-dsl": "agentflow.workflows.random_dsl:RANDOM_DSL",
         "explore": "agentflow.workflows.explore:EXPLORE",
         "external": "agentflow.integrations.external.workflow:EXTERNAL",

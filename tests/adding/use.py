@@ -40,7 +40,7 @@ from agentflow.tools.bench import Bench
 from agentflow.tools.workspace import KnownMachines, StageBudget
 from agentflow.training.grpo.config import AdvantageConfig
 from agentflow.training.objectives.functions import read_test
-from agentflow.training.objectives.motion import Motion
+from agentflow.training.objectives.measuring import Motion
 
 DESIGN = ("design", "--task", "strolling", "--workflow", "judged", "--engine", "tick")
 SET = ("prompts=loud", "trajectories=1", "verify=false")

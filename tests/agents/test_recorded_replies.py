@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.designer import DesignedMachine, Designer, DesignerInput
+from agentflow.agents.designer import DesignedMachine, Designer, DesignerInput, Placer, PlacerInput
 from agentflow.agents.inspector import Inspection, Inspector, InspectorInput
 from agentflow.agents.meta_designer import (
     Blueprint,
@@ -27,7 +27,6 @@ from agentflow.agents.meta_designer import (
     MetaDesignerInput,
     read_blueprint,
 )
-from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.agents.querier import Inquiry, Querier, QuerierInput
 from agentflow.agents.refiner import Refinement, Refiner, RefinerInput
 from agentflow.env.tasks.registry import get_task

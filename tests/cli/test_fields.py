@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agentflow.cli.display.output import Field, answer, field, output, print_lines, table
-from agentflow.metrics.formats import number
+from agentflow.metrics.tables import number
 
 FIELDS = (
     field("name"),

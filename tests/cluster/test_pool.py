@@ -16,7 +16,7 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import PluginError
-from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.rewards import Sample, Scorer
 from tests.cluster.conftest import NODE, ON_CLUSTER
 from tests.env.pool.test_pool import CAR, LONE_ROOT, trouble
 

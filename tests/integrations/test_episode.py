@@ -9,8 +9,7 @@ import pytest
 
 from agentflow.errors import ConfigError, UsageError
 from agentflow.integrations.episode import DesignEpisode
-from agentflow.rewards import reward
-from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.rewards import Sample, Scorer, reward
 from tests.integrations.foreign import CAR
 
 SHORT = {"window": 1}

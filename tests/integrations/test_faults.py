@@ -17,7 +17,7 @@ SCRIPT = """
 import json, sys
 from agentflow.errors import NoScoreError
 from agentflow.integrations.episode import DesignEpisode
-from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.rewards import Sample, Scorer
 from agentflow.integrations.trl import simulation_reward
 from agentflow.integrations.verl import compute_scores
 

@@ -18,7 +18,7 @@ from agentflow.errors import ConfigError, UsageError
 from agentflow.extras import install
 from agentflow.machine import Machine, library
 from agentflow.making.guide import steps_of
-from agentflow.making.sizes import Making, making
+from agentflow.making.parts import Making, making
 from tests.machine.builders import CATAPULT, build
 
 MACHINES = Path(__file__).parents[1] / "machines"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.metrics.scores import Scores, best_at
+from agentflow.metrics.cells import Scores, best_at
 
 SCORES = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=9)
 

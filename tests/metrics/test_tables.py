@@ -6,7 +6,6 @@ import csv
 import io
 import json
 
-from agentflow.metrics.formats import cell_text
 from agentflow.metrics.intervals import Rate
 from agentflow.metrics.tables import (
     PUBLISHED,
@@ -14,6 +13,7 @@ from agentflow.metrics.tables import (
     Row,
     Table,
     as_json,
+    cell_text,
     comma_separated,
     latex,
     markdown,

@@ -7,7 +7,7 @@ import pytest
 from agentflow.api import design_prompt
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.errors import UsageError
-from agentflow.models.local.shorthand import shorten
+from agentflow.models.local.folder import shorten
 from agentflow.prompts.registry import PROMPT_SETS
 from tests.loops import for_each
 

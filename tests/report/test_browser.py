@@ -29,7 +29,7 @@ from agentflow.env.drawing.gltf import machine_glb
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine
-from agentflow.metrics.scores import Scores
+from agentflow.metrics.cells import Scores
 from agentflow.metrics.tables import Column, Row, Table
 from agentflow.report.page import page as whole_page
 from agentflow.report.sweep import sweep_data

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from agentflow.metrics.cells import Scores
 from agentflow.metrics.intervals import Rate
-from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import PUBLISHED, Column, Row, Table
 from agentflow.report.sweep import sweep_data
 

@@ -17,8 +17,7 @@ import pytest
 from agentflow.errors import ConfigError, UnknownNameError, UsageError
 from agentflow.integrations.trl import simulation_reward
 from agentflow.integrations.verl import compute_score, compute_scores
-from agentflow.rewards import reward
-from agentflow.rewards.scoring import Sample, Scorer, own_processors, read_knobs, shared_scorer
+from agentflow.rewards import Sample, Scorer, own_processors, read_knobs, reward, shared_scorer
 from tests.integrations.foreign import CAR
 from tests.processes import run_python
 
@@ -27,7 +26,7 @@ REWARD = reward("movement", CAR, knobs=SHORT)
 HOLD = f"""
 import atexit
 atexit.register(lambda: print(scorer.pool.pids))  # after what is registered later
-from agentflow.rewards.scoring import Sample, shared_scorer
+from agentflow.rewards import Sample, shared_scorer
 scorer = shared_scorer(2)
 assert scorer.rewards([Sample("movement", "a car")])[0].value == 0
 assert shared_scorer(2) is scorer

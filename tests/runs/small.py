@@ -17,10 +17,9 @@ from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.runs import RunDirectory, RunResult
-from agentflow.workflows.base import WorkflowResult
+from agentflow.workflows.base import WorkflowResult, stage_row
 from agentflow.workflows.hierarchical import HIERARCHICAL
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.statistics import stage_row
 from tests.runs.results import a_result
 from tests.workflows.fakes import BRIEF, PROMPTS, Author, Delayed, Shelf
 

@@ -32,7 +32,7 @@ from agentflow.models.completion import complete_config
 from agentflow.studio.folder import RunFolder
 from agentflow.studio.watching.listing import Listing
 from agentflow.tools import Bench
-from agentflow.workflows.tools.workflow import workflow_of
+from agentflow.workflows.tools import workflow_of
 from tests.app.benchmark import boards
 from tests.llm.foreign import ROOT
 from tests.study.example import TRANSCRIPT, record

@@ -18,7 +18,7 @@ from agentflow.app.pages.runs import report
 from agentflow.app.pages.tasks import write_page as write_tasks
 from agentflow.app.pages.training import training_report
 from agentflow.env.tasks.registry import get_task
-from agentflow.metrics.scores import Scores
+from agentflow.metrics.cells import Scores
 from agentflow.metrics.tables import Column, Row, Table
 from agentflow.report.page import page as whole_page
 from agentflow.report.sweep import sweep_data

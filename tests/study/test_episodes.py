@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.errors import UsageError
-from agentflow.study.episodes import ALLOWED, MEANING, cut
-from agentflow.study.labelling import label_by_rules
+from agentflow.study.episodes import ALLOWED, MEANING, Utterance, cut, read_transcript
+from agentflow.study.segments import label_by_rules
 from agentflow.study.session import Action, Pause, Session, SessionStart, StudioTest
-from agentflow.study.transcript import Utterance, read_transcript
 from tests.machine.builders import build
 from tests.study.example import FOUR_WHEELS, HINGED, TRANSCRIPT, TWO_WHEELS, record
 

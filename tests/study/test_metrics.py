@@ -11,10 +11,9 @@ from agentflow.cli import main
 from agentflow.errors import RunError
 from agentflow.machine import Machine
 from agentflow.models.completion import complete_config
-from agentflow.study.clusters import condense, find_clusters
 from agentflow.study.episodes import MEANING
 from agentflow.study.measures import builds_foundation_first, count_restarts, design_type
-from agentflow.study.results import LABEL_OF_TOOL, find_sessions, measure
+from agentflow.study.results import LABEL_OF_TOOL, condense, find_clusters, find_sessions, measure
 from agentflow.study.segments import segment
 from agentflow.study.session import SessionLog, SessionStart
 from agentflow.tools.bench import TOOL_NAMES

@@ -9,7 +9,7 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from agentflow.llm.messages import Sampling
-from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.rewards import Sample, Scorer
 from agentflow.training.evaluation.record import EvaluationRecord, open_evaluation
 from agentflow.training.evaluation.replies import JudgedReply, judge
 from agentflow.training.record import About, TrainingRun

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from agentflow.training.digests import MOST_PARTS, PART, digest_model, digest_set
+from agentflow.training.record import MOST_PARTS, PART, digest_model, digest_set
 
 
 def test_every_byte_of_a_set_counts(tmp_path: Path) -> None:

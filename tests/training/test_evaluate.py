@@ -19,8 +19,7 @@ from agentflow.app.design.config import load_config
 from agentflow.cli import main
 from agentflow.errors import RunError, UnauthorisedError
 from agentflow.extras import install
-from agentflow.training.evaluation.evaluate import evaluate
-from agentflow.training.evaluation.models import random_seed
+from agentflow.training.evaluation.evaluate import evaluate, random_seed
 from agentflow.training.evaluation.record import EvaluationRecord, read_evaluation
 from agentflow.training.evaluation.replies import JudgedReply
 from tests.integrations.foreign import CAR

@@ -8,7 +8,7 @@ from statistics import fmean, pstdev
 import pytest
 
 from agentflow.metrics.intervals import bootstrap_mean, wilson
-from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.rewards import Sample, Scorer
 from agentflow.training.evaluation.replies import JudgedReply, judge, summarise
 from tests.integrations.foreign import CAR
 

@@ -51,7 +51,7 @@ def test_trl_reads_its_recipe_and_finds_the_reward(
     from trl.scripts.grpo import make_parser
 
     from agentflow.integrations.trl import simulation_reward
-    from agentflow.training.data.prompts import write_prompts
+    from agentflow.training.data.exchange import write_prompts
 
     arguments = ["--config", str(RECIPES / "trl" / "grpo.yaml"), "--bf16", "false"]
     read = make_parser().parse_args_and_config([*arguments, "--use_cpu", "true"])

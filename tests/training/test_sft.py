@@ -30,7 +30,7 @@ from agentflow.models.local.loading import LocalClient, load_model
 from agentflow.training.config import SftConfig, read_config
 from agentflow.training.model import make_decoder, train_tokenizer
 from agentflow.training.record import About, TrainingRun, read_training
-from agentflow.training.sft import make_trainer, train_sft
+from agentflow.training.trainer import make_trainer, train_sft
 from tests.llm.foreign import ROOT
 from tests.training.sets import make_pairs, write_set
 

@@ -13,7 +13,7 @@ pytestmark = require_training()
 
 import torch
 
-from agentflow.models.local.shorthand import END
+from agentflow.models.local.folder import END
 from agentflow.training.config import TinyModel
 from agentflow.training.model import make_decoder, train_tokenizer
 from tests.training.sets import make_pairs

@@ -27,10 +27,10 @@ from agentflow.workflows.base import (
     SimulationSummary,
     Stage,
     WorkflowResult,
+    count_passes,
 )
 from agentflow.workflows.registry import WORKFLOWS, check_fit
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.statistics import count_passes
 
 TASK = get_task("gearing")
 BRIEF = TASK.brief

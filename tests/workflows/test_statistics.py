@@ -2,8 +2,7 @@ import statistics
 
 from agentflow.runs.events import FirstAttempt
 from agentflow.search.node import Evaluation, SearchCost
-from agentflow.workflows.base import Candidate, Stage
-from agentflow.workflows.statistics import count_passes, find_best, stage_row
+from agentflow.workflows.base import Candidate, Stage, count_passes, find_best, stage_row
 
 
 def scored(trajectory: int, score: float | None, first: FirstAttempt = FirstAttempt()) -> Candidate:  # noqa: B008

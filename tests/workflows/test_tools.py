@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from agentflow.llm.messages import Reply, Request, ToolCall
-from agentflow.workflows.tools.workflow import MOST_CALLS, MOST_REFUSED
+from agentflow.workflows.tools import MOST_CALLS, MOST_REFUSED
 from tests.workflows.fakes import BRIEF, Author, Run, machine, steps
 
 CART = json.dumps(steps((1, 0, 0), (2, 0, 2)))

@@ -9,9 +9,8 @@ from statistics import fmean
 from agentflow.app.benchmark.card import FIRST, NAME, ItemResult, Scorecard, read_card
 from agentflow.env.tasks.records import other_recorders
 from agentflow.errors import RunError, UsageError
-from agentflow.metrics.formats import number
 from agentflow.metrics.intervals import Rate, missing_scipy
-from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value, number
 
 INTERVAL = "95 %"
 COSTS = ("calls", "tokens", "money", "rollouts")

@@ -59,7 +59,7 @@ from agentflow.search.strategies import extras, options_model
 from agentflow.version import __version__
 from agentflow.workflows.registry import WORKFLOWS, check_fit
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.workflow import repetition_of
+from agentflow.workflows.tools import repetition_of
 from agentflow.workflows.workflow import Workflow
 
 AUTHOR = "author"

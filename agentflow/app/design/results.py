@@ -19,9 +19,8 @@ from agentflow.metrics.intervals import wilson
 from agentflow.runs.reading import MACHINES
 from agentflow.runs.result import RunFinding, RunResult
 from agentflow.search.node import Evaluation
-from agentflow.workflows.base import WorkflowResult
+from agentflow.workflows.base import WorkflowResult, count_passes, stage_row
 from agentflow.workflows.registry import WORKFLOWS
-from agentflow.workflows.statistics import count_passes, stage_row
 
 
 def finding_of(plan: RunPlan, execution: Execution) -> RunFinding:

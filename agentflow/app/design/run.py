@@ -32,7 +32,7 @@ from agentflow.llm.client import Client
 from agentflow.llm.function import FunctionClient
 from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
-from agentflow.metrics.formats import counted
+from agentflow.metrics.tables import counted
 from agentflow.models.clients import open_models
 from agentflow.runs import Listener, Notify, RunDirectory, read_document, read_result, state_of
 from agentflow.runs.result import RunResult

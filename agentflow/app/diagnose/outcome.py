@@ -26,9 +26,8 @@ from agentflow.errors import UsageError
 from agentflow.machine import Machine
 from agentflow.machine.edits.random import random_edit
 from agentflow.metrics.intervals import Rate
-from agentflow.training.objectives.finding import FunctionTest
 from agentflow.training.objectives.handling import Throws
-from agentflow.training.objectives.motion import Motion
+from agentflow.training.objectives.measuring import FunctionTest, Motion
 from agentflow.training.objectives.travelling import Moves
 
 EDITS = 3

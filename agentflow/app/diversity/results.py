@@ -20,9 +20,8 @@ from agentflow.files.atomic import os_errors
 from agentflow.files.lines import read_lines
 from agentflow.machine import Machine, library, place, read_machine, spatial_problems
 from agentflow.metrics import published as literature
-from agentflow.metrics.formats import counted
 from agentflow.metrics.machines import recorded_machine
-from agentflow.metrics.tables import FORMATS, Column, Row, Table
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, counted
 from agentflow.progress import Progress
 from agentflow.runs import find_runs, read_document
 from agentflow.runs.events import read_typed_events

@@ -14,12 +14,10 @@ from agentflow.diversity.topology import tree_edit_distance
 from agentflow.env.physics.engines import usable_engine
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library
-from agentflow.metrics.behaviour.agents import agent_edits
-from agentflow.metrics.behaviour.measures import Behaviour, behaviour, edits
-from agentflow.metrics.formats import percent
+from agentflow.metrics.behaviour import Behaviour, agent_edits, behaviour, edits
 from agentflow.metrics.intervals import Rate, bootstrap_mean
 from agentflow.metrics.machines import recorded_machine
-from agentflow.metrics.tables import FORMATS, Column, Row, Table
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, percent
 from agentflow.metrics.usage import summarize_usage
 from agentflow.runs import find_runs, read_calls, read_document
 from agentflow.runs.events import read_typed_events

@@ -23,7 +23,7 @@ from agentflow.machine.formats.bsg_writing import to_bsg
 from agentflow.machine.formats.coordinates import to_coordinates
 from agentflow.machine.space import ANY_SIZE
 from agentflow.machine.tree import lines_of
-from agentflow.making.sizes import USUAL, Making
+from agentflow.making.parts import USUAL, Making
 
 Written = tuple[bytes, tuple[str, ...]]
 """Content of a file, and what it cannot hold, one sentence each."""

@@ -13,8 +13,7 @@ from agentflow.files.atomic import write_output
 from agentflow.machine import Machine, Problem, place, spatial_problems
 from agentflow.machine.build_order import build_order
 from agentflow.machine.space import ANY_SIZE
-from agentflow.making.bill import COLUMNS, bill, bill_csv
-from agentflow.making.guide import guide, steps_of
+from agentflow.making.guide import COLUMNS, bill, bill_csv, guide, steps_of
 from agentflow.metrics.tables import Column, Row, Table, markdown
 
 HEADS, NUMBERS = COLUMNS[:3], COLUMNS[3:]

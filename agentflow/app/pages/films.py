@@ -23,7 +23,7 @@ from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.controls import Lane, lanes
 from agentflow.machine.geometry.vectors import IDENTITY
 from agentflow.machine.tree import Machine
-from agentflow.making.bill import bill_csv
+from agentflow.making.guide import bill_csv
 from agentflow.report.film import FilmMotion, deflate, pack_motion
 
 GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (

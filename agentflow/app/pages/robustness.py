@@ -18,7 +18,7 @@ from agentflow.env.tasks.registry import known_unit
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.machine.tree import MachineJson
-from agentflow.metrics.scores import mean_known
+from agentflow.metrics.cells import mean_known
 from agentflow.report.page import require_writable, write_page
 
 PICTURE = (640, 480)

@@ -15,13 +15,12 @@ from agentflow.env.physics.engines import usable_engine
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine, check, read_machine
 from agentflow.machine.brief import Brief
-from agentflow.metrics.formats import counted
+from agentflow.metrics.tables import counted
 from agentflow.progress import Progress
 from agentflow.report.page import require_writable, write_page
-from agentflow.training.curves import OF_SAMPLES, flatten
 from agentflow.training.evaluation.record import read_replies
 from agentflow.training.evaluation.replies import JudgedReply, summarise
-from agentflow.training.record import TrainingRecord, read_training
+from agentflow.training.record import OF_SAMPLES, TrainingRecord, flatten, read_training
 
 CHARTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("Reward", "per reply", ("reward", "score")),

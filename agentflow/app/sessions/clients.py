@@ -20,8 +20,7 @@ from agentflow.runs.locations import StageName
 from agentflow.runs.reading import EVENTS
 from agentflow.runs.result import RunResult
 from agentflow.tools import Bench
-from agentflow.workflows.tools.stages import Worker
-from agentflow.workflows.tools.workflow import workflow_of
+from agentflow.workflows.tools import Worker, workflow_of
 
 PATIENCE = 20.0
 """Seconds that a client waits for the verification of its machine; clients give up after 60."""

@@ -25,7 +25,7 @@ from agentflow.runs import Notify, read_document, read_result, state_of
 from agentflow.runs.locations import FEEDBACK, StageName
 from agentflow.tools import Bench, ToolResult
 from agentflow.tools.bench import TOOLS
-from agentflow.workflows.tools.workflow import repetition_of
+from agentflow.workflows.tools import repetition_of
 
 WORKER = "agent at the shell"
 """Who designs, as results name it."""

@@ -19,8 +19,7 @@ from agentflow.errors import RunError, UsageError
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import METRICS, Cell, RunNumbers
-from agentflow.metrics.formats import counted
-from agentflow.metrics.tables import Column, Row, Table, Value
+from agentflow.metrics.tables import Column, Row, Table, Value, counted
 from agentflow.runs import read_document, read_result
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.locations import STAGES

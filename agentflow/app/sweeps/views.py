@@ -20,9 +20,8 @@ from agentflow.app.sweeps.tables import (
 )
 from agentflow.errors import UsageError
 from agentflow.metrics import published as literature
-from agentflow.metrics.cells import Cell, RunNumbers, curve
+from agentflow.metrics.cells import Cell, RunNumbers, curve, mean_known
 from agentflow.metrics.intervals import Rate, bootstrap_clusters, missing_scipy
-from agentflow.metrics.scores import mean_known
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
 from agentflow.metrics.usage import Spent, UsageSummary, summarize_usage
 from agentflow.models.choices import cost_function

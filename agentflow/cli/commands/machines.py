@@ -133,7 +133,7 @@ def convert(
     from agentflow.app.machines.convert import convert as rewrite
     from agentflow.app.subjects.subject import Subject
     from agentflow.cli.display.show_machines import show_conversion
-    from agentflow.making.sizes import making
+    from agentflow.making.parts import making
 
     level = level_of(task, knobs, "mujoco")
     if level is None and format_of(out).needs == "task" and Path(source).is_dir():

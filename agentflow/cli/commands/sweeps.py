@@ -14,7 +14,7 @@ from agentflow.cli import options
 from agentflow.cli.display.text import escape_controls
 from agentflow.cli.root import PARTLY, allow, approve, commands, print_json, print_table
 from agentflow.errors import UsageError
-from agentflow.metrics.formats import counted, duration
+from agentflow.metrics.tables import counted, duration
 
 if TYPE_CHECKING:
     from agentflow.app.sweeps.estimates import Estimate

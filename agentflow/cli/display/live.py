@@ -18,8 +18,8 @@ from rich.text import Text
 from agentflow.cli.display.output import SafeConsole
 from agentflow.cli.display.text import escape_controls
 from agentflow.metrics.failure_kinds import CUT_OFF, EMPTY, FILTERED
-from agentflow.metrics.formats import counted, number
 from agentflow.metrics.niches import Elites, best_by_class
+from agentflow.metrics.tables import counted, number
 from agentflow.progress import TALLY, Tally
 from agentflow.runs import Event, Listener, Notify
 from agentflow.runs.events import (

@@ -11,7 +11,7 @@ from rich.segment import Segment
 from rich.table import Table
 
 from agentflow.cli.display.text import escape_controls
-from agentflow.metrics.formats import NOTHING
+from agentflow.metrics.tables import NOTHING
 
 Data = Mapping[str, Any]
 LONG = 1000

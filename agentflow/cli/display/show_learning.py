@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from agentflow.cli.display.output import Data, Field, field, output, table
-from agentflow.metrics.formats import interval_text, number, percent
+from agentflow.metrics.tables import interval_text, number, percent
 
 EVALUATED = (
     field("task"),

@@ -18,7 +18,7 @@ from agentflow.cli.display.output import (
     table,
 )
 from agentflow.cli.display.show_scores import show_requirements
-from agentflow.metrics.formats import block_count, counted, extents, number
+from agentflow.metrics.tables import block_count, counted, extents, number
 
 MARGINAL = 3
 """Most marginal connections that are printed; the data holds all."""

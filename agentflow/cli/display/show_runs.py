@@ -17,7 +17,7 @@ from agentflow.cli.display.show_scores import (
     verified_text,
 )
 from agentflow.config.run import differing_text
-from agentflow.metrics.formats import NOTHING, block_count, change, counted, money, number
+from agentflow.metrics.tables import NOTHING, block_count, change, counted, money, number
 
 STAGE = (
     field("stage", "name"),

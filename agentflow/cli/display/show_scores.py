@@ -15,7 +15,7 @@ from agentflow.cli.display.output import (
     table,
 )
 from agentflow.holding import Holding
-from agentflow.metrics.formats import NOTHING, block_count, change, number
+from agentflow.metrics.tables import NOTHING, block_count, change, number
 
 REQUIRED = (
     field("requirement"),

@@ -16,7 +16,7 @@ from agentflow.app.sweeps.run import Watcher
 from agentflow.cli.display.live import print_line
 from agentflow.cli.display.output import SafeConsole
 from agentflow.cli.display.text import escape_controls
-from agentflow.metrics.formats import number
+from agentflow.metrics.tables import number
 from agentflow.runs import Event, RunResult
 from agentflow.runs.events import RunEvent
 from agentflow.runs.record import RunRecord

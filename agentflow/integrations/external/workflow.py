@@ -33,8 +33,7 @@ from agentflow.tools import Bench
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.stages import count_rollouts, repeat, work_in_stages
-from agentflow.workflows.tools.workflow import submit_each
+from agentflow.workflows.tools import count_rollouts, repeat, submit_each, work_in_stages
 from agentflow.workflows.workflow import Workflow
 
 LONGEST = 300

@@ -17,7 +17,7 @@ from pydantic import WithJsonSchema
 
 from agentflow.integrations.mcp.content import tool_result
 from agentflow.integrations.session import Benches, signature_of
-from agentflow.rewards.scoring import shared_scorer
+from agentflow.rewards import shared_scorer
 from agentflow.tools import ToolSpec
 
 

@@ -13,8 +13,8 @@ from agentflow.env.archive import rollout_json
 from agentflow.env.tasks.registry import FAMILIES, get_level, task_names
 from agentflow.errors import NoScoreError
 from agentflow.integrations.verifiers.bench import BenchConfig, BenchTools, DesignData, DesignState
-from agentflow.rewards.scoring import Sample, shared_scorer
-from agentflow.workflows.tools.workflow import MOST_CALLS
+from agentflow.rewards import Sample, shared_scorer
+from agentflow.workflows.tools import MOST_CALLS
 
 ID = "agentflow-verifiers"
 """Name of the task set, which verifiers imports as a top-level module."""

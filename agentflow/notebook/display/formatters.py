@@ -15,8 +15,7 @@ SHOWN = {
     "agentflow.machine.validity": ("Report",),
     "agentflow.env.rollout": ("Rollout",),
     "agentflow.env.verification": ("Verification",),
-    "agentflow.notebook.recorded": ("Run",),
-    "agentflow.notebook.sweeps": ("Sweep",),
+    "agentflow.notebook.recorded": ("Run", "Sweep"),
     "agentflow.app.tasks": ("TaskInfo",),
 }
 """Module -> classes that are shown as HTML."""

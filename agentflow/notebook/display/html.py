@@ -19,9 +19,8 @@ from agentflow.env.verification import Verification
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, Report
 from agentflow.machine.brief import LONE_ROOT
-from agentflow.metrics.formats import cell_text, counted
-from agentflow.notebook.recorded import Run
-from agentflow.notebook.sweeps import Sweep
+from agentflow.metrics.tables import cell_text, counted
+from agentflow.notebook.recorded import Run, Sweep
 from agentflow.progress import silent
 from agentflow.report.page import page
 

@@ -6,7 +6,7 @@ import time
 from html import escape
 from typing import Any
 
-from agentflow.metrics.formats import counted, number
+from agentflow.metrics.tables import counted, number
 from agentflow.notebook.display.formatters import in_notebook
 from agentflow.runs import Event, Listener, Notify, RunResult
 from agentflow.runs.events import RunEvent

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from agentflow.errors import UnknownNameError
 from agentflow.files.atomic import write_output
-from agentflow.notebook.figures.data import Source, read_rows
-from agentflow.notebook.figures.rows import CSV, Datum, write_csv
+from agentflow.notebook.figures.data import CSV, Datum, Source, read_rows, write_csv
 from agentflow.notebook.figures.style import drawing_style
 from agentflow.notebook.figures.views import (
     draw_curve,

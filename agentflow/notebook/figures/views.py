@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from agentflow.errors import UsageError
 from agentflow.metrics.intervals import Rate, bootstrap_band
-from agentflow.notebook.figures.data import LEVELS
-from agentflow.notebook.figures.rows import Datum
+from agentflow.notebook.figures.data import LEVELS, Datum
 from agentflow.notebook.figures.style import Look, looks, new_figure
 
 if TYPE_CHECKING:

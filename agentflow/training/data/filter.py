@@ -18,20 +18,20 @@ from agentflow.errors import RunError
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.machine import Brief, Machine
 from agentflow.progress import Progress
-from agentflow.training.data.answers import (
+from agentflow.training.data.card import DataCard, make_card, write_set
+from agentflow.training.data.contamination import compare_texts, evaluation_trees
+from agentflow.training.data.folder import work_in
+from agentflow.training.data.gates import Judge, Judgement, PairCandidate
+from agentflow.training.data.generate import (
     ANSWERS,
     COMMAND,
     Answer,
     AnswerPlan,
     ObjectivePrompt,
+    describe_changes,
     read_answers,
 )
-from agentflow.training.data.card import DataCard, make_card, write_set
-from agentflow.training.data.contamination import compare_texts, evaluation_trees
-from agentflow.training.data.folder import work_in
-from agentflow.training.data.gates import Judge, Judgement, PairCandidate
 from agentflow.training.data.pairs import Pair, clean_text, make_messages, make_reply
-from agentflow.training.data.variants import describe_changes
 
 JUDGED = "judged.jsonl"
 

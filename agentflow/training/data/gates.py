@@ -20,10 +20,9 @@ from agentflow.files.lines import require_planned
 from agentflow.machine import Brief, Machine, Report, check
 from agentflow.progress import Progress
 from agentflow.search.concurrency import work_in_order
-from agentflow.training.data.answers import Answer, AnswerPlan
 from agentflow.training.data.contamination import Likeness
 from agentflow.training.data.folder import open_log
-from agentflow.training.data.variants import EDITED
+from agentflow.training.data.generate import EDITED, Answer, AnswerPlan
 from agentflow.training.objectives import Objective, works
 
 Gate = Literal[

@@ -1,41 +1,156 @@
-"""Ask a model for machines for design objectives, and record its answers."""
+"""Asks a model for machines for design objectives: its answers, recorded, and variants of their
+machines.
+
+Whether a variant still works is for the function test to say, as with the answer itself.
+"""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import BaseModel
 
 from agentflow.agents.base import chat_prompt
-from agentflow.agents.designer import Designer
+from agentflow.agents.designer import FENCE, MAX_RATIONALE, Designer, extract_rationale
 from agentflow.config.run import DesignConfig
 from agentflow.errors import BudgetSpentError, UsageError
 from agentflow.files.lines import require_planned
 from agentflow.llm.client import Client
-from agentflow.llm.messages import Request, Sampling
-from agentflow.machine import Brief, check
+from agentflow.llm.messages import Message, Request, Sampling, Text
+from agentflow.machine import Brief, Machine, check, library
+from agentflow.machine.edits.random import random_edit
 from agentflow.models.choices import choose_models
 from agentflow.models.clients import recorded_models
 from agentflow.progress import Progress
 from agentflow.runs import Notify
 from agentflow.search.concurrency import work_in_order
-from agentflow.training.data.answers import (
-    ANSWERS,
-    Answer,
-    AnswerPlan,
-    ObjectivePrompt,
-    split_reply,
-)
 from agentflow.training.data.folder import (
     open_log,
+    read_log,
+    read_plan,
     work_in,
 )
-from agentflow.training.data.pairs import make_prompt
-from agentflow.training.data.variants import make_variants
+from agentflow.training.data.pairs import ChatMessage, make_prompt
 from agentflow.training.objectives import Objective
+
+MOST_EDITS = 2
+"""A variant differs from its machine by 1 or 2 edits: with up to 3, half of them stop working."""
+EDITED = ", edited at random"
+"""Follows the name of the model in the source of a variant."""
+
+
+def make_variants(machine: Machine, brief: Brief, share: float, rng: Random) -> list[Machine]:
+    """Variants of a valid machine, `share` on average."""
+    count = int(share) + (rng.random() < share % 1)
+    return [_edit(machine, brief, rng) for _ in range(count)]
+
+
+def _edit(machine: Machine, brief: Brief, rng: Random) -> Machine:
+    for _ in range(rng.randint(1, MOST_EDITS)):
+        try:
+            machine = random_edit(machine, rng, brief)
+        except UsageError:  # no legal edit
+            break
+    return machine
+
+
+def describe_changes(machine: Machine, variant: Machine) -> str:
+    """Which blocks a variant has more or fewer of, as a sentence that continues a rationale."""
+    before, after = (Counter(step.type for step in item) for item in (machine, variant))
+    parts = [f"{n} more {library()[kind].name}" for kind, n in sorted((after - before).items())]
+    parts += [f"{n} fewer {library()[kind].name}" for kind, n in sorted((before - after).items())]
+    return f"Changed: {', '.join(parts) or 'where blocks are attached'}."
+
+
+ANSWERS = "answers.jsonl"
+COMMAND = "agentflow data generate"
+
+
+class ObjectivePrompt(BaseModel, frozen=True, extra="forbid"):
+    """An objective, and the prompt that asks for a machine that meets it."""
+
+    objective: Objective
+    prompt: tuple[ChatMessage, ...]
+
+    @property
+    def messages(self) -> tuple[Message, ...]:
+        """The prompt for a client."""
+        return tuple(Message(role=item.role, text=item.content) for item in self.prompt)
+
+
+class AnswerPlan(BaseModel, frozen=True, extra="forbid"):
+    """Everything that decides the answers in a folder, apart from the model's own chance."""
+
+    kind: Literal["answers"] = "answers"
+    format: Literal[1] = 1
+    model: str
+    """Name of the model in results."""
+    sampling: Mapping[str, Any]
+    seed: int
+    samples: int
+    """Answers to each objective."""
+    limit: int | None
+    """Maximum number of answers; they are spread over the objectives."""
+    variants: float
+    """Machines made by random edits for each answer with a valid machine, on average."""
+    questions: tuple[ObjectivePrompt, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of answers."""
+        whole = self.samples * len(self.questions)
+        return whole if self.limit is None else min(whole, self.limit)
+
+    def asked(self) -> Iterator[tuple[ObjectivePrompt, int]]:
+        """Question and number of the sample of each answer, in their order in the file."""
+        pairs = ((question, n) for n in range(self.samples) for question in self.questions)
+        return islice(pairs, self.count)
+
+
+class Answer(BaseModel, frozen=True, extra="forbid"):
+    """One answer: rationale and program apart, and machines made from it by random edits."""
+
+    objective: str
+    sample: int
+    source: str
+    """Name of the model."""
+    finish: str
+    """Why the reply ended; see `llm.messages.Finish`."""
+    rationale: Text
+    program: Text
+    """As the model wrote it."""
+    variants: tuple[tuple[Mapping[str, int], ...], ...] = ()
+    """Construction trees."""
+
+
+def split_reply(text: str) -> tuple[str, str]:
+    """The rationale of a reply, and its program: the code fences, or else all from the first list.
+
+    Never raises. The rationale is cut to `MAX_RATIONALE` characters.
+    """
+    if fences := FENCE.findall(text):
+        return extract_rationale(text), "\n".join(fences)
+    start = text.find("[")
+    if start < 0:
+        return text.strip()[:MAX_RATIONALE], ""
+    return text[:start].strip()[:MAX_RATIONALE], text[start:]
+
+
+def read_answers(folder: Path) -> tuple[AnswerPlan, Iterator[Answer]]:
+    """The plan of a folder of answers, and its answers, one at a time.
+
+    Raises:
+        RunError: It is not such a folder, or (while iterating) a line is damaged.
+    """
+    plan = read_plan(folder, AnswerPlan, COMMAND)
+    return plan, read_log(folder / ANSWERS, Answer)
+
 
 ROLE = Designer.name
 USED = frozenset({"model", "prompts", "seed"})

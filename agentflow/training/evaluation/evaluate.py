@@ -1,12 +1,15 @@
-"""Evaluates a model on tasks: asks for replies, judges them, writes the record."""
+"""Evaluates a model on tasks: what answers, its replies, their judgement, the record."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import asynccontextmanager, closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from agentflow.agents.base import chat_prompt
 from agentflow.agents.designer import Designer
@@ -16,17 +19,19 @@ from agentflow.env.pool.base import OpenPool
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
+from agentflow.llm.client import Client
+from agentflow.llm.messages import Message, Request, Sampling
 from agentflow.metrics.intervals import missing_scipy
 from agentflow.models.choices import choose_models
-from agentflow.models.clients import continuable
+from agentflow.models.clients import continuable, recorded_models
 from agentflow.models.completion import find_unused_setting
+from agentflow.models.local.folder import Messages
 from agentflow.models.local.libraries import require_libraries
 from agentflow.progress import Progress, silent
 from agentflow.prompts.render import PromptSet
-from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.rewards import Sample, Scorer
 from agentflow.runs import Notify
-from agentflow.training.digests import digest_model
-from agentflow.training.evaluation.models import ROLE, Answer, open_model
+from agentflow.search.concurrency import work_in_order
 from agentflow.training.evaluation.record import (
     EvaluationFolder,
     EvaluationRecord,
@@ -34,7 +39,73 @@ from agentflow.training.evaluation.record import (
 )
 from agentflow.training.evaluation.replies import judge_async
 from agentflow.training.record import ABOUT as TRAINING
-from agentflow.training.record import read_training
+from agentflow.training.record import digest_model, read_training
+
+ROLE = Designer.name
+"""The role whose prompt is answered."""
+
+
+Answer = Callable[[str, Messages, int, int], Awaitable[list[str]]]
+"""Returns the replies with these numbers to the prompt of a task: its name, the prompt, the first
+number and their count. The same numbers give the same replies, as far as the model can repeat
+itself."""
+
+
+@asynccontextmanager
+async def open_model(config: DesignConfig, out: Path, notify: Notify) -> AsyncIterator[Answer]:
+    """The model, ready to answer; the calls of a client are recorded in the folder `out`."""
+    choice, seed = choose_models(config.model)[ROLE], config.seed
+    if choice.folder is not None:
+        yield _answer_from_folder(choice.folder, choice.sampling, seed)
+        return
+    async with recorded_models(config, out, notify) as models:
+        yield partial(_ask_client, models.clients[ROLE], choice.sampling, seed)
+
+
+async def _ask_client(
+    client: Client,
+    sampling: Sampling,
+    seed: int,
+    task: str,
+    messages: Messages,
+    first: int,
+    count: int,
+) -> list[str]:
+    """Ask for all replies at once, each in a request of its own."""
+    given = tuple(
+        Message.model_validate({"role": message["role"], "text": message["content"]})
+        for message in messages
+    )
+
+    async def ask(number: int) -> str:
+        own = sampling.model_copy(update={"seed": random_seed(seed, task, number)})
+        label = f"{task}/sample-{number}"
+        request = Request(role=ROLE, label=label, messages=given, sampling=own)
+        return (await client.complete(request)).text
+
+    texts: list[str] = []
+    await work_in_order(range(first, first + count), ask, texts.append, count)
+    return texts
+
+
+def _answer_from_folder(path: Path, sampling: Sampling, seed: int) -> Answer:
+    """Sample the replies of a model in a folder, a batch at once."""
+    from agentflow.models.local.loading import load_model
+
+    sampler = load_model(path)
+
+    async def answer(task: str, messages: Messages, first: int, count: int) -> list[str]:
+        drawn = sampler.draw(messages, count, random_seed(seed, task, first), sampling)
+        return [found.text for found in drawn]
+
+    return answer
+
+
+def random_seed(seed: int, task: str, number: int) -> int:
+    """A seed of a reply, or of a batch: 31 bits, which every endpoint takes."""
+    words = [abs(seed), seed < 0, number, *task.encode()]
+    return int(np.random.SeedSequence(words).generate_state(1)[0] >> 1)
+
 
 BATCH = 32
 """Replies that are asked for at once, then judged. A killed evaluation asks a folder's model for

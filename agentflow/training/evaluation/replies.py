@@ -11,10 +11,9 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from agentflow.machine.tree import MachineJson
+from agentflow.metrics.cells import Scores
 from agentflow.metrics.intervals import Rate
-from agentflow.metrics.scores import Scores
-from agentflow.rewards import Reward
-from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.rewards import Reward, Sample, Scorer
 
 
 class JudgedReply(BaseModel, frozen=True, extra="forbid"):

@@ -6,14 +6,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from agentflow.errors import RunError, UsageError
+from agentflow.metrics.cells import Scores
 from agentflow.metrics.intervals import missing_scipy
 from agentflow.metrics.published import published
-from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
-from agentflow.training.curves import OF_SAMPLES, flatten
-from agentflow.training.evaluation.collection import Collection, PooledEvaluation, collect
-from agentflow.training.evaluation.record import read_replies
+from agentflow.training.evaluation.record import Collection, PooledEvaluation, collect, read_replies
 from agentflow.training.evaluation.replies import Summary, summaries
+from agentflow.training.record import OF_SAMPLES, flatten
 from agentflow.training.views import COMPARED, CURVES, VIEWS
 
 GENERAL, UNCERTAINTY = "post_training", "post_training_ci"

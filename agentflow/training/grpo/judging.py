@@ -12,8 +12,7 @@ from typing import NamedTuple, Protocol
 from agentflow.env.mechanism import classify
 from agentflow.env.tasks.registry import FAMILIES, get_level
 from agentflow.machine import Machine
-from agentflow.rewards import Reward
-from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.rewards import Reward, Sample, Scorer
 
 RewardFunction = Callable[[str, Reward], float | None]
 """Takes the level's name and the simulated reply. None means that there is no reward, after a

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from agentflow.files.faults import describe_fault, first_fault
 from agentflow.training.objectives import handling, travelling
-from agentflow.training.objectives.finding import FunctionTest
+from agentflow.training.objectives.measuring import FunctionTest
 
 FUNCTIONS: Mapping[str, type[FunctionTest]] = MappingProxyType(
     {

@@ -7,19 +7,20 @@ from typing import Literal
 
 from agentflow.env.rollout import Array
 from agentflow.machine.blocks.library import BOULDER, library
-from agentflow.training.objectives.finding import (
+from agentflow.training.objectives.measuring import (
     Amount,
     Asked,
     Body,
     Count,
+    Direction,
     Finding,
     Findings,
     FunctionTest,
+    Motion,
     name_body,
     name_way,
     reached_by,
 )
-from agentflow.training.objectives.motion import Direction, Motion
 
 
 class _ThrowTest(FunctionTest):

@@ -21,9 +21,8 @@ from agentflow.files.faults import tell_fault
 from agentflow.files.yaml import read_yaml_file
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import ROOT, Machine
-from agentflow.training.objectives.finding import Finding, FunctionTest
 from agentflow.training.objectives.functions import read_test
-from agentflow.training.objectives.motion import Motion
+from agentflow.training.objectives.measuring import Finding, FunctionTest, Motion
 
 ABOUT_TRIALS = " trials differ at random"
 """Part of the sentence about a level's random trials; an objective has one trial, as described."""

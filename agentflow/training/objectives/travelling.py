@@ -7,18 +7,19 @@ from math import pi
 import numpy as np
 
 from agentflow.machine.blocks.library import library
-from agentflow.training.objectives.finding import (
+from agentflow.training.objectives.measuring import (
     Amount,
     Asked,
     Body,
     Count,
+    Direction,
     Finding,
     Findings,
     FunctionTest,
+    Motion,
     name_way,
     reached_by,
 )
-from agentflow.training.objectives.motion import Direction, Motion
 
 
 class Moves(FunctionTest):

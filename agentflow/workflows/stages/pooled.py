@@ -1,14 +1,19 @@
-"""A search over all machines of a run: designs, refinements and edits share one budget."""
+"""A search over all machines of a run: designs, refinements and edits share one budget; and what
+makes new machines without a model."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
+from random import Random
 
 from agentflow.agents.designer import Designer
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.refiner import Refiner
 from agentflow.agents.registry import split_model, with_model
+from agentflow.errors import UsageError
+from agentflow.machine.brief import Brief
+from agentflow.machine.edits.crossover import cross
 from agentflow.machine.edits.local import local_edit
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, AnotherMechanismEvent
@@ -20,9 +25,45 @@ from agentflow.search.tree import SearchTree
 from agentflow.workflows.base import Candidate, Maker, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.designs import try_machines
-from agentflow.workflows.stages.emitters import draw_revision
 from agentflow.workflows.stages.feedback import Revision, Trajectory
 from agentflow.workflows.stages.search_record import SearchRecorder
+
+MAX_REPEATS = 20
+"""Maximum number of edits or crossovers that are drawn to find a new machine."""
+Edit = Callable[[Machine, Random], Machine]
+"""Applies one random legal edit; raises UsageError if there is none."""
+
+
+def draw_revision(
+    machine: Machine,
+    mates: Sequence[Machine],
+    label: str,
+    rng: Random,
+    brief: Brief,
+    edit: Edit,
+    is_new: Callable[[Machine], bool],
+) -> Attempt[Revision]:
+    """Make a new machine from one machine: a crossover if there are mates, or else an edit.
+
+    Args:
+        machine: What it is made from.
+        mates: Machines to take a part of.
+        label: Label of the attempt.
+        rng: What is drawn from.
+        brief: The task.
+        edit: Makes an edit.
+        is_new: Whether a machine has not been simulated yet.
+    """
+    note = "crossover" if mates else "random edit"
+    for _ in range(MAX_REPEATS):
+        try:
+            made = cross(machine, rng.choice(mates), rng, brief) if mates else edit(machine, rng)
+        except UsageError as error:
+            return Attempt(label, None, str(error))
+        if is_new(made):
+            return Attempt(label, Revision(made, label=label), note)
+    return Attempt(label, None, f"no {note} leads to a new machine")
+
 
 Design = Callable[[int], Awaitable[Candidate]]
 """Number of a trajectory -> its first machine, not simulated yet."""

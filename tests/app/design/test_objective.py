@@ -26,7 +26,7 @@ from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
 from agentflow.search.node import Evaluation
 from agentflow.search.tree import is_better
-from agentflow.workflows.statistics import pareto_front
+from agentflow.workflows.base import pareto_front
 from tests.machine.builders import CAR, build
 
 TASK = get_task("movement")

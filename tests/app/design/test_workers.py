@@ -18,8 +18,7 @@ from agentflow.runs.events import read_typed_events
 from agentflow.runs.locations import FEEDBACK, StageName
 from agentflow.runs.record import RunRecord
 from agentflow.tools.bench import Bench
-from agentflow.workflows.tools.stages import work_in_stages
-from agentflow.workflows.tools.workflow import TOOLS, workflow_of
+from agentflow.workflows.tools import TOOLS, work_in_stages, workflow_of
 
 CAR = Path("examples/car.json").read_text(encoding="utf-8")
 

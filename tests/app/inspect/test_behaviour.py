@@ -14,7 +14,7 @@ from agentflow.app.design.run import RunOptions, design
 from agentflow.app.inspect.behaviour import moving_types, observe
 from agentflow.cli import main
 from agentflow.errors import RunError
-from agentflow.metrics.behaviour.agents import agent_edits
+from agentflow.metrics.behaviour import agent_edits
 from agentflow.runs.events import read_typed_events
 from tests.machine.builders import build
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentflow.metrics.behaviour.agents import agent_edits
+from agentflow.metrics.behaviour import agent_edits
 from agentflow.runs.events import EvaluationEvent, RunEvent, ToolEvent
 from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL, Location
 from tests.metrics.events import attempt, evaluation

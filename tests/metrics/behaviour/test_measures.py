@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from agentflow.metrics.behaviour.measures import Behaviour, behaviour, edits
+from agentflow.metrics.behaviour import Behaviour, behaviour, edits
 from agentflow.metrics.intervals import Rate
 from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL
 from agentflow.runs.record import RunRecord

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agentflow.agents.replies import expectations
-from agentflow.metrics.behaviour.measures import predicted_score, predicts_success
+from agentflow.metrics.behaviour import predicted_score, predicts_success
 
 
 @pytest.mark.parametrize(

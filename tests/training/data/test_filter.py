@@ -15,10 +15,10 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Feedback, Rollout
 from agentflow.env.tasks.base import Task
 from agentflow.machine import Machine, read_machine
-from agentflow.training.data.answers import read_answers
 from agentflow.training.data.contamination import tree_hash
 from agentflow.training.data.folder import read_log
 from agentflow.training.data.gates import GATES, Judgement
+from agentflow.training.data.generate import read_answers
 from agentflow.training.data.pairs import Pair, read_pairs
 from tests.training.data.test_generate import generate, kill_until_done
 

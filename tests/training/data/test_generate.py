@@ -15,7 +15,7 @@ import pytest
 
 from agentflow.cli import main
 from agentflow.machine import check
-from agentflow.training.data.answers import Answer, read_answers, split_reply
+from agentflow.training.data.generate import Answer, read_answers, split_reply
 
 RUN = "import sys; from agentflow.cli import main; sys.exit(main(sys.argv[1:]))"
 NAME = "procedural (no language model)"

@@ -11,8 +11,8 @@ import agentflow
 from agentflow.cli import main
 from agentflow.errors import UsageError
 from agentflow.extras import install
+from agentflow.training.data.exchange import prompt_rows
 from agentflow.training.data.pairs import Pair, make_messages, make_prompt, make_reply, write_pairs
-from agentflow.training.data.prompts import prompt_rows
 from tests.training.data.test_pairs import MACHINE, PROMPT
 from tests.training.libraries import INSTALLED
 

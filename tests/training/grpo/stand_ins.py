@@ -8,8 +8,7 @@ from types import MappingProxyType
 
 from agentflow.env.rollout import Feedback, Rollout
 from agentflow.machine import Machine
-from agentflow.rewards import Reward
-from agentflow.rewards.scoring import Sample
+from agentflow.rewards import Reward, Sample
 
 
 class TableScorer:

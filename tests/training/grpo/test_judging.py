@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 from agentflow.errors import UnknownNameError
-from agentflow.rewards.scoring import Scorer
+from agentflow.rewards import Scorer
 from agentflow.training.grpo.judging import Judging, performance, shaped
 from tests.integrations.foreign import CAR
 from tests.training.grpo.stand_ins import TableScorer

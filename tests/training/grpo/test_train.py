@@ -21,16 +21,14 @@ from transformers import AutoConfig, GenerationConfig
 from agentflow import design_prompt
 from agentflow.errors import ConfigError, RunError
 from agentflow.llm.messages import Sampling
-from agentflow.models.local.folder import ModelFolder
+from agentflow.models.local.folder import ModelFolder, shorten
 from agentflow.models.local.loading import load_model
-from agentflow.models.local.shorthand import shorten
 from agentflow.training.config import TinyModel, read_config
-from agentflow.training.digests import digest_model
 from agentflow.training.evaluation.replies import JudgedReply
 from agentflow.training.grpo.config import GrpoConfig
 from agentflow.training.grpo.train import CURVES, train_grpo
 from agentflow.training.model import load_base, make_decoder, train_tokenizer
-from agentflow.training.record import read_training
+from agentflow.training.record import digest_model, read_training
 from tests.integrations.foreign import CAR
 from tests.training.grpo.test_config import TINY
 

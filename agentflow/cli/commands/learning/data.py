@@ -142,7 +142,7 @@ def import_(
             machine in the last), or directory with Besiege machines (.bsg), each with a caption in
             a .txt file of the same name.
     """
-    from agentflow.training.data.importing import import_set
+    from agentflow.training.data.exchange import import_set
 
     card = import_set(source, out, evaluation=evaluation or (), licence=licence)
     _print_card(card, out, as_json)
@@ -168,7 +168,7 @@ def prompts(
         tasks: Tasks, such as throwing,movement/3.
         count: Rows, alternating between tasks.
     """
-    from agentflow.training.data.prompts import write_prompts
+    from agentflow.training.data.exchange import write_prompts
 
     names = [name.strip() for name in tasks.split(",") if name.strip()]
     written = write_prompts(out, names, count, engine or "auto")

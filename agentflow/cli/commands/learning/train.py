@@ -62,7 +62,7 @@ def sft(
 
     built = read_config(SftConfig, config, settings or (), {"data": data})
     require_libraries(*built.libraries)
-    from agentflow.training.sft import train_sft
+    from agentflow.training.trainer import train_sft
 
     print_result(
         train_sft(built, out, resume, partial(print_remark, quiet=quiet)), as_json, show_training

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from agentflow.training.objectives.finding import Amount, Finding, Findings, FunctionTest
-from agentflow.training.objectives.motion import Motion
+from agentflow.training.objectives.measuring import Amount, Finding, Findings, FunctionTest, Motion
 
 
 class Rests(FunctionTest):

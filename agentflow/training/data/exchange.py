@@ -1,4 +1,4 @@
-"""Make a set of conversations from elsewhere, or of Besiege machines with captions."""
+"""Sets made from elsewhere: conversations, machines with captions; prompts for other trainers."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +15,19 @@ from pydantic import ValidationError
 from agentflow.agents.base import chat_prompt
 from agentflow.agents.designer import Designer
 from agentflow.diversity.topology import tree_hash
+from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
-from agentflow.files.atomic import os_errors
+from agentflow.files.atomic import os_errors, write_output
 from agentflow.files.folders import hold_new_folder
 from agentflow.machine import Report, check, library
 from agentflow.machine.brief import Brief, Limits
 from agentflow.machine.formats.detect import read_any
 from agentflow.machine.formats.source import read_text
-from agentflow.training.data.answers import split_reply
+from agentflow.models.local.libraries import require_libraries
 from agentflow.training.data.card import DataCard, make_card, write_set
 from agentflow.training.data.contamination import compare_texts, evaluation_trees
 from agentflow.training.data.gates import Gate, Judgement
+from agentflow.training.data.generate import split_reply
 from agentflow.training.data.pairs import (
     ChatMessage,
     Pair,
@@ -33,6 +36,51 @@ from agentflow.training.data.pairs import (
     make_prompt,
     make_reply,
 )
+
+DATA_SOURCE = "agentflow"
+"""By it, verl groups its metrics and chooses its reward function."""
+
+
+def prompt_rows(tasks: Sequence[str], count: int, engine: str) -> list[dict[str, Any]]:
+    """Rows for the rewards in `integrations`, alternating between tasks, each with its own seed.
+
+    `task` and `seed` are for TRL, the rest but `prompt` is for verl.
+
+    Raises:
+        UsageError: A task or the engine does not exist, or there is no task.
+    """
+    if not tasks:
+        raise UsageError("name at least one task, as in --tasks throwing,movement/3")
+    prompts = {task: chat_prompt(Designer, get_task(task, engine=engine).brief) for task in tasks}
+    return [
+        {
+            "data_source": DATA_SOURCE,
+            "prompt": prompts[task],
+            "ability": "design",
+            "reward_model": {"style": "rule", "ground_truth": task},
+            "extra_info": {"index": index, "seed": index, "knobs": "{}"},
+            "task": task,
+            "seed": index,
+        }
+        for index, task in enumerate(islice(cycle(tasks), count))
+    ]
+
+
+def write_prompts(out: Path, tasks: Sequence[str], count: int, engine: str) -> dict[str, Any]:
+    """Write the rows to a parquet file; `out` and the number of `rows`.
+
+    Raises:
+        UsageError: As `prompt_rows` does, or the file cannot be written.
+        ConfigError: The library datasets is not installed.
+    """
+    rows = prompt_rows(tasks, count, engine)
+    require_libraries("datasets")
+    from datasets import Dataset
+
+    with write_output(out) as part:
+        Dataset.from_list(rows).to_parquet(part)
+    return {"out": str(out), "rows": len(rows)}
+
 
 COMMAND = "agentflow data import"
 ROLES = {"human": "user", "gpt": "assistant", "bot": "assistant"}

@@ -1,1 +1,0 @@
-"""How designers behave: what they predict, how they edit, how they repair."""

@@ -1,1 +1,0 @@
-"""The workflow `tools`: an agent works at a bench, stage by stage."""
