@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from agentflow.app.design.run import RunOptions
     from agentflow.config.run import DesignConfig
-    from agentflow.env.pool.base import Pool
+    from agentflow.env.pool.pool import Pool
     from agentflow.env.rollout import Rollout
     from agentflow.env.tasks.base import Task
     from agentflow.env.verification import Verification
@@ -678,7 +678,7 @@ def _options_of_run(
 
 
 def _to_design(result: RunResult) -> Design:
-    from agentflow.app.design.results import best_machine
+    from agentflow.app.design.execution import best_machine
 
     data = result.to_json()
     return Design(

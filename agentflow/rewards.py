@@ -19,8 +19,7 @@ from threading import Lock, Thread
 from typing import Any, TypeVar
 
 from agentflow.env.physics.engine import AUTO
-from agentflow.env.pool.base import OpenPool, Pool
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.pool import OpenPool, Pool, RolloutPool
 from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task

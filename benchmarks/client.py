@@ -32,11 +32,10 @@ from pathlib import Path
 import httpx
 
 from agentflow.llm.build import open_client, wrap
-from agentflow.llm.client import Client
-from agentflow.llm.endpoint.address import Endpoint
-from agentflow.llm.messages import Message, Request
+from agentflow.llm.endpoint.body import Endpoint
+from agentflow.llm.messages import Client, Message, Request
 from agentflow.llm.wrappers.budget import Budget
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.record import CallLog
 
 AT_ONCE = 64
 MAX_RATIO = 1.1

@@ -27,8 +27,7 @@ from cars import CAR
 from ray.cluster_utils import Cluster
 
 from agentflow.cluster.pool import MOST, RayPool
-from agentflow.env.pool.base import Pool
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.pool import Pool, RolloutPool
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.tree import ROOT, Machine

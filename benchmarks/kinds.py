@@ -32,8 +32,7 @@ from agentflow.env.mechanism import classify
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.variations import DEFAULT, Variation
-from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.descriptors import measure
+from agentflow.env.tasks.base import Task, measure
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.machine import Machine
 from agentflow.metrics.tables import Column, Row, Table, markdown

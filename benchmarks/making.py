@@ -23,8 +23,8 @@ import numpy as np
 
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, Problem, place, spatial_problems
-from agentflow.machine.build_order import build_order
 from agentflow.machine.edits.random import random_machine
+from agentflow.machine.geometry.pieces import build_order
 from agentflow.making.guide import bill, steps_of
 from agentflow.making.parts import Making, making
 from agentflow.making.printing import machine_3mf, machine_stl

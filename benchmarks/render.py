@@ -16,7 +16,7 @@ from pathlib import Path
 from cars import CAR, CATAPULT, PLAIN_CAR
 
 from agentflow.env.drawing.film import save_film
-from agentflow.env.drawing.gltf import rollout_glb
+from agentflow.env.drawing.glb import rollout_glb
 from agentflow.env.drawing.look import look_at
 from agentflow.env.drawing.stills import render_png
 from agentflow.env.simulation.simulate import simulate

@@ -28,7 +28,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.record import CallLog
 from agentflow.machine.formats.detect import read_any
 from agentflow.machine.tree import Machine
 from agentflow.models.clients import open_models

@@ -27,8 +27,7 @@ from shelf import FOLDER, load
 from stress import cases
 
 from agentflow.env.physics.engines import choose_engine, installed_engines
-from agentflow.env.pool.base import AHEAD
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.pool import AHEAD, RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task

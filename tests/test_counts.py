@@ -24,7 +24,7 @@ from agentflow.diversity.measures import DIMENSIONS, Measures
 from agentflow.diversity.solid import POINTS
 from agentflow.env.constants import constants
 from agentflow.env.physics.registry import ENGINES
-from agentflow.env.pool.base import GRACE
+from agentflow.env.pool.pool import GRACE
 from agentflow.env.simulation.variations import GENERAL, PERTURBATIONS, VARIATIONS
 from agentflow.env.tasks.records import read_records
 from agentflow.env.tasks.registry import get_task, task_names

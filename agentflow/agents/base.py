@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from agentflow.errors import PromptError
-from agentflow.llm.client import Client
-from agentflow.llm.messages import Message, Reply, Request, Sampling
+from agentflow.llm.messages import Client, Message, Reply, Request, Sampling
 from agentflow.llm.procedural.reading import Script
 from agentflow.machine.blocks.library import EXAMPLE
 from agentflow.machine.brief import Brief

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from agentflow.machine.edits.commands import TELLING, command_text, read_command
-from agentflow.machine.edits.renumbering import Renumbering, follow, renumber
+from agentflow.machine.edits.difference import Renumbering, follow, renumber
 
 LIMIT = 20
 """Maximum number of entries kept."""

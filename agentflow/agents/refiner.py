@@ -16,7 +16,7 @@ from agentflow.llm.procedural.refining import refine
 from agentflow.machine.brief import Brief
 from agentflow.machine.description.statics_text import statics_text
 from agentflow.machine.edits.commands import is_machine, script_lines
-from agentflow.machine.edits.renumbering import Renumbering, matching_ids, renumbering
+from agentflow.machine.edits.difference import Renumbering, matching_ids, renumbering
 from agentflow.machine.edits.script import StepVerdict, apply_script
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import Report, check

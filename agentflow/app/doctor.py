@@ -9,7 +9,7 @@ from agentflow.agents.designer import Designer
 from agentflow.agents.registry import ROLES
 from agentflow.config.run import DesignConfig
 from agentflow.errors import ConfigError, UnknownNameError
-from agentflow.llm.doctor import diagnose
+from agentflow.llm.build import diagnose
 from agentflow.llm.messages import JsonSchema, Message, Request, Sampling, Tool
 from agentflow.machine import check, library, read_machine
 from agentflow.models.choices import choose_models

@@ -14,8 +14,7 @@ from pathlib import Path
 from agentflow.config.run import DesignConfig
 from agentflow.errors import UsageError
 from agentflow.files.atomic import os_errors
-from agentflow.files.lines import LineFile, parse_object
-from agentflow.files.regular import read_regular
+from agentflow.files.lines import LineFile, parse_object, read_regular
 
 MOST_BYTES = 1_000_000
 """Largest book."""

@@ -8,7 +8,7 @@ from agentflow.errors import ConfigError
 from agentflow.extras import install, is_installed
 
 if TYPE_CHECKING:
-    from agentflow.env.pool.base import OpenPool
+    from agentflow.env.pool.pool import OpenPool
 
 Where = Literal["local", "ray"]
 

@@ -14,7 +14,7 @@ from PIL import Image
 
 from agentflow.errors import DamagedError, RunError, UsageError
 from agentflow.files.atomic import write_output
-from agentflow.files.regular import read_regular
+from agentflow.files.lines import read_regular
 
 SKETCH = "sketch"
 """Key of run.yaml: the hash of the sketch."""

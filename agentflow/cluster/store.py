@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from uuid import uuid4
 
 from agentflow.env.archive import UNREADABLE, read_npz, write_npz
-from agentflow.env.pool.base import Simulator
+from agentflow.env.pool.pool import Simulator
 from agentflow.env.pool.store import rollout_key
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.variations import DEFAULT, Variation

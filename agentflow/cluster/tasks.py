@@ -27,8 +27,8 @@ from agentflow.cluster.connection import (
     result_of,
     watch_cluster,
 )
-from agentflow.cluster.worker import conditions
-from agentflow.env.pool.base import ATTEMPTS
+from agentflow.cluster.pool import conditions
+from agentflow.env.pool.pool import ATTEMPTS
 from agentflow.errors import AgentflowError, RunError
 from agentflow.llm.settings import LimitSettings
 from agentflow.llm.wrappers.limits import Limiter, Limiters, RateLimits, StartedCall

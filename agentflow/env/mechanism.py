@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from agentflow.env.feedback.release import sample_at
+from agentflow.env.feedback.separation import sample_at
 from agentflow.env.measurements import Energy
 from agentflow.env.rollout import Rollout, Trace
 from agentflow.machine.blocks.library import library

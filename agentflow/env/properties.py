@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agentflow.env.feedback.release import PULLING
+from agentflow.env.feedback.separation import PULLING
 from agentflow.env.feedback.text import body_name
 from agentflow.env.joints import joint_angle, joint_speed, turns
 from agentflow.env.rollout import Array, Trace

@@ -20,8 +20,7 @@ from agentflow.errors import RunError
 from agentflow.files.atomic import os_errors, remove_partial_files, write_text
 from agentflow.files.faults import explain
 from agentflow.files.folders import out_errors, require_plain_files, visible_names
-from agentflow.files.lines import parse_object
-from agentflow.files.regular import read_regular
+from agentflow.files.lines import parse_object, read_regular
 from agentflow.files.yaml import FAST_LOADER, NOT_YAML, load_bounded
 
 _Model = TypeVar("_Model", bound=BaseModel)

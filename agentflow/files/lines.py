@@ -1,19 +1,60 @@
-"""Growing files of JSON lines. A kill leaves at most half a last line, which does not count."""
+"""Growing files of JSON lines, and reading files without ever waiting. A kill leaves at most half
+a last line, which does not count.
+
+A received folder may hold anything under any name. The refusal is an OSError, so that whoever
+reports that a file cannot be read reports this as well.
+"""
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import stat
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 from agentflow.errors import AgentflowError, DamagedError, RunError
 from agentflow.files.atomic import os_errors
 from agentflow.files.faults import tell_fault
-from agentflow.files.regular import open_regular
+
+
+def open_regular(path: Path, *, links: bool = True) -> BinaryIO:
+    """Open a regular file for reading bytes.
+
+    Args:
+        path: The file.
+        links: Whether a link to a file will do.
+
+    Raises:
+        OSError: It is missing, cannot be read, or is no regular file.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    if not links:
+        flags |= getattr(os, "O_NOFOLLOW", 0)
+        if path.is_symlink():
+            raise OSError(errno.ELOOP, "it is a link", str(path))
+    descriptor = os.open(path, flags)
+    try:
+        mode = os.fstat(descriptor).st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        if not stat.S_ISREG(mode):
+            raise OSError(errno.EINVAL, "it is a pipe or device, not a file", str(path))
+        return os.fdopen(descriptor, "rb")
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def read_regular(path: Path, most: int = -1, *, links: bool = True) -> bytes:
+    """The content of a regular file, or its first `most` bytes; errors are `open_regular`'s."""
+    with open_regular(path, links=links) as file:
+        return file.read(most)
+
 
 _T = TypeVar("_T")
 

@@ -1,10 +1,10 @@
-"""Requests, replies, tool calls and token usage."""
+"""Requests, replies, tool calls and token usage; and the interface that every model implements."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 from pydantic import (
     AfterValidator,
@@ -236,3 +236,35 @@ def estimate_tokens(*texts: str) -> int:
 
 def _texts_of(calls: Iterable[ToolCall]) -> list[str]:
     return [text for call in calls for text in (call.name, call.arguments)]
+
+
+class Client(Protocol):
+    """Answers requests; safe to call concurrently from one event loop."""
+
+    @property
+    def name(self) -> str:
+        """Model name shown in results, for instance `procedural (no language model)`."""
+
+    async def complete(self, request: Request) -> Reply:
+        """Answer one request.
+
+        Raises:
+            EndpointError: The endpoint cannot be used.
+            BudgetSpentError: A call, token or cost limit is reached.
+            ReplayMissError: The request was not recorded (replay only).
+        """
+
+    async def aclose(self) -> None:
+        """Release connections and files; the client cannot be used afterwards."""
+
+
+class ClientWrapper:
+    """Base of clients that wrap another client."""
+
+    def __init__(self, inner: Client) -> None:
+        self._inner = inner
+        self.name = inner.name
+
+    async def aclose(self) -> None:
+        """Close the inner client."""
+        await self._inner.aclose()

@@ -13,9 +13,8 @@ from agentflow.machine.formats.json_text import extract_json
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.geometry.placement import AutoConnection, Geometry, place
 from agentflow.machine.problems import Problem
-from agentflow.machine.space import spatial_problems
 from agentflow.machine.tree import ROOT, Machine, Step
-from agentflow.machine.validity import Report, check
+from agentflow.machine.validity import Report, check, spatial_problems
 
 __all__ = [
     "ROOT",

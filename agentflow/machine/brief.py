@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from agentflow.machine.geometry.banks import Bank
-from agentflow.machine.geometry.placement import Geometry
+from agentflow.machine.geometry.placement import Bank, Geometry
 from agentflow.machine.requirements import NONE, Judged, Requirements
 from agentflow.machine.tree import ROOT, Machine
 

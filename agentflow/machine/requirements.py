@@ -12,8 +12,8 @@ from math import inf, isfinite
 from typing import Any, Literal, NamedTuple
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.build_order import build_order
 from agentflow.machine.geometry.balance import mass
+from agentflow.machine.geometry.pieces import build_order
 from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.problems import Problem, short_repr
 

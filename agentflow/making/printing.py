@@ -14,14 +14,14 @@ import numpy as np
 from manifold3d import Manifold, OpType
 from trimesh import Scene, Trimesh
 
-from agentflow.env.export.losses import name_blocks
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Shape
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import rotated_axes
+from agentflow.env.urdf import name_blocks
 from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import library
-from agentflow.machine.build_order import build_order
+from agentflow.machine.geometry.pieces import build_order
 from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.geometry.vectors import Quat, Vec3, add, inverse, rotation_from_up
 from agentflow.machine.problems import Problem

@@ -28,9 +28,9 @@ from OCP.TDocStd import TDocStd_Document
 from OCP.TopLoc import TopLoc_Location
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
-from agentflow.env.export.losses import name_blocks
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Shape
+from agentflow.env.urdf import name_blocks
 from agentflow.machine.geometry.pieces import parent_bonds
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import Quat, Vec3, add

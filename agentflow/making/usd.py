@@ -7,9 +7,9 @@ from typing import Any
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from agentflow.env.drawing.glb import linear
-from agentflow.env.export.losses import name_blocks
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Shape
+from agentflow.env.urdf import name_blocks
 from agentflow.machine.geometry.pieces import Bond, extra_bonds, parent_bonds
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import (

@@ -10,7 +10,7 @@ from pathlib import Path
 from agentflow.agents.registry import model_roles, with_model
 from agentflow.config.run import PROCEDURAL, ModelConfig, RoleModel
 from agentflow.errors import ConfigError, UnknownNameError
-from agentflow.llm.endpoint.address import DEFAULT_BASE_URL, Endpoint
+from agentflow.llm.endpoint.body import DEFAULT_BASE_URL, Endpoint
 from agentflow.llm.messages import Sampling, Usage
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.llm.wrappers.budget import FREE, Price

@@ -15,12 +15,11 @@ from agentflow.agents.registry import scripts, split_model
 from agentflow.config.run import DesignConfig, ModelConfig
 from agentflow.errors import BudgetSpentError, ConfigError, EndpointError, InterruptedRunError
 from agentflow.llm.build import open_client, wrap
-from agentflow.llm.client import Client
+from agentflow.llm.messages import Client
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.llm.wrappers.budget import FREE, Budget, Price
-from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
-from agentflow.llm.wrappers.record import ReplayClient
+from agentflow.llm.wrappers.record import CallLog, ReplayClient
 from agentflow.models.choices import ModelChoice, choose_models, known_prices
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
-from agentflow.app.design.results import best_machine
+from agentflow.app.design.execution import best_machine
 from agentflow.app.sweeps.folder import RUNS, read_failures, read_folder
 from agentflow.app.sweeps.registry import LAYOUT
 from agentflow.app.sweeps.views import format_view

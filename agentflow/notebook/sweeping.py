@@ -16,7 +16,7 @@ from agentflow.app.sweeps.run import run_blocking, run_sweep_async
 from agentflow.config.grid import ANSWER, METRICS, function_name, sweep_document
 from agentflow.config.run import DesignConfig
 from agentflow.config.sweep import SweepConfig, SweepRun, TableLayout, read_sweep
-from agentflow.env.pool.base import Pool
+from agentflow.env.pool.pool import Pool
 from agentflow.errors import RunError, UsageError
 from agentflow.llm.function import FunctionClient, ModelFunction
 from agentflow.notebook.display.progress import SweepLine

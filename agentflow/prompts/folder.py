@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator
 
 from agentflow.errors import ConfigError
 from agentflow.files.faults import explain
-from agentflow.files.regular import read_regular
+from agentflow.files.lines import read_regular
 from agentflow.files.yaml import read_yaml_file
 from agentflow.prompts.registry import ABOUT, DEFAULT
 

@@ -14,8 +14,8 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from sklearn.metrics import silhouette_score
 
 from agentflow.agents.registry import ROLES
+from agentflow.app.design.execution import best_machine
 from agentflow.app.design.plan import task_of_run
-from agentflow.app.design.results import best_machine
 from agentflow.app.inspect.behaviour import (
     Result,
     behaviour_columns,

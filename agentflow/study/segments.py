@@ -20,7 +20,7 @@ from agentflow.errors import ConfigError, RunError
 from agentflow.files.atomic import remove_partial_files
 from agentflow.files.documents import Document
 from agentflow.files.folders import hold_folder
-from agentflow.llm.client import Client
+from agentflow.llm.messages import Client
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.machine import extract_json, library
 from agentflow.metrics.behaviour import fails

@@ -14,7 +14,7 @@ from agentflow.errors import DamagedError
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import EvaluationEvent, QueryEvent, RunEvent, ToolEvent
 from agentflow.runs.locations import Location, StageName
-from agentflow.tools import designing, exploring, measuring, tuning
+from agentflow.tools import designing, exploring, measuring
 from agentflow.tools.host import BenchHost
 from agentflow.tools.results import RefusedCall, StageEnded, ToolResult, ToolSpec
 from agentflow.tools.schema import BenchTool
@@ -38,7 +38,7 @@ TOOLS = (
     BenchTool.of(measuring.simulate, needs="simulations"),
     BenchTool.of(measuring.verify, needs="simulations"),
     BenchTool.of(exploring.explore_edits, needs="simulations", label="Revise"),
-    BenchTool.of(tuning.tune, needs="controls", label="Revise"),
+    BenchTool.of(exploring.tune, needs="controls", label="Revise"),
     BenchTool.of(measuring.query, needs="simulations", label="Query"),
     BenchTool.of(measuring.look, needs="pictures", label="Observe"),
     BenchTool.of(designing.history),
@@ -249,7 +249,7 @@ class Bench:
         workspace, given = self._workspace, self._find(event.tool).read(event.arguments)
         parent = {
             designing.edit.__name__: given.get("machine"),
-            tuning.tune.__name__: given.get("machine"),
+            exploring.tune.__name__: given.get("machine"),
             designing.check.__name__: given.get("parent"),
         }.get(event.tool)
         origin = workspace.machines.find(parent).name if parent else ""

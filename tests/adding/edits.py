@@ -165,7 +165,7 @@ EDITS: Mapping[str, tuple[Edit, ...]] = {
         ),
     ),
     "agentflow/cli/display/show_runs.py": (("def show_result(", SHOW_SIZE),),
-    "agentflow/cli/__init__.py": (('    "studio",\n', '    "size",\n    "studio",\n'),),
+    "agentflow/cli/__init__.py": (('    "tasks",\n', '    "size",\n    "tasks",\n'),),
 }
 """File of the package -> edits that register new parts, or add what has no file of its own."""
 

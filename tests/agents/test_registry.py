@@ -79,7 +79,7 @@ EXCEPTIONS = {
     "app/sweeps/unread.py": "settings, one of which is named as the role that it switches off",
     "cli/commands/design.py": "a default that users read in the help",
     "config/shipped.py": "a sweep, which is named as the role that it studies",
-    "cli/commands/prompts.py": "a default that users read in the help",
+    "cli/commands/tasks.py": "a default that users read in the help",
     "integrations/verifiers/tasks.py": "an option of that library",
     "workflows/settings.py": "the settings' own names of emitters and switches",
     "workflows/workflow.py": "settings, which are named as the roles that they switch off",

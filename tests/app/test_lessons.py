@@ -13,7 +13,7 @@ from agentflow.app.lessons import LONGEST, extend_book, read_book, with_lessons
 from agentflow.cli import main
 from agentflow.config.run import build_config
 from agentflow.errors import UsageError
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.record import CallLog
 from agentflow.runs import read_document
 
 TINY = {

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from agentflow.app.design.plan import RunPlan
-from agentflow.app.subjects.rescore import rescore
+from agentflow.app.subjects.verify import rescore
 from agentflow.cli import main
 from agentflow.config.run import build_config
 from agentflow.errors import ConfigError

@@ -10,7 +10,7 @@ import pytest
 
 from agentflow.app.sessions.shell import KEPT, call, read_arguments
 from agentflow.cli import main
-from agentflow.cli.commands.agents.bench import TOOLS
+from agentflow.cli.commands.agents import TOOLS
 from agentflow.errors import RunError, UsageError
 from agentflow.runs import read_events, read_result, state_of
 from agentflow.runs.writing import RunDirectory

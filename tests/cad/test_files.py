@@ -13,9 +13,8 @@ from agentflow.env.physics.frames import swap
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, Problem, library, place
 from agentflow.machine.blocks.types import DIRECTIONS
-from agentflow.machine.build_order import build_order
 from agentflow.machine.edits.random import random_machine
-from agentflow.machine.geometry.pieces import parent_bonds
+from agentflow.machine.geometry.pieces import build_order, parent_bonds
 from agentflow.making.parts import Making, making
 from tests.cad.reading import expected, read_3mf, read_mesh, read_step
 from tests.machine.builders import CAR, CATAPULT, build

@@ -12,7 +12,7 @@ import pytest
 from agentflow.env.physics.frames import swap
 from agentflow.errors import UsageError
 from agentflow.machine import Geometry, Machine, library, place
-from agentflow.machine.build_order import build_order
+from agentflow.machine.geometry.pieces import build_order
 from tests.machine.builders import CAR, CATAPULT, build
 
 pytestmark = [pytest.mark.cad, pytest.mark.slow]

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 import agentflow
-from agentflow.app.subjects.rescore import rescore
+from agentflow.app.subjects.verify import rescore
 from agentflow.cli import main
 from agentflow.env.physics.engines import choose_engine
 from agentflow.runs import read_document, read_result

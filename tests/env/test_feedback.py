@@ -8,10 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.orientation import orientation_runs, settled_lines
-from agentflow.env.feedback.release import describe_release
+from agentflow.env.feedback.separation import describe_release
 from agentflow.env.feedback.stalls import stall_lines, stalled_motors
-from agentflow.env.feedback.text import MAX_SAMPLES, number, sample_indices, series
+from agentflow.env.feedback.text import (
+    MAX_SAMPLES,
+    number,
+    orientation_runs,
+    sample_indices,
+    series,
+    settled_lines,
+)
 from agentflow.env.rollout import Moment, RolloutEvent, Verdict
 from agentflow.env.tasks.base import Schedule
 from agentflow.machine.tree import ROOT, Machine, Step

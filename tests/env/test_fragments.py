@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.fragments import (
+from agentflow.env.feedback.separation import (
     find_fragments,
     fragment_lines,
     is_root_alone,

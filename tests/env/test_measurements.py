@@ -15,7 +15,7 @@ from PIL import Image
 from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.constants import constants
 from agentflow.env.drawing.film import save_film
-from agentflow.env.drawing.gltf import rollout_glb
+from agentflow.env.drawing.glb import rollout_glb
 from agentflow.env.feedback.compose import contact_line, explanatory
 from agentflow.env.feedback.text import rounded
 from agentflow.env.measurements import Contact, Energy, Hit

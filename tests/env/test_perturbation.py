@@ -9,7 +9,6 @@ from random import Random
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.perturbation import Perturbation, Spread, perturb
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Feedback, Rollout
@@ -17,8 +16,9 @@ from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, VariedEngine
 from agentflow.env.tasks.registry import get_task
+from agentflow.env.verification import Perturbation, Spread, perturb
 from agentflow.machine import place
-from agentflow.machine.edits.neighbours import Neighbour, sample_neighbours
+from agentflow.machine.edits.random import Neighbour, sample_neighbours
 from tests.env.test_verification import CAR, Built, Drawer
 from tests.machine.builders import build
 

@@ -16,7 +16,7 @@ from agentflow.env.scene import Scene, SceneObject, Start
 from agentflow.machine import library, place
 from agentflow.machine.brief import Limits
 from agentflow.machine.geometry.placement import Geometry
-from agentflow.machine.space import size_problems
+from agentflow.machine.validity import size_problems
 from agentflow.prompts.render import facts
 from benchmarks.facts import HIGH, RATE, Stand, hold_ball, machine_of
 

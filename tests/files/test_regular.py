@@ -11,8 +11,7 @@ import pytest
 
 from agentflow.cli import main
 from agentflow.errors import ConfigError, RunError, UsageError
-from agentflow.files.lines import parse_object, read_new_lines
-from agentflow.files.regular import read_regular
+from agentflow.files.lines import parse_object, read_new_lines, read_regular
 from agentflow.files.yaml import parse_yaml
 from agentflow.integrations.mcp.addresses import read_token
 from agentflow.runs import read_document, read_result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.body import Endpoint
 from agentflow.llm.endpoint.http import OpenAIClient
 from agentflow.llm.messages import Message, Reply, Request, Sampling
 from agentflow.llm.settings import HttpSettings

@@ -12,7 +12,7 @@ from agentflow.llm.build import wrap
 from agentflow.llm.messages import Reply, Usage
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import FREE, Budget, BudgetClient, BudgetSettings, Price
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.record import CallLog
 from tests.llm.helpers import ask
 
 

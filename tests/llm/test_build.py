@@ -20,14 +20,12 @@ from agentflow.errors import (
     UnreachableError,
 )
 from agentflow.llm.build import open_client, wrap
-from agentflow.llm.client import Client
-from agentflow.llm.endpoint.address import Endpoint
-from agentflow.llm.messages import Reply
+from agentflow.llm.endpoint.body import Endpoint
+from agentflow.llm.messages import Client, Reply
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.settings import EndpointSettings
 from agentflow.llm.wrappers.budget import Budget, BudgetSettings
-from agentflow.llm.wrappers.call_log import CallLog
-from agentflow.llm.wrappers.record import ReplayClient
+from agentflow.llm.wrappers.record import CallLog, ReplayClient
 from tests.conftest import free_port
 from tests.llm.helpers import KEY, ask
 

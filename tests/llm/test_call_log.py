@@ -21,7 +21,7 @@ from agentflow.llm.messages import (
     Tool,
     ToolCall,
 )
-from agentflow.llm.wrappers.call_log import CallLog, RecordedCall, key_of
+from agentflow.llm.wrappers.record import CallLog, RecordedCall, key_of
 from agentflow.runs import read_calls
 from tests.llm.helpers import ask
 

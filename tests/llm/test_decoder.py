@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from agentflow.errors import ModelNotFoundError
-from agentflow.llm.doctor import diagnose
-from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.build import diagnose
+from agentflow.llm.endpoint.body import Endpoint
 from agentflow.llm.endpoint.http import OpenAIClient
 from agentflow.llm.messages import Reply, Usage
 from agentflow.llm.settings import HttpSettings

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.llm.doctor import EndpointDiagnosis, diagnose
-from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.build import EndpointDiagnosis, diagnose
+from agentflow.llm.endpoint.body import Endpoint
 from agentflow.llm.settings import HttpSettings
 from tests.llm.helpers import KEY, ask
 from tests.llm.hostile import body, reply, serving, silence

@@ -6,7 +6,7 @@ import httpx
 import pytest
 
 from agentflow.errors import ConfigError
-from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.body import Endpoint
 
 
 @pytest.mark.parametrize(

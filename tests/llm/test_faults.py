@@ -7,7 +7,7 @@ from datetime import datetime, timezone
 import pytest
 
 from agentflow.errors import EndpointError, ModelNotFoundError, RefusedError, UnauthorisedError
-from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.body import Endpoint
 from agentflow.llm.endpoint.faults import (
     ErrorResponse,
     TransientFault,

@@ -10,13 +10,11 @@ from pathlib import Path
 import pytest
 
 from agentflow.errors import EndpointError, ModelNotFoundError, RefusedError, UnauthorisedError
-from agentflow.llm.build import open_client, wrap
-from agentflow.llm.client import Client
-from agentflow.llm.doctor import diagnose
-from agentflow.llm.endpoint.address import Endpoint
-from agentflow.llm.messages import JsonSchema, Usage
+from agentflow.llm.build import diagnose, open_client, wrap
+from agentflow.llm.endpoint.body import Endpoint
+from agentflow.llm.messages import Client, JsonSchema, Usage
 from agentflow.llm.settings import EndpointSettings, HttpSettings
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.record import CallLog
 from tests.llm.foreign import KEY
 from tests.llm.helpers import ask
 

@@ -8,13 +8,11 @@ from pathlib import Path
 import pytest
 
 from agentflow.errors import RefusedError
-from agentflow.llm.client import Client
-from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.body import Endpoint
 from agentflow.llm.endpoint.http import OpenAIClient
-from agentflow.llm.messages import Message, Reply, Request, Tool, ToolCall
+from agentflow.llm.messages import Client, Message, Reply, Request, Tool, ToolCall
 from agentflow.llm.settings import HttpSettings
-from agentflow.llm.wrappers.call_log import CallLog
-from agentflow.llm.wrappers.record import RecordingClient, ReplayClient
+from agentflow.llm.wrappers.record import CallLog, RecordingClient, ReplayClient
 from tests.llm.foreign import KEY
 from tests.llm.hostile import Server
 

@@ -11,8 +11,7 @@ import pytest
 from agentflow.errors import BudgetSpentError, ReplayMissError
 from agentflow.llm.messages import Message, Reply, Request
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.llm.wrappers.call_log import CallLog
-from agentflow.llm.wrappers.record import RecordingClient, ReplayClient
+from agentflow.llm.wrappers.record import CallLog, RecordingClient, ReplayClient
 from tests.llm.helpers import ask
 
 

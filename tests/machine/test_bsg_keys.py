@@ -6,8 +6,7 @@ from dataclasses import replace
 
 from agentflow.machine import library
 from agentflow.machine.controls import Lane, lanes
-from agentflow.machine.formats.bsg_keys import NO_KEY, bind_keys
-from agentflow.machine.formats.bsg_writing import to_bsg
+from agentflow.machine.formats.bsg_writing import NO_KEY, bind_keys, to_bsg
 from agentflow.machine.tree import Control
 from tests.machine.builders import CAR, build
 from tests.machine.test_bsg import blocks, settings

@@ -9,8 +9,8 @@ from random import Random
 import pytest
 
 from agentflow.machine import ROOT, Geometry, Machine, library, place
-from agentflow.machine.build_order import UNBUILDABLE, build_order
 from agentflow.machine.edits.random import random_machine
+from agentflow.machine.geometry.pieces import UNBUILDABLE, build_order
 from agentflow.machine.problems import Problem
 from tests.machine.builders import CAR, CATAPULT, build
 

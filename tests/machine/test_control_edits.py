@@ -11,7 +11,7 @@ from agentflow.machine import Brief, Machine, apply_script, describe, describe_t
 from agentflow.machine.brief import Limits
 from agentflow.machine.controls import MAX_CONTROLS, control_text
 from agentflow.machine.edits.commands import AddControl, RemoveControl, command_text, read_command
-from agentflow.machine.edits.renumbering import renumber, renumbering
+from agentflow.machine.edits.difference import renumber, renumbering
 from agentflow.machine.tree import Control
 from tests.machine.builders import CAR
 from tests.machine.strategies import controlled_machines

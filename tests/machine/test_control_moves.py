@@ -9,10 +9,14 @@ import pytest
 
 from agentflow.machine import Machine, check
 from agentflow.machine.controls import MAX_CONTROLS, end_of
-from agentflow.machine.edits.crossover import cross
+from agentflow.machine.edits.changes import cross
 from agentflow.machine.edits.moves import MOVES, random_control
-from agentflow.machine.edits.neighbours import all_neighbours
-from agentflow.machine.edits.random import kinds_of_moves, random_edit, random_machine
+from agentflow.machine.edits.random import (
+    all_neighbours,
+    kinds_of_moves,
+    random_edit,
+    random_machine,
+)
 from agentflow.machine.tree import Control
 from tests.env.levels import designed_task
 from tests.machine.builders import CAR, build

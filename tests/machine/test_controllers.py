@@ -12,10 +12,10 @@ import pytest
 from agentflow.machine import Brief, Machine, apply_script, check, describe, describe_text
 from agentflow.machine.brief import Limits
 from agentflow.machine.controllers.model import QUANTITIES
-from agentflow.machine.controllers.numbers import numbers_of, with_number
 from agentflow.machine.controllers.reading import LAW_KINDS
 from agentflow.machine.edits.difference import edit_commands
 from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
+from agentflow.machine.numbers import numbers_of, with_number
 from agentflow.machine.problems import RefusedEdit
 from agentflow.machine.tree import renumber
 from tests.loops import for_each

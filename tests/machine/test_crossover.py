@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
 from agentflow.machine.brief import LONE_ROOT
-from agentflow.machine.edits.crossover import cross
+from agentflow.machine.edits.changes import cross
 from agentflow.machine.edits.random import random_machine
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.machine.validity import check

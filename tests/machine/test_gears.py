@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.machine.blocks.plates import Plate
+from agentflow.machine.blocks.types import Plate
 from agentflow.machine.geometry.gears import GearTrain, Meshing, gear_trains, meshing_pairs
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step

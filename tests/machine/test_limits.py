@@ -13,7 +13,7 @@ from agentflow.machine.brief import Limits
 from agentflow.machine.edits.random import random_edit, random_machine
 from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
 from agentflow.machine.geometry.pieces import largest_piece
-from agentflow.machine.space import spatial_problems
+from agentflow.machine.validity import spatial_problems
 from tests.machine.builders import build
 
 TASK = Brief("throwing", "Throw.", (), (), (), (0, 1, 7, 9, 15, 36, 63))

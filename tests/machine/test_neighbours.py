@@ -6,7 +6,7 @@ from random import Random
 
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import check
-from agentflow.machine.edits.neighbours import Neighbour, all_neighbours, sample_neighbours
+from agentflow.machine.edits.random import Neighbour, all_neighbours, sample_neighbours
 from tests.machine.builders import CAR, build
 
 BRIEF = get_task("movement").brief

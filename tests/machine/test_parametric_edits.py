@@ -21,8 +21,8 @@ from agentflow.machine.edits.commands import (
     command_text,
     read_command,
 )
+from agentflow.machine.edits.difference import renumbering
 from agentflow.machine.edits.random import random_machine
-from agentflow.machine.edits.renumbering import renumbering
 from agentflow.machine.geometry.pose import FACINGS
 from agentflow.machine.tree import Control, carried_by
 from tests.machine.builders import CAR, build

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from agentflow.errors import ConfigError
 from agentflow.machine.blocks.library import library
-from agentflow.machine.blocks.plates import HOLE, HOLES, PATTERNS, SIZES, Plate, plate_of
+from agentflow.machine.blocks.types import HOLE, HOLES, PATTERNS, SIZES, Plate, plate_of
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.script import apply_script
 from agentflow.machine.geometry.placement import place

@@ -6,7 +6,7 @@ from hypothesis import given
 
 from agentflow.machine import Machine, apply_script, place
 from agentflow.machine.edits.commands import command_text, read_command
-from agentflow.machine.edits.renumbering import (
+from agentflow.machine.edits.difference import (
     Renumbering,
     follow,
     matching_ids,

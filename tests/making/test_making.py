@@ -11,8 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.machines.convert import FORMATS, Wishes, convert
-from agentflow.app.machines.making import list_parts, write_guide
+from agentflow.app.machines.convert import FORMATS, Wishes, convert, list_parts, write_guide
 from agentflow.cli import main
 from agentflow.errors import ConfigError, UsageError
 from agentflow.extras import install

@@ -13,7 +13,7 @@ from agentflow.app.design.run import RunOptions, design
 from agentflow.cli import main
 from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import ConfigError
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.record import CallLog
 from agentflow.models.choices import choose_models
 from agentflow.models.clients import open_models
 from agentflow.models.completion import require_model_name

@@ -25,7 +25,7 @@ from agentflow.app.pages.gallery import gallery
 from agentflow.app.pages.robustness import page_writer, robustness_figure
 from agentflow.app.pages.runs import report, run_data
 from agentflow.app.pages.training import training_report
-from agentflow.env.drawing.gltf import machine_glb
+from agentflow.env.drawing.glb import machine_glb
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine

@@ -11,11 +11,10 @@ from pathlib import Path
 
 from agentflow.agents.base import AskContext
 from agentflow.llm.build import wrap
-from agentflow.llm.client import Client, ClientWrapper
-from agentflow.llm.messages import Reply, Request
+from agentflow.llm.messages import Client, ClientWrapper, Reply, Request
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import Budget
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.record import CallLog
 from agentflow.runs import RunDirectory, RunResult
 from agentflow.workflows.base import WorkflowResult, stage_row
 from agentflow.workflows.hierarchical import HIERARCHICAL

@@ -17,7 +17,7 @@ from agentflow.app.design.rationales import with_rationales
 from agentflow.app.design.replay import replay
 from agentflow.app.design.run import DesignRun, RunOptions, design, resume
 from agentflow.app.diagnose.run import diagnose
-from agentflow.app.subjects.rescore import rescore
+from agentflow.app.subjects.verify import rescore
 from agentflow.cli import main
 from agentflow.cli.display.live import print_remark, watch
 from agentflow.cli.display.show_runs import show_rescored, show_result

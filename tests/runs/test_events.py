@@ -17,7 +17,7 @@ import pytest
 from agentflow.app.design.rationales import rationales_of
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.overview import run_details
-from agentflow.app.subjects.rescore import rescore
+from agentflow.app.subjects.verify import rescore
 from agentflow.errors import RunError
 from agentflow.report.run import RunStory
 from agentflow.runs import Event, RunDirectory, read_events

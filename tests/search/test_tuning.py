@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from agentflow.machine.controllers.numbers import NumberAt
+from agentflow.machine.numbers import NumberAt
 from agentflow.search import tuning
 
 NUMBERS = (NumberAt("a", 0.0, 0.0, 10.0), NumberAt("b", 0.5, -1.0, 1.0))

@@ -10,7 +10,7 @@ from selenium import webdriver
 
 from agentflow.app.benchmark.card import read_card
 from agentflow.app.benchmark.page import leaderboard_page
-from agentflow.app.machines.making import write_guide
+from agentflow.app.machines.convert import write_guide
 from agentflow.app.pages.compare import compare
 from agentflow.app.pages.gallery import gallery
 from agentflow.app.pages.robustness import page_writer

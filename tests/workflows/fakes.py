@@ -11,8 +11,7 @@ from typing import Any
 
 from agentflow.agents.base import AskContext
 from agentflow.agents.replies import machine_items
-from agentflow.llm.client import Client
-from agentflow.llm.messages import Reply, Request, ToolCall, Usage
+from agentflow.llm.messages import Client, Reply, Request, ToolCall, Usage
 from agentflow.llm.procedural.reading import read_listing
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import Budget, BudgetClient, BudgetSettings

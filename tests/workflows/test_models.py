@@ -11,8 +11,7 @@ from agentflow.agents.base import AskContext
 from agentflow.agents.designer import Designer
 from agentflow.agents.refiner import Refiner
 from agentflow.agents.registry import split_model, with_model
-from agentflow.llm.client import Client
-from agentflow.llm.messages import Reply, Request
+from agentflow.llm.messages import Client, Reply, Request
 from agentflow.search.node import Evaluation
 from agentflow.search.pooled.ab_mcts import AdaptiveBranching
 from agentflow.search.pooled.halving import Halving

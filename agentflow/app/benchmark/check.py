@@ -32,8 +32,7 @@ from agentflow.app.benchmark.run import make_card
 from agentflow.app.sweeps.tables import read_sweep_result
 from agentflow.config.run import DesignConfig
 from agentflow.diversity.topology import tree_edit_distance, tree_hash
-from agentflow.env.pool.base import Pool
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.pool import Pool, RolloutPool
 from agentflow.env.tasks.records import read_records, record_machine
 from agentflow.env.verification import verify_async
 from agentflow.errors import RunError, UsageError

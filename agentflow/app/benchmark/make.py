@@ -20,7 +20,7 @@ from uuid import UUID
 
 import yaml
 
-from agentflow.app.design.results import best_machine
+from agentflow.app.design.execution import best_machine
 from agentflow.app.design.run import design, resume
 from agentflow.config.run import PROCEDURAL, build_config, load_document, set_key
 from agentflow.config.shipped import find_config

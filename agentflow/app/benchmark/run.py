@@ -25,7 +25,7 @@ from agentflow.app.benchmark.card import (
     write_card,
 )
 from agentflow.app.benchmark.plan import CALLS, ITEM, PART, Item, conditions, read_items
-from agentflow.app.design.results import best_machine
+from agentflow.app.design.execution import best_machine
 from agentflow.app.design.trust import trust_option
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.app.sweeps.run import Watcher, run_blocking, run_sweep_async

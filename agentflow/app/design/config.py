@@ -8,7 +8,7 @@ from typing import Any
 
 from agentflow.app.design.trust import Approve, refuse, require_trust
 from agentflow.config.run import DesignConfig, apply_settings, load_document, set_key
-from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.body import Endpoint
 from agentflow.models.completion import complete_config
 
 

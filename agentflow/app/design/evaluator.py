@@ -16,9 +16,8 @@ from agentflow.env.drawing.look import look_at
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.feedback.text import number
 from agentflow.env.mechanism import classify
-from agentflow.env.perturbation import robust_score
-from agentflow.env.pool.base import Simulator
-from agentflow.env.pool.spool import Rollouts
+from agentflow.env.pool.pool import Simulator
+from agentflow.env.pool.store import Rollouts
 from agentflow.env.query import answer_each, wanted_interval, wanted_trial
 from agentflow.env.rollout import Rollout, Trace
 from agentflow.env.simulation.requirements import search_value
@@ -31,9 +30,8 @@ from agentflow.env.simulation.variations import (
     perturbations_of,
     variations_of,
 )
-from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.descriptors import measure
-from agentflow.env.verification import Verification, run_under, verify_async
+from agentflow.env.tasks.base import Task, measure
+from agentflow.env.verification import Verification, robust_score, run_under, verify_async
 from agentflow.errors import UsageError
 from agentflow.holding import with_holding
 from agentflow.machine.blocks.library import library

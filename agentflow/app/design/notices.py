@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 from agentflow.app.design.conditions import code_change
-from agentflow.llm.client import Client, ClientWrapper
-from agentflow.llm.messages import Reply, Request
+from agentflow.llm.messages import Client, ClientWrapper, Reply, Request
 from agentflow.models.clients import Models
 from agentflow.runs import Listener, Notify, RunDirectory, read_document, read_events
 from agentflow.runs.events import CallsEvent, RemarkEvent

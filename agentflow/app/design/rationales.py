@@ -7,7 +7,7 @@ from pathlib import Path
 from agentflow.agents.designer import Designer, extract_rationale
 from agentflow.config.run import DesignConfig
 from agentflow.errors import RunError
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.record import CallLog
 from agentflow.runs import read_document
 from agentflow.runs.events import AttemptEvent, read_typed_events
 

@@ -9,14 +9,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.execution import execute
+from agentflow.app.design.execution import execute, finding_of
 from agentflow.app.design.notices import REMARK
 from agentflow.app.design.plan import RunPlan, level_note, repetition
-from agentflow.app.design.results import finding_of
-from agentflow.env.pool.base import Simulator
+from agentflow.env.pool.pool import Simulator
 from agentflow.env.simulation.variations import VARIATIONS, Variation
 from agentflow.errors import RunError
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.record import CallLog
 from agentflow.models.clients import replay_models
 from agentflow.runs import Event, Notify, read_document, read_events, read_result
 from agentflow.runs.events import RunEvent, VerificationEvent, read_stage

@@ -11,16 +11,14 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from agentflow.app.design.execution import Execution, execute
+from agentflow.app.design.execution import Execution, execute, finding_of, save_rollouts
 from agentflow.app.design.notices import REMARK, Remarks, tell_unusable, watch_calls
 from agentflow.app.design.plan import AUTHOR, RunPlan, level_note, repetition
 from agentflow.app.design.rationales import with_rationales
-from agentflow.app.design.results import finding_of, save_rollouts
 from agentflow.app.design.trust import Approve, refuse, require_trusted_run, trust_option
 from agentflow.app.lessons import extend_book, with_lessons
 from agentflow.config.run import DesignConfig
-from agentflow.env.pool.base import OpenPool, Simulator
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.pool import OpenPool, RolloutPool, Simulator
 from agentflow.errors import (
     ConfigError,
     DamagedError,
@@ -28,10 +26,10 @@ from agentflow.errors import (
     InterruptedRunError,
     RunError,
 )
-from agentflow.llm.client import Client
 from agentflow.llm.function import FunctionClient
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.messages import Client
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
+from agentflow.llm.wrappers.record import CallLog
 from agentflow.metrics.tables import counted
 from agentflow.models.clients import open_models
 from agentflow.runs import Listener, Notify, RunDirectory, read_document, read_result, state_of

@@ -14,7 +14,7 @@ from typing import Any
 
 from agentflow.config.run import KEY_VARIABLE, DesignConfig, ModelConfig, build_config
 from agentflow.errors import ConfigError
-from agentflow.llm.endpoint.address import DEFAULT_BASE_URL, Endpoint
+from agentflow.llm.endpoint.body import DEFAULT_BASE_URL, Endpoint
 from agentflow.models.choices import choose_models
 from agentflow.runs import read_document
 

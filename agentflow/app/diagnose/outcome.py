@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import yaml
 
 from agentflow.agents.context import machine_context, task_context
-from agentflow.app.diagnose.machines import draw_design
+from agentflow.app.diagnose.geometry import draw_design
 from agentflow.app.diagnose.question import Diagnostic, Mark, Question
 from agentflow.app.diagnose.reading import read_verdicts
 from agentflow.env.pool.pool import RolloutPool

@@ -22,8 +22,7 @@ from agentflow.config.run import DesignConfig
 from agentflow.env.physics.engines import physics_conditions
 from agentflow.errors import ConfigError, UnknownNameError, UsageError
 from agentflow.files.folders import hold_folder
-from agentflow.llm.client import Client
-from agentflow.llm.messages import Message, Request
+from agentflow.llm.messages import Client, Message, Request
 from agentflow.models.choices import choose_models
 from agentflow.models.clients import CALLS, continuable, recorded_models
 from agentflow.models.completion import find_unused_setting

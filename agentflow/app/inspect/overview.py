@@ -1,4 +1,5 @@
-"""The list of runs in a folder, and the details of one run."""
+"""The list of runs in a folder, the details of one run, and what today's rules say of its
+machines."""
 
 from __future__ import annotations
 
@@ -9,22 +10,31 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.config import config_json
+from agentflow.app.design.execution import best_machine
 from agentflow.app.design.plan import task_of_run
-from agentflow.app.design.results import best_machine
 from agentflow.app.inspect.failures import count_failures
-from agentflow.app.inspect.reading import later_note
 from agentflow.config.run import build_config, changed_keys
 from agentflow.env.archive import load_npz
 from agentflow.env.tasks.records import record_json
 from agentflow.errors import RunError, UsageError
 from agentflow.holding import with_holding
-from agentflow.machine import Machine
+from agentflow.machine import Brief, Machine, check
+from agentflow.machine.problems import LATER_RULES
 from agentflow.metrics.usage import summarize_usage
 from agentflow.models.choices import cost_function
 from agentflow.runs import find_runs, read_calls, read_document, read_result, state_of
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
 from agentflow.runs.result import RunResult
+
+
+def later_note(machine: Machine, brief: Brief) -> str:
+    """Why a recorded machine would now be refused, by rules that came after its run; or ""."""
+    found = [item for item in check(machine, brief).problems if item.code in LATER_RULES]
+    if not found:
+        return ""
+    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    return f"would now be refused: {found[0].message}{more}"
 
 
 def run_list(folder: Path) -> Iterator[dict[str, Any]]:

@@ -10,8 +10,7 @@ from agentflow.app.machines.files import parse_line, read_source
 from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
 from agentflow.machine import Brief, StepVerdict, apply_script, check
-from agentflow.machine.formats.detect import read_for
-from agentflow.machine.formats.source import read_text
+from agentflow.machine.formats.detect import read_for, read_text
 
 FORM = '{"machine": [...], "script": "Remove 3"}'
 

@@ -12,9 +12,8 @@ from agentflow.env.physics.engines import choose_engine, engine_limits
 from agentflow.errors import RunError, UsageError
 from agentflow.machine import BlockType, Brief, Machine, library, place
 from agentflow.machine import check as check_machine
-from agentflow.machine.formats.detect import Form, read_any, read_for
+from agentflow.machine.formats.detect import Form, read_any, read_for, read_text
 from agentflow.machine.formats.parse import Reading
-from agentflow.machine.formats.source import read_text
 
 NO_MACHINE = ("not_json", "not_xml", "not_a_machine")
 """Problem codes of texts that are not machines."""

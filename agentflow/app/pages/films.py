@@ -18,7 +18,7 @@ from agentflow.env.rollout import Broken, Rollout, RolloutEvent, Trace
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.simulation.trials import SHOWN_TRIAL
 from agentflow.machine.blocks.library import library
-from agentflow.machine.blocks.plates import plate_of
+from agentflow.machine.blocks.types import plate_of
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.controls import Lane, lanes
 from agentflow.machine.geometry.vectors import IDENTITY

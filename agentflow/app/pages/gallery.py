@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.results import best_machine
+from agentflow.app.design.execution import best_machine
 from agentflow.app.pages.films import Shapes
 from agentflow.app.pages.runs import FINE, ReportedMachine, film_machines, task_summary, thumbnail
 from agentflow.config.run import build_config

@@ -10,11 +10,10 @@ from pathlib import Path
 from shlex import quote
 
 from agentflow.app.machines.files import read_source
-from agentflow.app.subjects.simulate import WORKERS, simulate_in_parallel
-from agentflow.app.subjects.subject import Subject
+from agentflow.app.subjects.subject import WORKERS, Subject, simulate_in_parallel
 from agentflow.env.drawing.backdrop import PAPER, SCREEN
 from agentflow.env.drawing.film import save_film, save_strip
-from agentflow.env.drawing.gltf import rollout_glb
+from agentflow.env.drawing.glb import rollout_glb
 from agentflow.env.drawing.stills import StillOptions, render_png
 from agentflow.env.physics.engines import choose_engine
 from agentflow.env.rollout import Rollout

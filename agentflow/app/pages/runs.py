@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.conditions import describe_changes
+from agentflow.app.design.execution import best_machine
 from agentflow.app.design.plan import level_note, level_of_run, task_of_run
-from agentflow.app.design.results import best_machine
 from agentflow.app.inspect.failures import count_failures
-from agentflow.app.inspect.reading import later_note
-from agentflow.app.machines.making import MADE, made_file
+from agentflow.app.inspect.overview import later_note
+from agentflow.app.machines.convert import MADE, made_file
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.robustness import kept_figure
 from agentflow.config.run import build_config

@@ -13,7 +13,7 @@ from agentflow.app.design.config import load_config
 from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.app.subjects.verify import verify_finished
 from agentflow.config.run import PROCEDURAL, DesignConfig
-from agentflow.env.pool.base import Simulator
+from agentflow.env.pool.pool import Simulator
 from agentflow.errors import AgentflowError, EndpointError, UsageError
 from agentflow.runs import Notify, read_result
 from agentflow.runs.locations import StageName

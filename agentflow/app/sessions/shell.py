@@ -20,7 +20,7 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.pool.store import Store
 from agentflow.errors import RunError, UsageError
 from agentflow.files.atomic import write_output
-from agentflow.machine.formats.source import read_text
+from agentflow.machine.formats.detect import read_text
 from agentflow.runs import Notify, read_document, read_result, state_of
 from agentflow.runs.locations import FEEDBACK, StageName
 from agentflow.tools import Bench, ToolResult

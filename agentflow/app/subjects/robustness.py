@@ -10,14 +10,13 @@ from random import Random
 from typing import Any
 
 from agentflow.app.subjects.subject import Subject
-from agentflow.env.perturbation import Perturbation, perturb
 from agentflow.env.physics.engines import choose_engine
 from agentflow.env.pool.pool import RolloutPool
-from agentflow.env.verification import score_on_others
+from agentflow.env.verification import Perturbation, perturb, score_on_others
 from agentflow.errors import RunError
 from agentflow.files.atomic import write_output
 from agentflow.machine import Machine, library
-from agentflow.machine.edits.neighbours import Neighbour, all_neighbours, sample_neighbours
+from agentflow.machine.edits.random import Neighbour, all_neighbours, sample_neighbours
 from agentflow.progress import Progress
 
 KEPT = "robustness.json"

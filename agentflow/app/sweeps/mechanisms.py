@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 
-from agentflow.app.design.results import best_machine
+from agentflow.app.design.execution import best_machine
 from agentflow.app.sweeps.tables import FinishedRun, SweepResult
 from agentflow.app.sweeps.views import all_variants
 from agentflow.env.archive import load_npz

@@ -18,11 +18,10 @@ from agentflow.app.sweeps.folder import RUNS, STORE
 from agentflow.cluster.store import RemoteStore
 from agentflow.config.run import DesignConfig
 from agentflow.config.sweep import SweepRun
-from agentflow.env.pool.base import Simulator
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.pool import RolloutPool, Simulator
 from agentflow.env.pool.store import Store
 from agentflow.errors import AgentflowError, EndpointError, RunError
-from agentflow.llm.client import Client
+from agentflow.llm.messages import Client
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
 from agentflow.models.choices import choose_models
 from agentflow.runs import Event, RunResult, read_document

@@ -27,7 +27,7 @@ from agentflow.app.sweeps.members import (
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.config.run import build_config
 from agentflow.config.sweep import SweepRun
-from agentflow.env.pool.base import Simulator
+from agentflow.env.pool.pool import Simulator
 from agentflow.errors import InterruptedRunError, RunError
 from agentflow.files.lines import LineFile
 from agentflow.runs import Event, RunResult

@@ -7,9 +7,8 @@ from itertools import chain
 from pathlib import Path
 
 from agentflow.agents.registry import stage_of
-from agentflow.app.sweeps.against import against_table
+from agentflow.app.sweeps.against import against_table, read_results
 from agentflow.app.sweeps.registry import LAYOUT, VIEWS
-from agentflow.app.sweeps.several import read_results
 from agentflow.app.sweeps.tables import (
     FinishedRun,
     SweepResult,

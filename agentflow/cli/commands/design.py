@@ -82,8 +82,8 @@ def design(
     """
     from agentflow.app.design import run
     from agentflow.app.design.config import load_config
+    from agentflow.app.design.execution import machine_file
     from agentflow.app.design.plan import RunPlan
-    from agentflow.app.design.results import machine_file
     from agentflow.app.design.seeds import SeedsResult, design_seeds
     from agentflow.app.design.trust import require_trusted_run
     from agentflow.app.inspect.overview import reached
@@ -246,7 +246,7 @@ def doctor(
         return
     from agentflow.app.design.config import load_config
     from agentflow.app.doctor import check_endpoint
-    from agentflow.cli.display.show_tasks import show_diagnosis
+    from agentflow.cli.display.show_machines import show_diagnosis
 
     keys = {"model.name": model, "model.base_url": base_url}
     allowed = allow if trust else approve

@@ -41,7 +41,7 @@ def check(
     """
     from agentflow.app.machines import files as machines
     from agentflow.cli.display.show_machines import show_report
-    from agentflow.machine.formats.source import read_lines
+    from agentflow.machine.formats.detect import read_lines
 
     brief = _brief(task, knobs, engine)
     flawless = True
@@ -87,7 +87,7 @@ def edit(
     """
     from agentflow.app.machines import edits
     from agentflow.cli.display.show_machines import show_edit
-    from agentflow.machine.formats.source import read_lines
+    from agentflow.machine.formats.detect import read_lines
 
     brief = _brief(task, knobs)
     if lines:
@@ -153,7 +153,7 @@ def bom(
     Args:
         out: Write the list to this .csv or .md file.
     """
-    from agentflow.app.machines.making import list_parts
+    from agentflow.app.machines.convert import list_parts
     from agentflow.cli.display.show_machines import show_parts
 
     print_result(list_parts(machine, out), as_json, show_parts)
@@ -172,7 +172,7 @@ def instructions(
     Args:
         out: Write the page to this .html file.
     """
-    from agentflow.app.machines.making import write_guide
+    from agentflow.app.machines.convert import write_guide
     from agentflow.cli.display.show_machines import show_guide
 
     print_result(write_guide(machine, out), as_json, show_guide)
@@ -210,12 +210,11 @@ def simulate(
         workers: Worker processes, for trials and with --jsonl.
     """
     from agentflow.app.pools import pools_on
-    from agentflow.app.subjects.simulate import simulate_lines, simulate_one
-    from agentflow.app.subjects.subject import resolve
+    from agentflow.app.subjects.subject import resolve, simulate_lines, simulate_one
     from agentflow.app.tasks import find_task
     from agentflow.cli.display.show_machines import show_rollout
     from agentflow.cli.display.text import show_count
-    from agentflow.machine.formats.source import read_lines
+    from agentflow.machine.formats.detect import read_lines
 
     how: dict[str, Any] = {
         "workers": workers,

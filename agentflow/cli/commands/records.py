@@ -76,7 +76,7 @@ def rescore(
         engine: Another physics engine, such as mujoco; default: that of the run.
         workers: Worker processes; default: as in the run.
     """
-    from agentflow.app.subjects.rescore import rescore as simulate_again
+    from agentflow.app.subjects.verify import rescore as simulate_again
     from agentflow.cli.display.show_runs import show_rescored
 
     print_result(simulate_again(run, workers, engine), as_json, show_rescored)

@@ -115,7 +115,7 @@ def table(
         against: Show differences from this condition of a sweep: paired by seed, with intervals,
             how often each condition is better, and how many seeds would be needed.
     """
-    from agentflow.app.sweeps.several import holds_runs
+    from agentflow.app.sweeps.against import holds_runs
     from agentflow.app.sweeps.views import format_view
 
     if all(map(holds_runs, folders)):

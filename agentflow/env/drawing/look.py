@@ -31,7 +31,7 @@ from agentflow.env.drawing.stills import (
     render_image,
     tiled,
 )
-from agentflow.env.feedback.fragments import held_pairs, joined_to
+from agentflow.env.feedback.separation import held_pairs, joined_to
 from agentflow.env.rollout import Array, Rollout
 from agentflow.env.scene import Body, SceneObject
 from agentflow.errors import UsageError

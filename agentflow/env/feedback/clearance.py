@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.feedback.fragments import root_states
-from agentflow.env.feedback.orientation import find_runs
+from agentflow.env.feedback.separation import root_states
+from agentflow.env.feedback.text import find_runs
 from agentflow.env.rollout import Array, Trace
 from agentflow.env.rotations import conjugate, rotate
 from agentflow.machine.blocks.library import library

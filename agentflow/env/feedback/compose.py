@@ -6,21 +6,19 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
-from agentflow.env.feedback.fragments import find_fragments, fragment_lines
-from agentflow.env.feedback.orientation import (
-    frame_text,
-    orientation_runs,
-    orientation_text,
-    settled_lines,
-)
+from agentflow.env.feedback.separation import find_fragments, fragment_lines
 from agentflow.env.feedback.stalls import stall_lines
 from agentflow.env.feedback.text import (
     Series,
     block_name,
     body_name,
+    frame_text,
     number,
     object_label,
+    orientation_runs,
+    orientation_text,
     rounded,
+    settled_lines,
     spacing,
     vector_text,
 )

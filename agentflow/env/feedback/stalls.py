@@ -7,8 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from agentflow.env.feedback.orientation import find_runs
-from agentflow.env.feedback.text import block_name
+from agentflow.env.feedback.text import block_name, find_runs
 from agentflow.env.rollout import Flags, RolloutEvent, Trace
 from agentflow.env.rotations import compose, conjugate
 from agentflow.env.tasks.base import Switch

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agentflow.errors import UsageError
-from agentflow.files.regular import open_regular
+from agentflow.files.lines import open_regular
 from agentflow.listening import make_token
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")

@@ -17,7 +17,7 @@ from agentflow.errors import (
     UnauthorisedError,
     UnreachableError,
 )
-from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.body import Endpoint
 
 TRANSIENT_STATUSES = frozenset({408, 409, 425, 429, 500, 502, 503, 504, 529})
 """Statuses after which the same request may succeed later."""

@@ -13,8 +13,7 @@ import httpx
 
 from agentflow.errors import ConfigError, EndpointError
 from agentflow.llm.endpoint import faults, wire
-from agentflow.llm.endpoint.address import Endpoint
-from agentflow.llm.endpoint.body import request_body
+from agentflow.llm.endpoint.body import Endpoint, request_body
 from agentflow.llm.endpoint.reading import ACCEPTED, UndecodableError, decoded_pieces, read_answer
 from agentflow.llm.endpoint.unsupported import UnsupportedParameters, refuses_images, refuses_tools
 from agentflow.llm.messages import Reply, Request, ToolCall

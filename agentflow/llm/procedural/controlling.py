@@ -10,9 +10,9 @@ from typing import Any
 from agentflow.files.ranges import draw_numbers
 from agentflow.machine import Machine
 from agentflow.machine.controllers.model import Controllers
-from agentflow.machine.controllers.numbers import numbers_of
 from agentflow.machine.controls import control_text, driven_blocks
 from agentflow.machine.edits.moves import random_control, with_random_program
+from agentflow.machine.numbers import numbers_of
 from agentflow.machine.tree import Control
 
 BY_THEMSELVES = ("grabbers", "decouplers")

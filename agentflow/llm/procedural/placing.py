@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from agentflow.errors import ConfigError
 from agentflow.llm.procedural.reading import PromptContent
 from agentflow.machine import Geometry, Machine, Step, library, place
-from agentflow.machine.blocks.plates import plate_of
+from agentflow.machine.blocks.types import plate_of
 from agentflow.machine.geometry.gears import gear_trains, meshing_pairs
 
 ATTEMPTS, MAX_COGS = 8, 12  # per reply; per attempt

@@ -11,8 +11,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from agentflow.errors import BudgetSpentError
-from agentflow.llm.client import Client, ClientWrapper
-from agentflow.llm.messages import Reply, Request, Usage
+from agentflow.llm.messages import Client, ClientWrapper, Reply, Request, Usage
 
 _MILLION = 1_000_000
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 from agentflow.errors import UnknownNameError
-from agentflow.machine.blocks.plates import plate_type
 from agentflow.machine.blocks.types import (
     DIRECTIONS,
     Blade,
@@ -24,6 +23,7 @@ from agentflow.machine.blocks.types import (
     JointType,
     ShapeKind,
     Switch,
+    plate_type,
 )
 from agentflow.machine.geometry.vectors import Vec3
 

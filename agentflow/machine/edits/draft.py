@@ -21,9 +21,8 @@ from agentflow.machine.problems import (
     face_problem,
     type_problem,
 )
-from agentflow.machine.space import ANYWHERE, MAX_FACES, spatial_problems
 from agentflow.machine.tree import Machine, Step, carried_by, renumber
-from agentflow.machine.validity import budget_problems
+from agentflow.machine.validity import ANYWHERE, MAX_FACES, budget_problems, spatial_problems
 
 if TYPE_CHECKING:
     from agentflow.machine.controllers.model import Controllers

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from agentflow.machine.blocks.types import Group
+from agentflow.machine.controllers.reading import to_precision
 from agentflow.machine.controls import (
     MAX_CONTROLS,
     entry_problems,
@@ -13,7 +14,6 @@ from agentflow.machine.controls import (
     window_problem,
 )
 from agentflow.machine.edits.commands import AddControl, Quantity
-from agentflow.machine.formats.control_json import to_precision
 from agentflow.machine.problems import RefusedEdit, comma_list
 from agentflow.machine.tree import Control, Step, shorten
 

@@ -313,8 +313,8 @@ class _Application:
         return ""
 
     def _sense(self, command: ControllerCommand) -> str:
-        from agentflow.machine.controllers.numbers import numbers_of, with_number  # needs pydantic
         from agentflow.machine.controllers.reading import read_controllers
+        from agentflow.machine.numbers import numbers_of, with_number  # needs pydantic
 
         draft, problems = self._draft, list[Problem]()
         if isinstance(command, WriteControllers):

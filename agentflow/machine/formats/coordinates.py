@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
+from agentflow.machine.controllers.reading import read_controls
 from agentflow.machine.formats.connect import LocatedBlock, connect
-from agentflow.machine.formats.control_json import read_controls
 from agentflow.machine.formats.parse import (
     MAX_COORDINATE,
     MISSING,

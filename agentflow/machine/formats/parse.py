@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.blocks.plates import plate_of
+from agentflow.machine.blocks.types import plate_of
+from agentflow.machine.controllers.reading import read_controls
 from agentflow.machine.controls import control_problems
-from agentflow.machine.formats.control_json import read_controls
 from agentflow.machine.formats.json_text import iter_json
 from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.problems import Problem, comma_list, face_problem, short_repr, type_problem

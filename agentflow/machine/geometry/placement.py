@@ -1,4 +1,5 @@
-"""Place the blocks of a construction tree: poses, boxes, free faces and closed loops.
+"""Place the blocks of a construction tree: poses, boxes, free faces and closed loops; and raised
+banks under machines.
 
 All arithmetic is exact, on integers in units of 0.05 m.
 """
@@ -11,9 +12,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.geometry.banks import BESIDE, Bank
 from agentflow.machine.geometry.pose import Placed, Units3, shape, to_metres
-from agentflow.machine.geometry.vectors import Vec3, add
+from agentflow.machine.geometry.vectors import Vec3, add, subtract
 from agentflow.machine.tree import Machine, Step
 
 
@@ -275,3 +275,38 @@ def overlap_of(a: Placed, b: Placed) -> Vec3:
     """Extent of the intersection of two boxes along x, y, z, metres; negative for gaps."""
     x, y, z = (min(a.hi[axis], b.hi[axis]) - max(a.lo[axis], b.lo[axis]) for axis in range(3))
     return to_metres((x, y, z))
+
+
+BESIDE = 1e-6
+"""What overlaps by less only touches, m."""
+
+
+class Bank(NamedTuple):
+    """A box along the axes, on the top of which machines are set down.
+
+    The middle of a machine's bounding box is over x = z = 0.
+    """
+
+    name: str
+    top: float
+    """y, m; the ground around it is at y = 0."""
+    low: tuple[float, float]
+    """Least x and z, m."""
+    high: tuple[float, float]
+    """Greatest x and z, m."""
+
+    def is_under(self, placed: Placed, middle: Vec3) -> bool:
+        """Whether a block is above or below its top, with the machine's middle over x = z = 0."""
+        low, high = subtract(placed.box_min, middle), subtract(placed.box_max, middle)
+        return not placed.two_ended and all(
+            low[axis] < greatest - BESIDE and high[axis] > least + BESIDE
+            for axis, least, greatest in zip((0, 2), self.low, self.high, strict=True)
+        )
+
+    def reaches(self, point: Vec3, middle: Vec3) -> bool:
+        """Whether a point (machine frame, m) is above or below its top or at its edge."""
+        place = subtract(point, middle)
+        return all(
+            least - BESIDE <= place[axis] <= greatest + BESIDE
+            for axis, least, greatest in zip((0, 2), self.low, self.high, strict=True)
+        )

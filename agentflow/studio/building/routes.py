@@ -11,8 +11,8 @@ from starlette.responses import Response
 from starlette.routing import BaseRoute
 
 from agentflow.app.design.plan import task_of_run
+from agentflow.app.machines.convert import made_file
 from agentflow.app.machines.files import read_one
-from agentflow.app.machines.making import made_file
 from agentflow.app.pages.blocks import block_card
 from agentflow.app.pages.films import solid_row
 from agentflow.app.pages.runs import FINE, ReportedMachine

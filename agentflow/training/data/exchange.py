@@ -21,8 +21,7 @@ from agentflow.files.atomic import os_errors, write_output
 from agentflow.files.folders import hold_new_folder
 from agentflow.machine import Report, check, library
 from agentflow.machine.brief import Brief, Limits
-from agentflow.machine.formats.detect import read_any
-from agentflow.machine.formats.source import read_text
+from agentflow.machine.formats.detect import read_any, read_text
 from agentflow.models.local.libraries import require_libraries
 from agentflow.training.data.card import DataCard, make_card, write_set
 from agentflow.training.data.contamination import compare_texts, evaluation_trees

@@ -12,8 +12,7 @@ from pydantic import BaseModel
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import choose_engine
-from agentflow.env.pool.base import OpenPool
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.pool import OpenPool, RolloutPool
 from agentflow.errors import RunError
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.machine import Brief, Machine

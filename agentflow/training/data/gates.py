@@ -14,7 +14,7 @@ from typing import Literal
 from pydantic import BaseModel
 
 from agentflow.diversity.topology import tree_hash
-from agentflow.env.pool.base import AHEAD, OpenPool, Pool
+from agentflow.env.pool.pool import AHEAD, OpenPool, Pool
 from agentflow.env.tasks.base import Task
 from agentflow.files.lines import require_planned
 from agentflow.machine import Brief, Machine, Report, check

@@ -21,8 +21,7 @@ from agentflow.agents.designer import FENCE, MAX_RATIONALE, Designer, extract_ra
 from agentflow.config.run import DesignConfig
 from agentflow.errors import BudgetSpentError, UsageError
 from agentflow.files.lines import require_planned
-from agentflow.llm.client import Client
-from agentflow.llm.messages import Message, Request, Sampling, Text
+from agentflow.llm.messages import Client, Message, Request, Sampling, Text
 from agentflow.machine import Brief, Machine, check, library
 from agentflow.machine.edits.random import random_edit
 from agentflow.models.choices import choose_models

@@ -15,12 +15,10 @@ from agentflow.agents.base import chat_prompt
 from agentflow.agents.designer import Designer
 from agentflow.config.run import DesignConfig
 from agentflow.env.physics.engines import physics_conditions
-from agentflow.env.pool.base import OpenPool
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.pool import OpenPool, RolloutPool
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
-from agentflow.llm.client import Client
-from agentflow.llm.messages import Message, Request, Sampling
+from agentflow.llm.messages import Client, Message, Request, Sampling
 from agentflow.metrics.intervals import missing_scipy
 from agentflow.models.choices import choose_models
 from agentflow.models.clients import continuable, recorded_models

@@ -19,8 +19,7 @@ from agentflow.agents.designer import Designer
 from agentflow.agents.tool_agent import Agent
 from agentflow.diversity.measures import diversity
 from agentflow.env.drawing.film import save_film
-from agentflow.env.pool.base import OpenPool
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.pool import OpenPool, RolloutPool
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task

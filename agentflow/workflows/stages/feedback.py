@@ -13,8 +13,8 @@ from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.errors import BudgetSpentError, PluginError
+from agentflow.machine.edits.difference import matching_ids, renumbering
 from agentflow.machine.edits.local import local_edits
-from agentflow.machine.edits.renumbering import matching_ids, renumbering
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt
 from agentflow.runs.locations import FEEDBACK, Location

@@ -13,7 +13,7 @@ from agentflow.agents.refiner import Refiner
 from agentflow.agents.registry import split_model, with_model
 from agentflow.errors import UsageError
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits.crossover import cross
+from agentflow.machine.edits.changes import cross
 from agentflow.machine.edits.local import local_edit
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, AnotherMechanismEvent

@@ -15,13 +15,12 @@ import pytest
 
 from agentflow.agents.base import AskContext
 from agentflow.llm.build import wrap
-from agentflow.llm.client import Client
+from agentflow.llm.messages import Client
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.settings import LimitSettings
 from agentflow.llm.wrappers.budget import Budget
-from agentflow.llm.wrappers.call_log import CallLog
 from agentflow.llm.wrappers.limits import LimitedClient, Limiter
-from agentflow.llm.wrappers.record import ReplayClient
+from agentflow.llm.wrappers.record import CallLog, ReplayClient
 from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
@@ -112,7 +111,7 @@ from pathlib import Path
 from agentflow.llm.wrappers.record import RecordingClient
 from agentflow.llm.messages import Request
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.record import CallLog
 from tests.llm.helpers import ask
 
 CALLS = 2000

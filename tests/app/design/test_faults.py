@@ -12,11 +12,11 @@ import pytest
 from agentflow.app.design.notices import REMARK, Remarks
 from agentflow.errors import EndpointError, RefusedError, UnreachableError
 from agentflow.llm.build import open_client, wrap
-from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.body import Endpoint
 from agentflow.llm.messages import Reply
 from agentflow.llm.settings import EndpointSettings
 from agentflow.llm.wrappers.budget import Budget
-from agentflow.llm.wrappers.call_log import CallLog
+from agentflow.llm.wrappers.record import CallLog
 from agentflow.runs import RunDirectory, read_events
 from tests.llm.helpers import KEY, ask
 from tests.llm.hostile import (

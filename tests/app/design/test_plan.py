@@ -12,7 +12,7 @@ from agentflow.app.design.conditions import describe_changes
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.replay import replay
 from agentflow.app.design.run import RunOptions, resume
-from agentflow.app.subjects.rescore import rescore
+from agentflow.app.subjects.verify import rescore
 from agentflow.config.run import build_config
 from agentflow.env.tasks.families.movement import Movement
 from agentflow.env.tasks.registry import get_task

@@ -15,7 +15,7 @@ from agentflow.app.design.replay import replay
 from agentflow.app.design.run import RunOptions, design, resume
 from agentflow.cli import main
 from agentflow.config.run import DesignConfig, build_config
-from agentflow.env.pool.base import Pool
+from agentflow.env.pool.pool import Pool
 from agentflow.env.rollout import Feedback, Rollout
 from agentflow.errors import ConfigError, UsageError
 from agentflow.machine.tree import Control, Machine

@@ -7,8 +7,7 @@ from itertools import combinations
 
 import pytest
 
-from agentflow.app.diagnose.geometry import MOST, Facing, Overlap
-from agentflow.app.diagnose.machines import SIZES
+from agentflow.app.diagnose.geometry import MOST, SIZES, Facing, Overlap
 from agentflow.app.diagnose.outcome import EDITS, Outcome
 from agentflow.app.diagnose.question import Diagnostic, Mark, digest_of
 from agentflow.env.tasks.registry import get_task

@@ -12,7 +12,7 @@ import pytest
 from agentflow.agents.registry import model_roles
 from agentflow.app.design.config import config_json
 from agentflow.app.inspect.overview import run_details, run_list
-from agentflow.app.subjects.rescore import rescore
+from agentflow.app.subjects.verify import rescore
 from agentflow.cli.display.show_runs import show_rescored
 from agentflow.config.run import build_config
 from agentflow.errors import RunError

@@ -12,7 +12,7 @@ from PIL import Image, features
 
 from agentflow.app.pages.pictures import draw_missing
 from agentflow.cli import main
-from agentflow.env.drawing.gltf import machine_glb
+from agentflow.env.drawing.glb import machine_glb
 from agentflow.env.drawing.solids import BROKEN
 from agentflow.errors import RunError
 from tests.env.machines import CAR

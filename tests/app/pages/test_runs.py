@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from agentflow.app.design.results import best_machine
+from agentflow.app.design.execution import best_machine
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.gallery import gallery
 from agentflow.app.pages.runs import report

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.app.machines.files import read_one
-from agentflow.app.subjects.simulate import simulate_in_parallel
-from agentflow.app.subjects.subject import Subject
+from agentflow.app.subjects.subject import Subject, simulate_in_parallel
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import ROOT, Machine

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agentflow.env.drawing.gltf import machine_glb, rollout_glb
+from agentflow.env.drawing.glb import machine_glb, rollout_glb
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.rollout import Broken, Rollout
 from agentflow.env.rotations import rotate

@@ -12,7 +12,7 @@ from PIL import Image
 from agentflow.env.drawing.backdrop import SCREEN
 from agentflow.env.drawing.look import DIRECTIONS, look_at
 from agentflow.env.drawing.stills import AXES, INK
-from agentflow.env.feedback.fragments import joined_to
+from agentflow.env.feedback.separation import joined_to
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError

@@ -13,7 +13,6 @@ import pytest
 
 from agentflow.app.machines.files import read_one
 from agentflow.env.constants import constants
-from agentflow.env.export.urdf import machine_urdf, roll_pitch_yaw, train_leaders
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap, swap_turn
 from agentflow.env.physics.model import Assembly
@@ -22,6 +21,7 @@ from agentflow.env.physics.structure.drives import merge_drives
 from agentflow.env.physics.structure.spanning_tree import Skeleton, skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import compose, rotate
+from agentflow.env.urdf import machine_urdf, roll_pitch_yaw, train_leaders
 from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import library
 from agentflow.machine.edits.random import random_machine

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agentflow.env.pool.spool import Rollouts
+from agentflow.env.pool.store import Rollouts
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task

@@ -9,7 +9,7 @@ import pytest
 
 from agentflow.env.measurements import Energy, Measured
 from agentflow.env.mechanism import DRIVES
-from agentflow.env.tasks.descriptors import (
+from agentflow.env.tasks.base import (
     count_driven_wheels,
     measure,
     number_drive,

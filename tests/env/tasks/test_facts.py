@@ -15,10 +15,9 @@ PACKAGE = Path(__file__).parents[3] / "agentflow"
 OWN = (Path("env/tasks/families"), Path("env/tasks/registry.py"))
 DEFAULT = "what is done unless the user names a task"
 EXCEPTIONS = {
-    "cli/commands/agents/bench.py": DEFAULT,
-    "cli/commands/agents/mcp.py": DEFAULT,
+    "cli/commands/agents.py": DEFAULT,
     "cli/commands/machines.py": DEFAULT,
-    "cli/commands/prompts.py": DEFAULT,
+    "cli/commands/tasks.py": DEFAULT,
     "config/run.py": DEFAULT,
     "integrations/openenv.py": DEFAULT,
     "integrations/verifiers/tasks.py": DEFAULT,

@@ -10,7 +10,7 @@ import pytest
 
 from agentflow.env.rotations import rotate
 from agentflow.env.scene import SceneObject
-from agentflow.env.tasks.features.obstacles import PLATE, bump, quarter_pipe
+from agentflow.env.tasks.features.terrain import PLATE, bump, quarter_pipe
 from agentflow.env.tasks.registry import get_task
 
 

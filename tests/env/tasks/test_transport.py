@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agentflow.env.feedback.steering import steering_angles
+from agentflow.env.feedback.text import steering_angles
 from agentflow.env.physics.engine import EngineSpec
 from agentflow.env.physics.engines import installed_engines
 from agentflow.env.rollout import Verdict

@@ -10,7 +10,7 @@ import pytest
 
 from agentflow.config.run import apply_settings, build_config
 from agentflow.errors import ConfigError
-from agentflow.integrations.external.command import command_words, program_environment
+from agentflow.integrations.external.workflow import command_words, program_environment
 from agentflow.workflows.settings import ExternalSettings
 
 

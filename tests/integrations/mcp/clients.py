@@ -18,7 +18,7 @@ from mcp.client.stdio import stdio_client
 from mcp.client.streamable_http import streamable_http_client
 
 from agentflow.integrations.mcp.addresses import read_token
-from agentflow.integrations.mcp.http import Served
+from agentflow.integrations.mcp.serving import Served
 
 ROOT = Path(__file__).parents[3]
 MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"

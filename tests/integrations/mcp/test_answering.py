@@ -6,7 +6,7 @@ import pytest
 from mcp import types
 from pydantic import ValidationError
 
-from agentflow.integrations.mcp.answering import answer_to
+from agentflow.integrations.mcp.serving import answer_to
 
 CALL = '{"jsonrpc": "2.0", "id": %s, "method": "tools/call", "params": %s}'
 MACHINE = '{"name": "check", "arguments": {"machine": %s}}'

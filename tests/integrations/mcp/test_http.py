@@ -12,8 +12,8 @@ import pytest
 from mcp.shared.exceptions import MCPError
 
 from agentflow.integrations.mcp.addresses import HttpAddress
-from agentflow.integrations.mcp.http import Served, serve_bench, serve_http
 from agentflow.integrations.mcp.server import OneBench, build_server
+from agentflow.integrations.mcp.serving import Served, serve_bench, serve_http
 from agentflow.listening import make_token
 from tests.integrations.mcp.clients import http_client
 from tests.tools.benches import open_bench

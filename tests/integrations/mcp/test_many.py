@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from mcp import Client
 
-from agentflow.integrations.mcp.http import Served
+from agentflow.integrations.mcp.serving import Served
 from agentflow.runs import read_events, read_result
 from tests.integrations.mcp.clients import CAR, data_of, http_client, http_server, text_of
 

@@ -14,7 +14,7 @@ from mcp import Client, types
 from mcp.shared.exceptions import MCPError
 from PIL import Image
 
-from agentflow.integrations.mcp.http import serve_bench
+from agentflow.integrations.mcp.serving import serve_bench
 from agentflow.tools import Bench
 from tests.integrations.mcp.clients import data_of, http_client, text_of
 from tests.tools.benches import CAR, open_bench

@@ -9,8 +9,7 @@ from math import radians
 
 from agentflow.env.constants import Constants
 from agentflow.env.physics.model import Drive, Part, Shape
-from agentflow.machine.blocks.plates import HOLE, plate_of
-from agentflow.machine.blocks.types import DIRECTIONS, BlockType
+from agentflow.machine.blocks.types import DIRECTIONS, HOLE, BlockType, plate_of
 from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.geometry.vectors import (
     Vec3,

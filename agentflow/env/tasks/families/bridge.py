@@ -10,14 +10,12 @@ from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import block_name, number, object_label, rounded, series
 from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
 from agentflow.env.scene import Body, Scene, SceneObject, Start, blocks_among, objects_among
-from agentflow.env.tasks.base import ROUNDING, Parameters, Schedule, WorldView
-from agentflow.env.tasks.descriptors import GENERAL, Descriptor
+from agentflow.env.tasks.base import GENERAL, ROUNDING, Descriptor, Parameters, Schedule, WorldView
 from agentflow.env.tasks.family import ANY_START, CommonKnobs, Family, joint_sentences, wall
 from agentflow.env.tasks.features.resting import highest_point_under
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
-from agentflow.machine.geometry.banks import Bank
-from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.placement import Bank, place
 from agentflow.machine.tree import Machine
 
 BLOCKS = (0, 1, 5, 7, 15, 35, 41, 44, 49, 63)

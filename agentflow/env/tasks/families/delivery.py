@@ -16,7 +16,6 @@ from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent,
 from agentflow.env.scene import Scene, SceneObject, blocks_among, objects_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
-from agentflow.env.tasks.features.obstacles import Beam, Cone, Ramp
 from agentflow.env.tasks.features.roads import (
     CentreLine,
     Curve,
@@ -27,7 +26,7 @@ from agentflow.env.tasks.features.roads import (
     rounded,
     scoring_direction,
 )
-from agentflow.env.tasks.features.terrain import Roughness
+from agentflow.env.tasks.features.terrain import Beam, Cone, Ramp, Roughness
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
 from agentflow.machine.tree import Machine

@@ -12,8 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.flight import flight_lines
-from agentflow.env.feedback.text import number, series
+from agentflow.env.feedback.text import flight_lines, number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Gust, Scene
 from agentflow.env.tasks.base import Parameters, WorldView

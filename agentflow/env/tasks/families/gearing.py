@@ -19,7 +19,7 @@ from agentflow.env.tasks.features.turning import HOLD, MIN_SPEED, SOURCE, Gearin
 from agentflow.env.tasks.knobs import knob
 from agentflow.errors import ConfigError
 from agentflow.machine.blocks.library import library
-from agentflow.machine.blocks.plates import GRID, HOLE, HOLES, PATTERNS, SIZES, THICKNESS, Plate
+from agentflow.machine.blocks.types import GRID, HOLE, HOLES, PATTERNS, SIZES, THICKNESS, Plate
 from agentflow.machine.brief import Brief
 from agentflow.machine.geometry.gears import GearTrain, gear_trains, meshing_pairs
 from agentflow.machine.geometry.placement import place

@@ -9,8 +9,12 @@ from typing import ClassVar
 
 from agentflow.env.feedback.clearance import flight_of_root, least_height_over
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.fragments import is_root_alone, root_velocity
-from agentflow.env.feedback.release import describe_release, sample_at
+from agentflow.env.feedback.separation import (
+    describe_release,
+    is_root_alone,
+    root_velocity,
+    sample_at,
+)
 from agentflow.env.feedback.text import block_name, number, object_label, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Start, blocks_among

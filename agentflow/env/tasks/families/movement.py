@@ -15,10 +15,8 @@ from agentflow.env.feedback.text import series
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.tasks.balancing import LASTS, WHEEL, Balance, BalanceReferee
-from agentflow.env.tasks.base import Parameters, Referee, Task, WorldView
-from agentflow.env.tasks.descriptors import ON_WHEELS, Descriptor
+from agentflow.env.tasks.base import ON_WHEELS, Descriptor, Parameters, Referee, Task, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
-from agentflow.env.tasks.features.obstacles import Ramp, bump
 from agentflow.env.tasks.features.roads import (
     CentreLine,
     Curve,
@@ -28,7 +26,7 @@ from agentflow.env.tasks.features.roads import (
     road_walls,
     scoring_direction,
 )
-from agentflow.env.tasks.features.terrain import Roughness, Stones
+from agentflow.env.tasks.features.terrain import Ramp, Roughness, Stones, bump
 from agentflow.env.tasks.knobs import knob
 from agentflow.env.tasks.stopping import TRIALS, Stop, StopReferee
 from agentflow.machine.brief import Brief

@@ -12,14 +12,12 @@ from pydantic import Field
 
 from agentflow.env.constants import constants
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.flight import flight_lines
-from agentflow.env.feedback.text import number, series
+from agentflow.env.feedback.text import flight_lines, number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
 from agentflow.env.scene import Scene, blocks_among
-from agentflow.env.tasks.base import ROUNDING, Parameters, Task, WorldView
-from agentflow.env.tasks.descriptors import GENERAL, Descriptor
+from agentflow.env.tasks.base import GENERAL, ROUNDING, Descriptor, Parameters, Task, WorldView
 from agentflow.env.tasks.family import ANY_START, GROUND, CommonKnobs, Family
-from agentflow.env.tasks.features.cannons import CannonWatch
+from agentflow.env.tasks.features.flights import CannonWatch
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import TORCH, WATER_CANNON, library
 from agentflow.machine.brief import Brief

@@ -10,12 +10,11 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field
 
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.release import describe_release
+from agentflow.env.feedback.separation import describe_release
 from agentflow.env.feedback.text import block_name, number, series, term_number
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
-from agentflow.env.tasks.base import Parameters, WorldView
-from agentflow.env.tasks.descriptors import Descriptor, release_height, share_of
+from agentflow.env.tasks.base import Descriptor, Parameters, WorldView, release_height, share_of
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
 from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_objects, arena_sentences
 from agentflow.env.tasks.features.flights import RL_HEIGHT, RULES, Flight

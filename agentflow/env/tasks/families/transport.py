@@ -11,12 +11,10 @@ import numpy as np
 from pydantic import model_validator
 
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.steering import steering_angles
-from agentflow.env.feedback.text import number, object_label, series, term_number
+from agentflow.env.feedback.text import number, object_label, series, steering_angles, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Body, Scene, SceneObject, objects_among
-from agentflow.env.tasks.base import Parameters, Task, WorldView
-from agentflow.env.tasks.descriptors import ON_WHEELS, Descriptor
+from agentflow.env.tasks.base import ON_WHEELS, Descriptor, Parameters, Task, WorldView
 from agentflow.env.tasks.family import ANY_START, GROUND, CommonKnobs, Family, joint_sentences, wall
 from agentflow.env.tasks.features.journey import (
     LEAST,

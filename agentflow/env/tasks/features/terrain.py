@@ -1,13 +1,14 @@
-"""Rough terrain: scattered stones and slabs of random height and tilt."""
+"""Rough terrain, and single obstacles on a road: quarter-pipe, beam, cone and bumps."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import ceil, cos, hypot, pi, sin
+from math import asin, atan2, ceil, cos, degrees, hypot, pi, sin
 from random import Random
 
 from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters
+from agentflow.env.tasks.family import WOOD, tilted_plate, wall
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.geometry.vectors import about_axis
 
@@ -89,3 +90,102 @@ class Stones(Parameters):
                 f"whole road, {self.density:g} per square metre: fixed balls, {self.smallest:g} to "
                 f"{self.largest:g} m in diameter, half buried in the ground."
             )
+
+
+FACETS = 8
+"""Number of flat pieces of a quarter-pipe."""
+PLATE = 0.4
+"""Thickness of a quarter-pipe, m."""
+
+
+class Ramp(Parameters):
+    """A quarter-pipe across the road."""
+
+    height: float = knob(0, 0, 6, "m", "height of its upper edge; 0 removes it")
+    length: float = knob(6.6, 2, 20, "m", "length along z")
+    at: float = knob(19, 10, 200, "m", "z of its middle")
+
+    def objects(self, width: float) -> Iterator[SceneObject]:
+        """The quarter-pipe across a road of this width, m."""
+        if self.height:
+            yield from quarter_pipe("ramp", self.at, self.height, self.length, width)
+
+    def sentences(self) -> Iterator[str]:
+        """Describe the quarter-pipe to designers."""
+        if self.height:
+            start, end = self.at - self.length / 2, self.at + self.length / 2
+            radius, steepest = _arc(self.height, self.length)
+            last = degrees(steepest * (1 - 0.5 / FACETS))
+            yield (
+                f"A quarter-pipe lies across the whole road: it starts flat at z = {start:g} m and "
+                f"steepens to its edge at z = {end:g} m, {self.height:g} m high. Its profile is an "
+                f"arc of radius {radius:.1f} m in {FACETS} flat pieces, the last {last:.0f} "
+                "degrees steep. Behind the edge it drops to the ground."
+            )
+
+
+class Beam(Parameters):
+    """A beam across the road for machines to pass under."""
+
+    clearance: float = knob(0, 0, 9.5, "m", "free height below the beam; 0 removes it")
+    at: float = knob(8, 5, 200, "m", "z of its middle")
+    thickness: float = knob(1, 0.2, 4, "m", "height of the beam, and its length along z")
+
+    def objects(self, width: float) -> Iterator[SceneObject]:
+        """The beam across a road of this width, m."""
+        if self.clearance:
+            size = (width, self.thickness, self.thickness)
+            yield wall("beam", 0.0, self.at, size, base=self.clearance)
+
+    def sentences(self) -> Iterator[str]:
+        """Describe the beam to designers."""
+        if self.clearance:
+            yield (
+                f"A beam, {self.thickness:g} m high and long, crosses the whole road with its "
+                f"middle at z = {self.at:g} m and its underside {self.clearance:g} m above the "
+                "ground."
+            )
+
+
+class Cone(Parameters):
+    """A cone on the road."""
+
+    height: float = knob(0, 0, 10, "m", "height of its tip; 0 removes it")
+    diameter: float = knob(12, 1, 20, "m", "diameter of its base")
+    further: float = knob(15, 0, 200, "m", "distance of its middle from the end of the turn")
+
+
+def bump(name: str, z: float, height: float, length: float, width: float) -> SceneObject:
+    """The top of a cylinder across the road: `height` above the ground, `length` along z, m."""
+    radius = (length**2 / 4 + height**2) / (2 * height)
+    across = (0.0, 0.0, sin(pi / 4), cos(pi / 4))
+    size = (2 * radius, width, 2 * radius)
+    return SceneObject(name, "cylinder", size, (0.0, height - radius, z), across, color=WOOD)
+
+
+def _arc(height: float, length: float) -> tuple[float, float]:
+    """Radius (m) and steepest angle (rad) of an arc that starts flat and rises to a height, m."""
+    radius = (length**2 + height**2) / (2 * height)
+    return radius, asin(length / radius) if height <= radius else pi - asin(length / radius)
+
+
+def quarter_pipe(
+    name: str, z: float, height: float, length: float, width: float
+) -> Iterator[SceneObject]:
+    """A curved ramp that starts flat and steepens along z+, made of flat plates.
+
+    Args:
+        name: Prefix of the plates' names.
+        z: Middle of the ramp, m.
+        height: Height of its upper edge, m.
+        length: Length along z, m.
+        width: Width along x, m.
+    """
+    radius, steepest = _arc(height, length)
+    bends = [steepest * index / FACETS for index in range(FACETS + 1)]
+    edge = [(z - length / 2 + radius * sin(a), radius * (1 - cos(a))) for a in bends]
+    for index in range(FACETS):
+        (z0, y0), (z1, y1) = edge[index], edge[index + 1]
+        pitch = atan2(y1 - y0, z1 - z0)
+        size = (width, PLATE, hypot(z1 - z0, y1 - y0))
+        yield tilted_plate(f"{name} {index}", size, ((y0 + y1) / 2, (z0 + z1) / 2), pitch)

@@ -13,8 +13,6 @@ import pytest
 from agentflow.app.machines.files import read_one
 from agentflow.cli import main
 from agentflow.env.constants import constants
-from agentflow.env.export.names import link_names
-from agentflow.env.export.urdf import machine_urdf
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap_all
 from agentflow.env.physics.mujoco.engine import MuJoCoEngine
@@ -23,6 +21,7 @@ from agentflow.env.rollout import Array
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
+from agentflow.env.urdf import link_names, machine_urdf
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from tests.env.machines import CAR, FOLDER, machine

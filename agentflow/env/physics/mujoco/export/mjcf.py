@@ -14,8 +14,6 @@ import mujoco
 import numpy as np
 
 from agentflow.env.constants import Constants, constants
-from agentflow.env.export.losses import motion_losses, name_blocks
-from agentflow.env.export.names import joint_names, link_names
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Assembly
@@ -26,6 +24,7 @@ from agentflow.env.physics.mujoco.export.actuators import Actuators
 from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Switch, Task
+from agentflow.env.urdf import joint_names, link_names, motion_losses, name_blocks
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import subtract

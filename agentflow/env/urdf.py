@@ -1,4 +1,5 @@
-"""A machine alone as URDF, the format in which robotics tools exchange robots.
+"""A machine alone as URDF, the format in which robotics tools exchange robots; and the names and
+losses in all files of other simulators.
 
 Metres, kilograms and radians, in the right-handed frame with z up (`physics.frames`): the machine's
 front is y+. The frame of the root's link is on the ground below the middle of the machine, those of
@@ -13,8 +14,6 @@ from math import asin, atan2, copysign, pi
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 from agentflow.env.constants import constants
-from agentflow.env.export.losses import name_blocks, urdf_losses
-from agentflow.env.export.names import joint_name, link_names
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Assembly, Drive, Part, Shape
@@ -22,9 +21,72 @@ from agentflow.env.physics.solids import joint_axis
 from agentflow.env.physics.structure.drives import merge_drives, meshing_cogs
 from agentflow.env.physics.structure.spanning_tree import Link, Piece, Skeleton, skeleton
 from agentflow.errors import UsageError
+from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3, add, subtract
 from agentflow.machine.tree import Machine
+
+
+def urdf_losses(assembly: Assembly, plan: Skeleton) -> tuple[str, ...]:
+    """What the file does not hold, or holds in another way, one sentence each."""
+    parts, joints, devices = assembly.parts, assembly.joints, assembly.devices
+    moving = [joints[link.joint] for link in plan.links if not link.rigid]
+    lost = {
+        "the pull of springs": [parts[spring.a].block for spring in devices.springs],
+        "the pull of winches": [parts[winch.a].block for winch in devices.winches],
+        "thrust": [parts[thruster.part].block for thruster in devices.thrusters],
+        **motion_losses(assembly),
+        "the grip of grabbers": [parts[gripper.part].block for gripper in devices.grippers],
+        "the springs of suspensions": [joint.block for joint in moving if joint.drive.stiffness],
+        "joints that close loops, which are open": [joints[i.joint].block for i in plan.loops],
+    }
+    notes = [
+        "URDF does not hold air drag, friction between surfaces, or the strength of connections"
+    ]
+    notes += [f"URDF does not hold {what}: {name_blocks(ids)}" for what, ids in lost.items() if ids]
+    if any(joint.drive.torque for joint in moving):
+        notes.append("motors are limits of effort and velocity; comments say which way they turn")
+    if balls := [joint.block for joint in moving if joint.kind == "spherical"]:
+        notes.append(f"ball joints are hinges about x, y and z in series: {name_blocks(balls)}")
+    return tuple(notes)
+
+
+def motion_losses(assembly: Assembly) -> dict[str, list[int]]:
+    """What is lost with devices that push their part as it moves -> their blocks."""
+    lost: dict[str, list[int]] = {}
+    for device in assembly.devices.moved:
+        lost.setdefault(device.loss, []).append(assembly.parts[device.part].block)
+    return lost
+
+
+def name_blocks(ids: Iterable[int]) -> str:
+    """Such as "blocks 2, 5"."""
+    listed = sorted(set(ids))
+    return f"block{'s' if len(listed) > 1 else ''} {', '.join(map(str, listed))}"
+
+
+def link_names(machine: Machine, assembly: Assembly) -> list[str]:
+    """The name of each part: id and type of its block, such as block_3_powered_wheel.
+
+    The further parts of a block end with a number: block_5_spring_1.
+    """
+    names: dict[int, str] = {}
+    for step, parts in zip(machine, assembly.blocks, strict=True):
+        name = f"block {step.id} {library()[step.type].name}".lower().replace(" ", "_")
+        names |= {part: f"{name}_{n}" if n else name for n, part in enumerate(parts)}
+    return [names[part] for part in range(len(assembly.parts))]
+
+
+def joint_names(links: list[str], plan: Skeleton) -> dict[int, str]:
+    """The name of each joint, after the link that it carries; those that close loops come last."""
+    names = {link.joint: joint_name(links[link.part]) for link in plan.links}
+    return names | {loop.joint: f"{links[loop.part]}_loop_{loop.joint}" for loop in plan.loops}
+
+
+def joint_name(link: str) -> str:
+    """The name of the joint that carries a link."""
+    return f"{link}_joint"
+
 
 GROUND: Vec3 = (0.0, 0.0, 0.0)
 BALL_AXES = {"_x": (1.0, 0.0, 0.0), "_y": (0.0, 1.0, 0.0), "": (0.0, 0.0, 1.0)}

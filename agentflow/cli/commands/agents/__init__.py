@@ -1,1 +1,0 @@
-"""Commands for agents and people who design with tools."""

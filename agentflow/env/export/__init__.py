@@ -1,1 +1,0 @@
-"""Machines in the file formats of other simulators."""
