@@ -53,7 +53,6 @@ class Parsed(Generic[Out]):
     code: str = ""
     """Machine-readable kind of problem, for counting: unparsable, overlap, ..."""
     repaired: bool = False
-    """Whether damaged JSON was repaired."""
     parsed: bool = True
     """Whether the reply had the required format at all."""
     spatial: bool | None = None
@@ -209,7 +208,6 @@ class AskContext:
     prompts: PromptSet
     sampling: Sampling = field(default_factory=Sampling)
     max_retry: int = 5
-    """Maximum number of attempts per question."""
     on_attempt: Callable[[RoleAttempt[object]], None] = lambda _attempt: None
 
 

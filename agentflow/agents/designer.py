@@ -24,9 +24,7 @@ from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
 MAX_RATIONALE = 4000
-"""Maximum number of characters kept of a rationale."""
 FENCE = re.compile(r"^[ \t]*```.*?(?:^[ \t]*```[ \t]*$|\Z)", re.MULTILINE | re.DOTALL)
-"""A code fence of a reply, closed or not."""
 
 
 @dataclass(frozen=True)

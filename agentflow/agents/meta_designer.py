@@ -27,7 +27,6 @@ class MetaDesignerInput:
     detailed: bool = False
     """Whether the guidance should describe the construction step by step."""
     elsewhere: Elsewhere = field(default_factory=Elsewhere)
-    """What was learnt elsewhere."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,6 @@ class QuerierInput(RoleInput):
     score: float | None = None
     """None if the simulation crashed or timed out."""
     feedback: str = ""
-    """The default feedback of the simulation."""
 
 
 @dataclass(frozen=True)

@@ -52,16 +52,12 @@ class RefinerInput(RoleInput):
     machine: Machine
     blueprint: Blueprint | None = None
     critique: str = ""
-    """An inspector's report."""
     history: History = field(default=History())
-    """Edits that led to the machine."""
     score: float | None = None
     feedback: str = ""
-    """The default feedback of the machine's simulation."""
     trials: str = ""
     """What single edits of the machine did to its score."""
     queried: str = ""
-    """Answers to a querier's queries."""
     earlier: tuple[str, ...] = ()
     """Verdicts on earlier replies to the same question."""
     format: Literal["steps", "whole_machine"] = "steps"

@@ -133,7 +133,6 @@ class SweepRun:
     """One run of a sweep."""
 
     name: str
-    """Name of the run directory."""
     labels: Mapping[str, str]
     """Axis -> label."""
     config: DesignConfig

@@ -63,11 +63,8 @@ class DesignEpisode:
             self.machine = found
         reward = self._rate(self.machine)
         self.score = require_score(reward, setting.task)
-        """Score of the current machine."""
         self.status = reward.status
-        """Status of the current machine's simulation."""
         self.state = self._state(reward)
-        """The current machine and its feedback as text."""
 
     @property
     def rules(self) -> str:

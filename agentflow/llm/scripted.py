@@ -24,7 +24,6 @@ class ScriptedClient:
         self._replies = replies
         self.name = name
         self.requests: list[Request] = []
-        """Requests received so far."""
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request.

@@ -29,7 +29,6 @@ class Scores:
     """Scores of candidates in the unit of their task, without crashed or timed-out simulations."""
 
     valid: tuple[float, ...]
-    """Scores of the valid machines."""
     invalid: int
     """Number of invalid candidates; each counts as 0 in `all`."""
 

@@ -35,7 +35,6 @@ class Failures:
     """Answered calls; of an agent, its calls of tools that make machines."""
     refused: int = 0
     machines: int = 0
-    """Machines simulated."""
     kinds: Counter[str] = field(default_factory=Counter)
     """Name of a kind -> replies or machines."""
     codes: Counter[str] = field(default_factory=Counter)

@@ -118,7 +118,6 @@ def replay_models(config: DesignConfig, call_log: CallLog, *, budget_spent: bool
 
 
 CALLS = "calls.jsonl"
-"""The call log in the folder."""
 AGAIN = "run the same command again to continue"
 
 

@@ -55,7 +55,6 @@ class RunRecord:
     archives: list[ArchiveEvent | NicheEvent] = field(default_factory=list)
     """The archives that searches began, and what was offered to them."""
     stages: list[StageEvent] = field(default_factory=list)
-    """Finished stages."""
     verification: VerificationEvent | None = None
     """Of the best machine."""
     remarks: list[str] = field(default_factory=list)

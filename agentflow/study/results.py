@@ -102,7 +102,6 @@ class Measured:
     """A session or a run, and what is measured in it."""
 
     result: Result
-    """Its behaviour."""
     by: str
     """Who designed: a person, or the model of a run."""
     effort_in: Literal["seconds", "tokens"]

@@ -45,7 +45,6 @@ from agentflow.study.measures import count_restarts, edits_of, machine_at, resul
 from agentflow.study.session import Action, Audio, Note, Session, StudioTest, read_session
 
 FOLDER = "_sessions"
-"""Folder of the templates."""
 BEFORE, AFTER = 4, 2
 """Episodes that are shown before and after the one to label; chosen."""
 
@@ -217,7 +216,6 @@ class _Rules:
 
 FILE = "episodes.json"
 ROLE = Designer.name
-"""The role whose model labels."""
 
 
 class Segments(BaseModel, frozen=True, extra="forbid"):

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from agentflow.metrics.tables import Table
 
 CURVES = "curves"
-"""Name of the view of training alone."""
 
 VIEWS: Registry[Callable[..., Table]] = Registry(
     "view of evaluations and training runs",

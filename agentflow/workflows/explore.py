@@ -50,7 +50,6 @@ class Emitters:
         self._run, self._number, self._archive = run, number, archive
         self._left = rollouts
         self._seen = set[Machine]()
-        """Machines of this search."""
 
     async def expand(
         self, node: Node[Revision], labels: Sequence[str], earlier: Sequence[Attempt[Revision]]

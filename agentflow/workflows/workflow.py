@@ -67,7 +67,6 @@ class Workflow:
     tried: Callable[[WorkflowSettings], int] = lambda _: 0
     """Machines of such a run that get all trials of the task; others get one."""
     fits: Callable[[Brief], bool] = designs_machines
-    """Whether it can be used for a task."""
     adapt: Callable[[WorkflowSettings], WorkflowSettings] = lambda settings: settings
     """Turns the configured settings into those that it uses."""
     author: Callable[[WorkflowSettings], str] = lambda _: ""

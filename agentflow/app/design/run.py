@@ -52,7 +52,6 @@ class RunOptions:
     notify: Notify = lambda _line: None
     """Receives remarks for the user, one line each."""
     listener: Listener | None = None
-    """Receives every event."""
     client: Client | None = None
     """Answers for all roles instead of the configured models."""
     pool: Simulator | None = None
@@ -66,7 +65,6 @@ class RunOptions:
     workflow: Workflow | None = None
     """Runs in place of the configured one of the same name, such as with another worker."""
     open_pool: OpenPool = RolloutPool
-    """Opens a new pool of simulating processes."""
     lessons: Path | None = None
     """A book of lessons, which a new run reads as it begins and extends as it ends."""
     again: str = ""

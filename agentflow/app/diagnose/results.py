@@ -14,7 +14,6 @@ from agentflow.metrics.intervals import Interval
 from agentflow.metrics.tables import FORMATS, Column, Row, Table
 
 TABLE = "overlap_qa"
-"""Name of the published table."""
 INTERVAL = "95 %"
 DIGITS = 3
 

@@ -32,9 +32,7 @@ from agentflow.runs import Notify
 from agentflow.search.concurrency import work_in_order
 
 ROLE = Designer.name
-"""The role whose model answers."""
 QUESTIONS = "_questions"
-"""Folder of the templates."""
 AT_ONCE = 32
 """Most questions that wait for their answers at a time."""
 DIAGNOSTICS: dict[str, Callable[[DesignConfig], Diagnostic]] = {

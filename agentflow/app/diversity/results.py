@@ -31,7 +31,6 @@ from agentflow.training.record import ABOUT as TRAINING
 from agentflow.training.record import read_training
 
 SUFFIXES = (".json", ".bsg")
-"""Machine files."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,6 @@ def _entries(path: Path) -> list[Path]:
 
 
 TABLE = "diversity"
-"""Name of the published table."""
 NAMES = ("chamfer", "hausdorff", "iou", "graph_similarity", "tree_edit_distance")
 """Measures, in the order of results."""
 PUBLISHED_NAMES = {"graph_similarity": "graph_embedding_similarity"}

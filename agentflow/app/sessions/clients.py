@@ -25,7 +25,6 @@ from agentflow.workflows.tools import Worker, workflow_of
 PATIENCE = 20.0
 """Seconds that a client waits for the verification of its machine; clients give up after 60."""
 Begin = Callable[[Worker], DesignRun]
-"""Begins a run that a worker works at."""
 
 
 def session_config(

@@ -149,7 +149,6 @@ def resolve(
 
 
 WORKERS = 2
-"""Worker processes by default."""
 
 
 def simulate_in_parallel(

@@ -34,7 +34,6 @@ class Failure:
 
     reason: str
     trace: str | None = None
-    """The traceback of a bug."""
     endpoint: bool = False
     """Whether the endpoint could not be used."""
 

@@ -12,13 +12,9 @@ if TYPE_CHECKING:
     from agentflow.metrics.tables import Table
 
 LAYOUT = "published"
-"""Name of the view in the published layout."""
 HUMAN = "human"
-"""Name of the view relative to experienced human players."""
 VERIFIED = "verified"
-"""Name of the view of verified scores."""
 MECHANISMS = "mechanisms"
-"""Name of the view of mechanism classes."""
 
 VIEWS: Registry[Callable[[SweepResult], Table]] = Registry(
     "view",

@@ -22,7 +22,6 @@ STEPS = (1, 2, 5, 10, 20, 50)
 APART = 44.0
 """Minimum distance of grid lines, in points."""
 GRID, FRAME, START = "grid", "frame", "start"
-"""Line styles."""
 LETTER = 6.5
 """Approximate width of a letter, in points."""
 LABELS = 14

@@ -49,7 +49,6 @@ TINY = 1e-9
 """Keeps rays from being exactly parallel to a side."""
 CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
 EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1]
-"""The pairs of corners that an edge joins."""
 HIDING = 0.003
 """Share of the drawn pixels that scenery must hide to be glass."""
 GLASS, EDGE = 0.18, (96, 84, 72)

@@ -58,11 +58,8 @@ class Notes:
 
     prompt: PromptContent
     tools: frozenset[str]
-    """Tools on offer."""
     turns: int = 0
-    """Replies so far."""
     called: set[str] = field(default_factory=set)
-    """Tools called so far."""
     left: dict[str, int] = field(default_factory=lambda: {"submission": 0, "simulation": 0})
     """What is left: submissions and simulations."""
     seen_machines: dict[str, SeenMachine] = field(default_factory=dict)

@@ -37,7 +37,6 @@ class Reading:
     machine: Machine | None = None
     """Without unattached blocks; None if nothing could be read."""
     repaired: bool = False
-    """Whether the JSON had to be repaired."""
     notes: tuple[str, ...] = ()
     """Irregularities that were tolerated: extra keys, numbers as strings, ambiguous parents."""
     problems: tuple[Problem, ...] = ()
@@ -88,7 +87,6 @@ class Document(NamedTuple):
     """What is under `controllers`; None if it has none."""
     notes: tuple[str, ...] = ()
     repaired: bool = False
-    """Whether the JSON had to be repaired."""
     fault: Problem | None = None
     """Why it holds no machine."""
 

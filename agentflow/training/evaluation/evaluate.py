@@ -40,7 +40,6 @@ from agentflow.training.record import ABOUT as TRAINING
 from agentflow.training.record import digest_model, read_training
 
 ROLE = Designer.name
-"""The role whose prompt is answered."""
 
 
 Answer = Callable[[str, Messages, int, int], Awaitable[list[str]]]

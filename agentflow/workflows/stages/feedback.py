@@ -62,7 +62,6 @@ class _Shown:
     """What refiners see of a node under expansion, and what was known as it began."""
 
     history: History
-    """The edits that led to it."""
     known: dict[Machine, str]
     """Machine -> its likeness."""
     views: tuple[str, ...] = ()

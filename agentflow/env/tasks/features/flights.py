@@ -328,4 +328,3 @@ RULES = (
     "farther along z+ than the boulder. So a boulder that rolls off while the machine drives on "
     "scores 0.",
 )
-"""The rules of `Flight` in words."""

@@ -74,7 +74,6 @@ class RingProgress:
         self._rings, self._cost = rings, cost
         self._before: Vec3 | None = None
         self.passed = 0
-        """Number of rings passed."""
         self.closest = inf
         """Closest distance to the next ring's centre since the last ring, m."""
 
