@@ -31,7 +31,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.llm.wrappers.record import CallLog
 from agentflow.machine.formats.detect import read_any
 from agentflow.machine.tree import Machine
-from agentflow.models.clients import open_models
+from agentflow.models.choices import open_models
 from agentflow.runs import Event
 
 THROWER = Path(__file__).parent.parent / "tests/machines/thrower_long_arm.json"

@@ -17,7 +17,7 @@ import pytest
 import yaml
 
 from agentflow.app.pages.runs import BEST
-from agentflow.cli.commands.analysis.models import PAIRS, QUESTIONS
+from agentflow.cli.commands.analysis import PAIRS, QUESTIONS
 from agentflow.cli.commands.sweeps import LISTED
 from agentflow.config.run import DesignConfig
 from agentflow.diversity.measures import DIMENSIONS, Measures

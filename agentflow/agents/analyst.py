@@ -9,8 +9,8 @@ from typing import ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import MOST_TOKENS, RoleInput, task_context, within
 from agentflow.agents.replies import find_sections
-from agentflow.llm.procedural.inspecting import analyse
 from agentflow.llm.procedural.reading import Script
+from agentflow.llm.procedural.refining import analyse
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 

@@ -14,8 +14,8 @@ from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import RoleInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.replies import find_sections
-from agentflow.llm.procedural.inspecting import inspect
 from agentflow.llm.procedural.reading import Script
+from agentflow.llm.procedural.refining import inspect
 from agentflow.machine.brief import Brief
 from agentflow.machine.description.statics_text import statics_text
 from agentflow.machine.geometry.placement import Geometry, place

@@ -9,8 +9,8 @@ from typing import ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import SAMPLE_REPORT, RoleInput, report_context
 from agentflow.agents.replies import find_sections
-from agentflow.llm.procedural.inspecting import query
 from agentflow.llm.procedural.reading import Script
+from agentflow.llm.procedural.refining import query
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.json_text import extract_json
 from agentflow.machine.tree import Machine

@@ -20,11 +20,9 @@ from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
 MODULES = (
-    "analysis.models",
-    "analysis.figures",
+    "analysis",
     "machines",
     "sweeps",
-    "analysis.study",
     "benchmark",
     "design",
     "learning.data",

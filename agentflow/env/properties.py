@@ -9,9 +9,8 @@ import numpy as np
 
 from agentflow.env.feedback.separation import PULLING
 from agentflow.env.feedback.text import body_name
-from agentflow.env.joints import joint_angle, joint_speed, turns
 from agentflow.env.rollout import Array, Trace
-from agentflow.env.rotations import compose, conjugate
+from agentflow.env.rotations import compose, conjugate, joint_angle, joint_speed, turns
 from agentflow.env.scene import Body
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place

@@ -25,8 +25,7 @@ from agentflow.llm.procedural import ProceduralClient
 from agentflow.machine import extract_json, library
 from agentflow.metrics.behaviour import fails
 from agentflow.metrics.tables import FORMATS, NOTHING, Column, Row, Table
-from agentflow.models.choices import choose_models
-from agentflow.models.clients import continuable, recorded_models
+from agentflow.models.choices import choose_models, continuable, recorded_models
 from agentflow.models.completion import find_unused_setting
 from agentflow.progress import Progress, silent
 from agentflow.prompts.render import PromptSet

@@ -15,7 +15,7 @@ from agentflow.errors import (
 )
 from agentflow.llm.messages import Sampling
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.models.clients import CALLS, continuable, recorded_models
+from agentflow.models.choices import CALLS, continuable, recorded_models
 from agentflow.models.completion import complete_config
 from tests.llm.helpers import ask
 

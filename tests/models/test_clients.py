@@ -14,8 +14,7 @@ from agentflow.cli import main
 from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import ConfigError
 from agentflow.llm.wrappers.record import CallLog
-from agentflow.models.choices import choose_models
-from agentflow.models.clients import open_models
+from agentflow.models.choices import choose_models, open_models
 from agentflow.models.completion import require_model_name
 from agentflow.runs import read_events
 from tests.app.test_doctor import threaded

@@ -13,9 +13,8 @@ from typing import Any
 
 import yaml
 
-from agentflow.app.design.rationales import with_rationales
 from agentflow.app.design.replay import replay
-from agentflow.app.design.run import DesignRun, RunOptions, design, resume
+from agentflow.app.design.run import DesignRun, RunOptions, design, resume, with_rationales
 from agentflow.app.diagnose.run import diagnose
 from agentflow.app.subjects.verify import rescore
 from agentflow.cli import main

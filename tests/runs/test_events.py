@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from agentflow.app.design.rationales import rationales_of
+from agentflow.app.design.run import rationales_of
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.overview import run_details
 from agentflow.app.subjects.verify import rescore

@@ -13,7 +13,7 @@ from agentflow.cli import main
 from agentflow.errors import ConfigError, RunError, UnauthorisedError
 from agentflow.llm.messages import Request
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.models.clients import CALLS
+from agentflow.models.choices import CALLS
 from agentflow.models.completion import complete_config
 from agentflow.study.segments import FILE, Segments, read_segments, segment
 from agentflow.study.session import Session

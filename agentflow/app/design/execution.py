@@ -28,7 +28,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.metrics.intervals import wilson
-from agentflow.models.clients import Models
+from agentflow.models.choices import Models
 from agentflow.runs.events import RunStartEvent, VariedScore, VerificationEvent
 from agentflow.runs.locations import Location
 from agentflow.runs.reading import MACHINES

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from agentflow.app.design.conditions import code_change
 from agentflow.llm.messages import Client, ClientWrapper, Reply, Request
-from agentflow.models.clients import Models
+from agentflow.models.choices import Models
 from agentflow.runs import Listener, Notify, RunDirectory, read_document, read_events
 from agentflow.runs.events import CallsEvent, RemarkEvent
 from agentflow.runs.locations import Location

@@ -16,7 +16,7 @@ from agentflow.env.pool.pool import Simulator
 from agentflow.env.simulation.variations import VARIATIONS, Variation
 from agentflow.errors import RunError
 from agentflow.llm.wrappers.record import CallLog
-from agentflow.models.clients import replay_models
+from agentflow.models.choices import replay_models
 from agentflow.runs import Event, Notify, read_document, read_events, read_result
 from agentflow.runs.events import RunEvent, VerificationEvent, read_stage
 from agentflow.runs.reading import read_machine_text

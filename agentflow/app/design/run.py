@@ -1,4 +1,5 @@
-"""Carries out design runs, new or resumed, from configuration to result."""
+"""Carries out design runs, new or resumed, from configuration to result; with rationales of an
+earlier run, if wanted."""
 
 from __future__ import annotations
 
@@ -11,10 +12,10 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
+from agentflow.agents.designer import Designer, extract_rationale
 from agentflow.app.design.execution import Execution, execute, finding_of, save_rollouts
 from agentflow.app.design.notices import REMARK, Remarks, tell_unusable, watch_calls
 from agentflow.app.design.plan import AUTHOR, RunPlan, level_note, repetition
-from agentflow.app.design.rationales import with_rationales
 from agentflow.app.design.trust import Approve, refuse, require_trusted_run, trust_option
 from agentflow.app.lessons import extend_book, with_lessons
 from agentflow.config.run import DesignConfig
@@ -31,11 +32,49 @@ from agentflow.llm.messages import Client
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
 from agentflow.llm.wrappers.record import CallLog
 from agentflow.metrics.tables import counted
-from agentflow.models.clients import open_models
+from agentflow.models.choices import open_models
 from agentflow.runs import Listener, Notify, RunDirectory, read_document, read_result, state_of
+from agentflow.runs.events import AttemptEvent, read_typed_events
 from agentflow.runs.result import RunResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.workflow import Workflow
+
+
+def with_rationales(config: DesignConfig) -> DesignConfig:
+    """The configuration with the rationales of the run in `rationale_from` stored in it."""
+    if config.rationale_from is None or config.settings.rationales:
+        return config
+    plans = rationales_of(Path(config.rationale_from))
+    settings = config.settings.model_copy(update={"rationales": plans})
+    return config.model_copy(update={"settings": settings})
+
+
+def rationales_of(path: Path) -> tuple[str, ...]:
+    """Rationales of a run's accepted designs, one text per trajectory that has one.
+
+    Each text covers the trajectory's structures in build order.
+
+    Raises:
+        RunError: The run cannot be read, or no design of it was accepted.
+    """
+    read_document(path)
+    accepted = {
+        event.label: event.location
+        for event in read_typed_events(path)
+        if isinstance(event, AttemptEvent) and event.role == Designer.name and event.valid
+    }
+    plans: dict[int, dict[int, str]] = {}
+    with CallLog(path / "calls.jsonl", lambda _line: None, writable=False) as call_log:
+        for entry in call_log.calls():
+            location = accepted.get(entry.request.label)
+            if location is not None and location.trajectory:
+                text = extract_rationale(entry.reply.text)
+                plans.setdefault(location.trajectory, {}).setdefault(location.structure, text)
+    texts = tuple("\n".join(plan[n] for n in sorted(plan)) for _, plan in sorted(plans.items()))
+    if not any(texts):
+        raise RunError(f"{path} contains no rationale: none of its designs was accepted")
+    return tuple(filter(None, texts))
+
 
 ANSWER = "answer"
 """Key of run.yaml: the name of the Python function that answers instead of a model."""

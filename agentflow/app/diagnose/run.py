@@ -23,8 +23,7 @@ from agentflow.env.physics.engines import physics_conditions
 from agentflow.errors import ConfigError, UnknownNameError, UsageError
 from agentflow.files.folders import hold_folder
 from agentflow.llm.messages import Client, Message, Request
-from agentflow.models.choices import choose_models
-from agentflow.models.clients import CALLS, continuable, recorded_models
+from agentflow.models.choices import CALLS, choose_models, continuable, recorded_models
 from agentflow.models.completion import find_unused_setting
 from agentflow.progress import Progress, counter, silent
 from agentflow.prompts.render import PromptSet

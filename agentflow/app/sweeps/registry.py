@@ -26,7 +26,7 @@ VIEWS: Registry[Callable[[SweepResult], Table]] = Registry(
         HUMAN: "agentflow.app.sweeps.views:players_table",
         "expansions": "agentflow.app.sweeps.views:expansions_table",
         VERIFIED: "agentflow.app.sweeps.views:verified_table",
-        MECHANISMS: "agentflow.app.sweeps.mechanisms:mechanisms_table",
+        MECHANISMS: "agentflow.app.sweeps.views:mechanisms_table",
     },
     is_callable,
 )

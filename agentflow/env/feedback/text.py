@@ -12,10 +12,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from agentflow.env.constants import constants
-from agentflow.env.joints import joint_angle, turns
 from agentflow.env.measurements import Named
 from agentflow.env.rollout import Array, Trace
-from agentflow.env.rotations import rotate
+from agentflow.env.rotations import joint_angle, rotate, turns
 from agentflow.machine.blocks.library import STEERING, library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import rotate_vector, subtract

@@ -18,8 +18,7 @@ from agentflow.env.controllers.rate import RATE
 from agentflow.env.physics.engines import engine_limits
 from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters, Schedule, Task
-from agentflow.env.tasks.knobs import knob
-from agentflow.env.tasks.requirements import RequirementKnobs
+from agentflow.env.tasks.knobs import RequirementKnobs, knob
 from agentflow.machine.blocks.library import BRACE, library
 from agentflow.machine.blocks.types import Group
 from agentflow.machine.brief import Brief, Limits

@@ -19,8 +19,8 @@ from pydantic import BaseModel, ConfigDict
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import default_engine
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.knobs import RequirementKnobs
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.tasks.requirements import RequirementKnobs
 from agentflow.holding import Holding
 from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine

@@ -9,9 +9,9 @@ import random
 from collections.abc import Iterable
 
 from agentflow.llm.messages import Finish, Reply, Request
+from agentflow.llm.procedural.designing import choose_calls
 from agentflow.llm.procedural.mechanisms import load_data
 from agentflow.llm.procedural.reading import Script, read_prompt
-from agentflow.llm.procedural.working import choose_calls
 
 
 class ProceduralClient:

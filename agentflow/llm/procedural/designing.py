@@ -1,20 +1,36 @@
-"""Answers of the meta-designer (blueprints) and the designer (machines)."""
+"""Designs: answers of the meta-designer and the designer; and work with tools, from design to
+submission.
+
+What earlier calls showed is read from the conversation: machines, their scores, and what is left of
+the budget.
+"""
 
 from __future__ import annotations
 
 import json
 import random
 import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import cycle, islice
 
-from agentflow.llm.procedural.controlling import add_controllers, add_program
+from agentflow.llm.messages import Message, Request, ToolCall
 from agentflow.llm.procedural.mechanisms import (
     Builder,
     build_part,
     known_mechanisms,
     suitable_mechanisms,
 )
-from agentflow.llm.procedural.reading import PromptContent, value_of
-from agentflow.machine import Machine, check, library
+from agentflow.llm.procedural.reading import PromptContent, read_listing, read_prompt, value_of
+from agentflow.llm.procedural.refining import (
+    add_controllers,
+    add_program,
+    normalise,
+    propose_change,
+)
+from agentflow.machine import Machine, apply_script, check, library, read_machine
+from agentflow.machine.brief import LONE_ROOT
 
 ANY_TYPES = "Frame"  # the part that takes any types
 ATTEMPTS = 20
@@ -106,3 +122,217 @@ def _draw_dimension(name: str, own: tuple[int, int], guidance: str, rng: random.
     found = re.findall(pattern, guidance)[-1:]
     ends = sorted((int(found[0][0]), int(found[0][1] or found[0][0]))) if found else own
     return min(MAX_BLOCKS, rng.randint(*ends))
+
+
+_NAME = r"[0-9a-f]{8,64}"
+_MADE = re.compile(rf"Machine ({_NAME}): valid, ")
+_SCORE = re.compile(r"\bscore (-?\d{1,9}(?:\.\d{1,9})?)[ .]")
+_LEFT = re.compile(r"(\d{1,6}) of \d{1,6} (submission|simulation)s left")
+_KNOWN = re.compile(r"^Machines so far: (.+)$", re.MULTILINE)
+_ROW = re.compile(rf"^({_NAME}) \|.* \| ([^|\n]+) \| [^|\n]+$", re.MULTILINE)
+Calls = list[tuple[str, Mapping[str, object]]]
+"""Names and arguments of tool calls."""
+WAVE, PARENTS = 4, 2  # edits in a reply; machines that they start from
+TURNS = 40  # replies after which it only submits
+
+
+@dataclass
+class SeenMachine:
+    """A named machine, as far as the conversation describes it."""
+
+    machine: Machine | None = None
+    score: float | None = None
+    simulated: bool = False
+    feedback: str = ""
+    """What its simulation reported in this conversation."""
+    described: bool = False
+    """Whether `machine` has been read, as far as it can be."""
+    made: bool = False
+    """Whether it was made in this conversation, and is complete."""
+    submitted: bool = False
+    """Whether it was submitted in this conversation."""
+    tried: set[str] = field(default_factory=set)
+    """Scripts sent for it, normalised."""
+
+
+@dataclass
+class Notes:
+    """What a conversation has shown."""
+
+    prompt: PromptContent
+    tools: frozenset[str]
+    turns: int = 0
+    called: set[str] = field(default_factory=set)
+    left: dict[str, int] = field(default_factory=lambda: {"submission": 0, "simulation": 0})
+    """What is left: submissions and simulations."""
+    seen_machines: dict[str, SeenMachine] = field(default_factory=dict)
+    """By name, oldest first."""
+
+    def at(self, name: str) -> SeenMachine:
+        """What is known about a machine."""
+        return self.seen_machines.setdefault(name, SeenMachine())
+
+    def by_score(self) -> list[str]:
+        """Names of machines with a score, best first."""
+        known = self.seen_machines.items()
+        scores = {name: found.score for name, found in known if found.score is not None}
+        return sorted(scores, key=scores.__getitem__, reverse=True)
+
+
+def take_notes(request: Request) -> Notes:
+    """Read a conversation."""
+    notes = Notes(read_prompt(request.messages), frozenset(tool.name for tool in request.tools))
+    notes.turns = sum(message.role == "assistant" for message in request.messages)
+    for message in request.messages:
+        for number, what in _LEFT.findall(message.text):
+            notes.left[what] = int(number)
+    for names in _KNOWN.findall("\n".join(message.text for message in request.messages[:2])):
+        for name in re.findall(_NAME, names):
+            notes.at(name)
+    for tool, arguments, answer in _finished_calls(request.messages):
+        notes.called.add(tool)
+        if tool in _READERS:
+            _READERS[tool](notes, arguments, answer)
+    return notes
+
+
+def _finished_calls(messages: tuple[Message, ...]) -> Iterator[tuple[str, Mapping[str, str], str]]:
+    """Name, arguments and answer of each call that was answered."""
+    calls: dict[str, ToolCall] = {}
+    for message in messages:
+        calls |= {call.id: call for call in message.tool_calls}
+        if message.role == "tool" and (call := calls.get(message.tool_call_id)):
+            yield call.name, _read_arguments(call.arguments), message.text
+
+
+def _read_arguments(text: str) -> Mapping[str, str]:
+    """The arguments that are texts; "" for others."""
+    try:
+        given = json.loads(text)
+    except (ValueError, RecursionError):
+        given = None
+    items = given.items() if isinstance(given, dict) else ()
+    return defaultdict(str, {name: value for name, value in items if isinstance(value, str)})
+
+
+def _read_check(notes: Notes, arguments: Mapping[str, str], answer: str) -> None:
+    if made := _MADE.match(answer):
+        candidate = notes.at(made[1])
+        candidate.made = candidate.described = True
+        candidate.machine = read_machine(arguments["machine"], library()).machine
+
+
+def _read_edit(notes: Notes, arguments: Mapping[str, str], answer: str) -> None:
+    parent, script = notes.at(arguments["machine"]), arguments["script"]
+    parent.tried.add(normalise(script.split("\n")))
+    if (made := _MADE.match(answer)) and parent.machine:
+        candidate = notes.at(made[1])
+        candidate.made = candidate.described = True
+        candidate.machine = apply_script(parent.machine, script, notes.prompt.brief).machine
+
+
+def _read_describe(notes: Notes, arguments: Mapping[str, str], answer: str) -> None:
+    candidate = notes.at(arguments["machine"])
+    candidate.described, candidate.machine = True, read_listing(answer)
+
+
+def _read_simulate(notes: Notes, arguments: Mapping[str, str], answer: str) -> None:
+    candidate, found = notes.at(arguments["machine"]), _SCORE.search(answer)
+    candidate.simulated, candidate.feedback = True, answer
+    candidate.score = float(found[1]) if found else None
+
+
+def _read_history(notes: Notes, _arguments: Mapping[str, str], answer: str) -> None:
+    for name, score in _ROW.findall(answer):
+        candidate = notes.at(name)
+        candidate.simulated = score != "not simulated"
+        candidate.score = float(score) if re.fullmatch(r"-?\d{1,9}\.\d\d", score) else None
+
+
+def _read_submit(notes: Notes, arguments: Mapping[str, str], _answer: str) -> None:
+    notes.at(arguments["machine"]).submitted = True
+
+
+_READERS = {
+    "check": _read_check,
+    "edit": _read_edit,
+    "describe": _read_describe,
+    "simulate": _read_simulate,
+    "history": _read_history,
+    "submit": _read_submit,
+}
+
+
+def choose_calls(request: Request, rng: random.Random) -> tuple[ToolCall, ...]:
+    """The tool calls of the next reply; none if there is nothing left to do."""
+    notes = take_notes(request)
+    steps = (_measure, _improve) if "simulate" in notes.tools else (_submit_new, _write)
+    calls: Calls = []
+    for step in steps if notes.turns < TURNS else ():
+        calls = calls or step(notes, rng)
+    return tuple(
+        ToolCall(id=f"call{number:05d}", name=name, arguments=json.dumps(arguments))
+        for number, (name, arguments) in enumerate(calls or _submit(notes, notes.by_score()))
+    )
+
+
+def _submit_new(notes: Notes, _rng: random.Random) -> Calls:
+    """Submit what was made in this conversation."""
+    return _submit(
+        notes, [name for name, candidate in notes.seen_machines.items() if candidate.made]
+    )
+
+
+def _submit(notes: Notes, names: Iterable[str]) -> Calls:
+    fresh = [name for name in names if not notes.seen_machines[name].submitted]
+    return [("submit", {"machine": name}) for name in fresh[: notes.left["submission"]]]
+
+
+def _write(notes: Notes, rng: random.Random) -> Calls:
+    """Check new machines, or edits of those of earlier stages."""
+    if earlier := [name for name, known in notes.seen_machines.items() if not known.made]:
+        return _describe(notes, earlier) or _edit(notes, earlier, notes.left["submission"], rng)
+    machines = [build_machine(notes.prompt, rng)[0] for _ in range(notes.left["submission"])]
+    return [("check", {"machine": machine.to_text()}) for machine in machines]
+
+
+def _measure(notes: Notes, _rng: random.Random) -> Calls:
+    """Look up earlier scores, then simulate machines without a score."""
+    if "history" not in notes.called:
+        return [("history", {})]
+    waiting = [name for name, known in notes.seen_machines.items() if not known.simulated]
+    return _simulate(waiting[: notes.left["simulation"]])
+
+
+def _improve(notes: Notes, rng: random.Random) -> Calls:
+    """Edit the best machines while there are simulations left."""
+    best = notes.by_score()[:PARENTS]
+    if not notes.left["simulation"]:
+        return []
+    if not best:
+        return _write(notes, rng)
+    unread = [name for name in best if not notes.seen_machines[name].feedback]
+    wave = min(WAVE, notes.left["simulation"])
+    return [*_describe(notes, best), *_simulate(unread)] or _edit(notes, best, wave, rng)
+
+
+def _describe(notes: Notes, names: Iterable[str]) -> Calls:
+    unknown = [name for name in names if not notes.seen_machines[name].described]
+    return [("describe", {"machine": name, "short": True}) for name in unknown]
+
+
+def _simulate(names: Iterable[str]) -> Calls:
+    return [("simulate", {"machine": name}) for name in names]
+
+
+def _edit(notes: Notes, names: Iterable[str], count: int, rng: random.Random) -> Calls:
+    """New changes of these machines, in turns."""
+    calls: Calls = []
+    for name in islice(cycle(names), count):
+        known = notes.seen_machines[name]
+        sections = notes.prompt.sections | {"Simulation feedback": known.feedback}
+        prompt = replace(notes.prompt, sections=sections, machine=known.machine or LONE_ROOT)
+        if script := propose_change(prompt, rng, known.tried).script:
+            known.tried.add(normalise(script))
+            calls.append(("edit", {"machine": name, "script": "\n".join(script)}))
+    return calls

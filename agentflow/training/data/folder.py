@@ -16,7 +16,7 @@ from agentflow.errors import RunError
 from agentflow.files.documents import Difference, Document
 from agentflow.files.folders import hold_folder, out_errors, visible_names
 from agentflow.files.lines import LineFile, open_lines, read_lines
-from agentflow.models.clients import continuable
+from agentflow.models.choices import continuable
 
 PLAN = "plan.json"
 """What a folder holds, and everything that decides its content; written first."""

@@ -24,8 +24,7 @@ from agentflow.files.lines import require_planned
 from agentflow.llm.messages import Client, Message, Request, Sampling, Text
 from agentflow.machine import Brief, Machine, check, library
 from agentflow.machine.edits.random import random_edit
-from agentflow.models.choices import choose_models
-from agentflow.models.clients import recorded_models
+from agentflow.models.choices import choose_models, recorded_models
 from agentflow.progress import Progress
 from agentflow.runs import Notify
 from agentflow.search.concurrency import work_in_order

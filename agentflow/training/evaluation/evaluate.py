@@ -20,8 +20,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
 from agentflow.llm.messages import Client, Message, Request, Sampling
 from agentflow.metrics.intervals import missing_scipy
-from agentflow.models.choices import choose_models
-from agentflow.models.clients import continuable, recorded_models
+from agentflow.models.choices import choose_models, continuable, recorded_models
 from agentflow.models.completion import find_unused_setting
 from agentflow.models.local.folder import Messages
 from agentflow.models.local.libraries import require_libraries

@@ -22,7 +22,7 @@ from agentflow.files.faults import locate_fault
 from agentflow.files.folders import hold_folder
 from agentflow.files.lines import LineFile, open_lines, read_lines
 from agentflow.llm.messages import Sampling
-from agentflow.models.clients import CALLS
+from agentflow.models.choices import CALLS
 from agentflow.training.evaluation.replies import JudgedReply, Summary, summaries
 from agentflow.training.record import ABOUT as TRAINING
 from agentflow.training.record import TrainingRecord, read_training

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design.rationales import rationales_of
 from agentflow.app.design.replay import replay
-from agentflow.app.design.run import design
+from agentflow.app.design.run import design, rationales_of
 from agentflow.config.run import build_config
 from agentflow.errors import RunError
 from agentflow.runs import read_document

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agentflow.app.sweeps.mechanisms import classes_of
 from agentflow.app.sweeps.tables import FinishedRun, read_sweep_result
-from agentflow.app.sweeps.views import view
+from agentflow.app.sweeps.views import classes_of, view
 from agentflow.metrics.cells import RunNumbers
 from agentflow.metrics.intervals import Rate
 from agentflow.runs import read_result

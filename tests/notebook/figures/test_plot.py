@@ -17,8 +17,8 @@ from agentflow.cli import main
 from agentflow.errors import AgentflowError, UsageError
 from agentflow.metrics.intervals import bootstrap_band, bootstrap_mean
 from agentflow.notebook.figures.data import Datum, read_rows
+from agentflow.notebook.figures.plot import mean_ranks, pareto_front
 from agentflow.notebook.figures.style import COLORS, looks
-from agentflow.notebook.figures.views import mean_ranks, pareto_front
 from tests.notebook.made import RECORDED, made_sweep
 
 VIEWS = ("curve", "scores", "pareto", "ranks", "validity")

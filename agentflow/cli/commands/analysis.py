@@ -1,4 +1,5 @@
-"""Commands that measure models by what they do: behaviour, diagnose, diversity.
+"""Commands that measure: behaviour, diagnose, diversity, figures, studies. Importing this module
+registers them.
 
 Importing this module registers them.
 """
@@ -13,9 +14,10 @@ import typer
 
 from agentflow.cli import options
 from agentflow.cli.display.text import show_count
-from agentflow.cli.root import commands, print_json, print_sources, print_table
+from agentflow.cli.root import commands, print_json, print_sources, print_table, subcommands
 from agentflow.errors import UsageError
 from agentflow.extras import needs_extra
+from agentflow.notebook.words import By, View
 
 OVERLAP = "overlap"
 PAIRS = 77
@@ -147,3 +149,123 @@ def diversity(
         results = measure_sources(sources, valid, most, seed, show_count("pair"))
     known = {"published": published_json()} if published else {}
     print_sources(results, form, as_json, partial(format_results, published=published), **known)
+
+
+@commands.command(epilog="Example: agentflow plot sweeps/inspector --view curve --out curve.pdf")
+def plot(
+    sources: list[Path],
+    view: View = "curve",
+    by: By = "simulations",
+    out: Path = Path("figure.pdf"),
+) -> None:
+    """Draw a figure for a paper.
+
+    Runs that differ only in their seeds are one condition. Scores are verified ones where there are
+    any, except in curves.
+
+    Args:
+        sources: Directory of a run or a sweep, or a folder with runs, finished or not; or a .csv
+            file that this command wrote.
+        view: curve: best score so far, with bands over seeds; scores: that of every run, with means
+            and intervals; pareto: scores against cost; ranks: mean rank of each condition;
+            validity: how many trajectories got how far.
+        by: Horizontal axis of curve and pareto.
+        out: File to write: .pdf, .svg or .png; or .csv for the numbers themselves.
+    """
+    from agentflow.notebook.figures.plot import plot as draw
+
+    draw(*sources, view=view, by=by, out=out)
+    print(out)
+
+
+study = subcommands(
+    "study",
+    help="Study how people design, from the sessions that the studio records.",
+    epilog="Example: agentflow study metrics runs/sessions",
+)
+EXTRA = "study"
+
+SessionPath = Annotated[
+    Path, typer.Argument(metavar="SESSION", help="Session: a folder with session.jsonl.")
+]
+
+
+@study.command(epilog="Example: agentflow study segments runs/sessions/one --transcript one.vtt")
+def segments(
+    session: SessionPath,
+    transcript: Path | None = None,
+    model: options.ModelName = None,
+    base_url: options.BaseUrl = None,
+    settings: options.Settings = None,
+    form: options.Format = "text",
+    as_json: options.Json = False,
+) -> None:
+    """Cut a session into labelled episodes.
+
+    Labels are Plan, Hypothesize, Build, Test, Observe, Diagnose, Revise, Restructure, Reflect and
+    Query. The result is episodes.json in the folder of the session. The procedural model labels by
+    rules on actions; a language model gets the actions, notes and transcript of the session.
+
+    Args:
+        transcript: What was said, with times: a .vtt or .srt file.
+    """
+    from agentflow.app.design.config import load_config
+    from agentflow.cli.display.live import print_remark
+
+    with needs_extra(EXTRA):
+        from agentflow.study.segments import format_segments, segment
+
+    config = load_config(None, settings or (), {"model.name": model, "model.base_url": base_url})
+    found = segment(
+        session,
+        transcript,
+        config,
+        notify=print_remark,
+        say=show_count("episode"),
+    )
+    if as_json:
+        print_json(found.model_dump(mode="json"))
+        return
+    print_table(format_segments(found, form), form)
+
+
+@study.command(epilog="Example: agentflow study elan runs/sessions/one")
+def elan(
+    session: SessionPath,
+    out: Annotated[Path | None, typer.Option(show_default="session.eaf in that folder")] = None,
+) -> None:
+    """Write a session as a file for the annotation program ELAN.
+
+    Labels, episodes, speech, notes, actions, trials and pauses each have a tier.
+
+    Args:
+        out: File to write.
+    """
+    from agentflow.study.session import read_session
+
+    found = read_session(session)
+    with needs_extra(EXTRA):
+        from agentflow.study.elan import write_elan
+
+        print(write_elan(found, out or found.path / "session.eaf"))
+
+
+@study.command(epilog="Example: agentflow study metrics runs/sessions runs/recorded-throwing")
+def metrics(
+    sources: Annotated[list[Path], typer.Argument(metavar="SOURCE...")],
+    form: options.Format = "text",
+    as_json: options.Json = False,
+) -> None:
+    """Compare sessions of people and runs of agents.
+
+    One row per session or run: scores, behaviour, use of time, type of design, clusters. Sessions
+    without episodes.json are labelled by rules. docs/how-to/studies.md explains the columns.
+
+    Args:
+        sources: Session, run, or directory that contains some.
+    """
+    with needs_extra(EXTRA):
+        from agentflow.study.results import format_results, measure
+
+        results = measure(sources)
+    print_sources(results, form, as_json, format_results)
