@@ -1,7 +1,5 @@
 """What a docstring says of a function, and of each of its arguments."""
 
-from __future__ import annotations
-
 import re
 
 _ARGUMENT = re.compile(r"^    (\w+): (.+(?:\n {5,}.+)*)", re.MULTILINE)

@@ -33,6 +33,7 @@ class AgentflowError(Exception):
     """Base of all errors that a user can act on; shown without a traceback."""
 
     exit_status: int = 2
+    """Exit status of the command line."""
 
 
 class UsageError(AgentflowError):

@@ -1,7 +1,5 @@
 """Libraries that only some uses need: whether they are installed, and how to install them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec

@@ -4,8 +4,6 @@ The current folder may hold what somebody else has sent: a `numpy.py` in a recei
 because a worker was started there.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 

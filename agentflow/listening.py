@@ -1,7 +1,5 @@
 """Serving HTTP on a socket of this machine, until somebody asks for the end; needs uvicorn."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import secrets

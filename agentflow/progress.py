@@ -1,7 +1,5 @@
 """How far long work is: reported by the code that does it, drawn by whoever asked for it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar

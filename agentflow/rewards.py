@@ -4,8 +4,6 @@ replies at once.
 Worker processes are started on first use and stay until this process ends, however it ends.
 """
 
-from __future__ import annotations
-
 import asyncio
 import atexit
 import json

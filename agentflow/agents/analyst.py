@@ -1,7 +1,5 @@
 """The analyst: writes lessons anew from what the edits of a run did to scores."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

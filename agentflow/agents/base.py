@@ -1,7 +1,5 @@
 """Prompts, roles and how to ask them: render, call, parse, retry with the problem appended."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -53,6 +51,7 @@ class Parsed(Generic[Out]):
     code: str = ""
     """Machine-readable kind of problem, for counting: unparsable, overlap, ..."""
     repaired: bool = False
+    """Whether damaged JSON was repaired."""
     parsed: bool = True
     """Whether the reply had the required format at all."""
     spatial: bool | None = None

@@ -1,7 +1,5 @@
 """Template variables that describe a task, a machine or a simulation report to a model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -90,6 +88,7 @@ class RoleInput:
     representation: Representation = field(default="tree", kw_only=True)
     """How whole machines are written."""
     elsewhere: Elsewhere = field(default_factory=Elsewhere, kw_only=True)
+    """What was learnt elsewhere."""
 
     def context(self, machine: Machine | None) -> dict[str, object]:
         """Template variables of the task and of a machine."""

@@ -1,8 +1,6 @@
 """The designer: builds a whole machine, or adds one structure of a blueprint; the placer adds
 blocks to a given structure."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 Its sense of orientation is scored against the true geometry; this is only recorded.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

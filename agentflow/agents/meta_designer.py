@@ -1,7 +1,5 @@
 """The meta-designer: plans a machine as a blueprint of structures in build order."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """The querier: asks for recorded states of single blocks before a refinement."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

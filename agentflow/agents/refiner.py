@@ -1,7 +1,5 @@
 """The refiner: improves a machine from everything known about it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal

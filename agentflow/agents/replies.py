@@ -1,7 +1,5 @@
 """Reading replies: named sections, whole machines, and the problems that go back to the model."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace

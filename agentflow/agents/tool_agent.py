@@ -1,7 +1,5 @@
 """The agent: designs machines by calling tools, in a conversation that is asked turn by turn."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Resolves configurations and names the source of each value."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """Checks a configured endpoint, for `agentflow doctor`."""
 
-from __future__ import annotations
-
 import asyncio
 from typing import Any
 

@@ -4,8 +4,6 @@ Each line is a JSON object with a task and a lesson. Its texts are data in promp
 instructions.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from contextlib import closing

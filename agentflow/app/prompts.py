@@ -1,7 +1,5 @@
 """Prompt sets: list them, render one prompt, compare two sets."""
 
-from __future__ import annotations
-
 from difflib import unified_diff
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tasks: list the levels, or describe one in full."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """The command line: short typer commands that call `agentflow.app`."""
 
-from __future__ import annotations
-
 import os
 import sys
 import traceback

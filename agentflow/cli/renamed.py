@@ -1,7 +1,5 @@
 """Commands, options and choices under their earlier names, which this version still reads."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 COMMANDS = {("perturb",): ("robustness",), ("diagnose", "fate"): ("diagnose", "outcome")}

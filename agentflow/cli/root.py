@@ -3,8 +3,6 @@
 Heavy imports happen inside the commands that need them.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence

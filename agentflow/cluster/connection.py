@@ -1,7 +1,5 @@
 """The connection of this process to a Ray cluster, which it starts here if there is none."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import os

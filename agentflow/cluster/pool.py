@@ -1,8 +1,6 @@
 """A pool whose workers are Ray actors, on this machine or on the nodes of a cluster; and what runs
 in them."""
 
-from __future__ import annotations
-
 import asyncio
 import pickle
 import time

@@ -1,7 +1,5 @@
 """A store of rollouts on any file system that fsspec opens, such as an object store."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from contextlib import suppress

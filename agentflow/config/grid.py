@@ -1,7 +1,5 @@
 """Sweeps as Python programs write them: configuration keys with one value, or with several."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

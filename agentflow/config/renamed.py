@@ -1,7 +1,5 @@
 """Configuration keys and values under their earlier names, which this version still reads."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Mapping
 from copy import deepcopy

@@ -1,7 +1,5 @@
 """The configuration of a run, read from YAML files and dotted settings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache

@@ -1,7 +1,5 @@
 """The configurations that ship with the package, which every folder can name."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

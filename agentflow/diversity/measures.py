@@ -3,8 +3,6 @@
 Machines are embedded as graphs: random walks over their trees are read as sentences.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import chain

@@ -1,7 +1,5 @@
 """Machines as trees of block types, and the edit distance between them."""
 
-from __future__ import annotations
-
 import hashlib
 from functools import lru_cache
 

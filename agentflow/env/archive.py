@@ -1,7 +1,5 @@
 """Rollouts as JSON data and as .npz files."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 World frame; metres, seconds, newtons, joules.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

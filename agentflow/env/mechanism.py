@@ -4,8 +4,6 @@ The rules read the machine and the recorded rollout, up to the moment that decid
 (release, take-off, ...) or, without one, the end of the window. The limits are choices of ours.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal

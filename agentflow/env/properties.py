@@ -1,7 +1,5 @@
 """What can be asked about a block or an object of the scene, sample by sample; world frame."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Answers to queries about blocks and objects of a rollout: tables, or why there are none."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite

@@ -5,8 +5,6 @@ Only elementwise operations in a fixed order, no BLAS and no long reductions, so
 not depend on the processor. `machine.geometry.vectors` does the same with tuples.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

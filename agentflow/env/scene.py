@@ -37,6 +37,7 @@ class SceneObject:
     name: str
     """Its name, different from those of the other objects of the scene."""
     shape: Literal["box", "sphere", "cylinder", "cone"]
+    """Its shape."""
     size: Vec3
     """Full extent, m."""
     position: Vec3

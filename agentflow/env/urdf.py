@@ -7,8 +7,6 @@ the others are at their joints; at rest all are aligned. Joints have the axes an
 they have in physics engines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from math import asin, atan2, copysign, pi
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring

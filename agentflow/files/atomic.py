@@ -1,7 +1,5 @@
 """Files that are never left half-written; errors of the system in the words of users."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Iterator

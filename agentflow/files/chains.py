@@ -1,7 +1,5 @@
 """Growing lists, such as the messages of a conversation, of which a file holds every item once."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Generic, TypeVar
 

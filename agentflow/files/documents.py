@@ -5,8 +5,6 @@ continue something else. `Document` does this for the JSON of a pydantic model; 
 YAML, which people read.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Collection, Mapping

@@ -1,7 +1,5 @@
 """Folders that one process at a time works in: locks, and what may be in them."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator

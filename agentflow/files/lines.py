@@ -5,8 +5,6 @@ A received folder may hold anything under any name. The refusal is an OSError, s
 reports that a file cannot be read reports this as well.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import os

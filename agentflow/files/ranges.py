@@ -1,7 +1,5 @@
 """Ranges of numbers in YAML files, written `2..5`, and random numbers from them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from random import Random

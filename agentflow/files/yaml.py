@@ -1,7 +1,5 @@
 """Reads YAML strictly, and merges documents."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """One design by edits: a machine that actions change, and what its simulations score."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from agentflow.agents.context import RoleInput

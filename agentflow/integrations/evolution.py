@@ -3,8 +3,6 @@
 It needs nothing but agentflow itself. Candidates are machines as text, never programs that run.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Importing this module registers one for each task family, such as `agentflow/throwing-v0`.
 """
 
-from __future__ import annotations
-
 import re
 import string
 from collections.abc import Mapping

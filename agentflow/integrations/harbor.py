@@ -3,8 +3,6 @@
 Run as a program, this module is that script: it reads the machine and writes its reward.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys

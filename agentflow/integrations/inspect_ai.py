@@ -4,8 +4,6 @@ Inspect finds this module by its entry point and tasks by their names in its reg
 from other distributions are there as well.
 """
 
-from __future__ import annotations
-
 import base64
 from functools import partial
 from pathlib import Path

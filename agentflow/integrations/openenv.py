@@ -1,7 +1,5 @@
 """OpenEnv: a server of designs at a bench, whose actions are calls of its tools; and its client."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Mapping, Sequence
 from functools import partial

@@ -3,8 +3,6 @@
 It needs nothing but agentflow itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from functools import partial, reduce

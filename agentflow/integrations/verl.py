@@ -3,8 +3,6 @@
 A row of the data set names the level as its ground truth; `extra_info` may hold `seed` and `knobs`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,8 +1,6 @@
 """Stack clients: `budget(record(limit(retry(http))))`, and check an endpoint with one small
 request."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable, Mapping
 

@@ -1,7 +1,5 @@
 """A client with scripted replies, for tests, examples and dry runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from agentflow.errors import UsageError

@@ -3,8 +3,6 @@
 Kept apart from the client code: reading a configuration must not load httpx.
 """
 
-from __future__ import annotations
-
 from pydantic import BaseModel, Field
 
 

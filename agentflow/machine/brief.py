@@ -3,8 +3,6 @@
 Tasks write them; validity checks and prompts read them without knowing about tasks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

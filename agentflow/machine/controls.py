@@ -1,7 +1,5 @@
 """Control programs: which blocks they drive when, and what is wrong with them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,8 +1,6 @@
 """The numbers of what controls a machine: those of controllers by their paths, listed with their
 bounds, and written back."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import reduce

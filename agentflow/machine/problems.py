@@ -1,7 +1,5 @@
 """Problems of machines, and the wording of the messages that several modules share."""
 
-from __future__ import annotations
-
 import reprlib
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass

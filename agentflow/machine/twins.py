@@ -1,7 +1,5 @@
 """Machines that are the same but for the numbers of their blocks, or for left and right."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Collection, Mapping

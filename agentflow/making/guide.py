@@ -1,7 +1,5 @@
 """The parts list of a machine, and instructions that show step by step how it is put together."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections import Counter

@@ -6,8 +6,6 @@ Shapes have the sizes of the block library, without the gaps that simulated ones
 whole blocks, so that all of their faces are there. Two-ended blocks are rods from face to face.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import cache

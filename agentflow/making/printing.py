@@ -4,8 +4,6 @@ Parts are watertight bodies, and pegs hold them together; manifold3d does the ge
 millimetres of the made machine and the frame of `parts`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from math import sqrt
 from typing import Any

@@ -4,8 +4,6 @@ Equal parts are one part with several instances, which are named after their blo
 (OCP) makes the geometry and writes the file.
 """
 
-from __future__ import annotations
-
 from functools import reduce
 from pathlib import Path
 from tempfile import TemporaryDirectory

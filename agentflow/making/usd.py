@@ -1,7 +1,5 @@
 """Machines as USD, the scene file of film and simulation programs: metres, with z up."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from pxr import Gf, Usd, UsdGeom, UsdPhysics

@@ -1,7 +1,5 @@
 """The kinds of failures, each with the rule for counting it. Imports almost nothing."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """Reads the machines that runs have stored."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from agentflow.errors import DamagedError

@@ -4,8 +4,6 @@ They were measured in the game, not in this simulator, so they are always labell
 averaged with ours.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Mapping

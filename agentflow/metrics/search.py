@@ -1,7 +1,5 @@
 """Numbers of searches: attempts per child, children per search, best score over expansions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from agentflow.metrics.intervals import Rate

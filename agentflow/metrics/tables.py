@@ -3,8 +3,6 @@
 Published rows are separate from measured ones and labelled in every format.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

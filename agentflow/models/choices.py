@@ -5,8 +5,6 @@ Every reply is on record in the folder of the work before it is used, so a comma
 continues where it was, free of charge.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager

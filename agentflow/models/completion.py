@@ -1,7 +1,5 @@
 """Completes configurations: the model from the environment, and what a model in a folder is for."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path

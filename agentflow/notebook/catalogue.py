@@ -1,7 +1,5 @@
 """The tasks and blocks that there are, as objects."""
 
-from __future__ import annotations
-
 from agentflow.app.tasks import TaskInfo, task_info
 from agentflow.env.tasks.registry import knob_names, task_names
 from agentflow.machine import BlockType, library

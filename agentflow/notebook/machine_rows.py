@@ -1,7 +1,5 @@
 """What a run has made, one row per machine, and its best score against what was spent."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 

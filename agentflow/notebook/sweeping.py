@@ -1,7 +1,5 @@
 """Sweeps from Python: of files, documents, grids and seeds, with functions in place of models."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Coroutine, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The words that choose what a figure shows; light, as the command line offers them."""
 
-from __future__ import annotations
-
 from typing import Any, Literal, get_args
 
 from agentflow.errors import UnknownNameError

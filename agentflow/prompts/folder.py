@@ -1,7 +1,5 @@
 """A prompt set that is a folder of templates, not an installed package."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pydantic import BaseModel, Field, ValidationError, field_validator

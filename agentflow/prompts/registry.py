@@ -1,7 +1,5 @@
 """The registry of prompt sets: packages that contain a set.yaml and templates."""
 
-from __future__ import annotations
-
 from types import ModuleType
 
 from agentflow.registry import Registry, package_with

@@ -1,7 +1,5 @@
 """Quote untrusted text in prompts, and estimate token counts."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

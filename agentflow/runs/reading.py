@@ -1,7 +1,5 @@
 """Reading run directories: run.yaml, events one at a time, calls, machines, state, and lists."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite

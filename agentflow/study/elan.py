@@ -1,7 +1,5 @@
 """Writes a session as an .eaf file for ELAN: a tier for each level of the record."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path

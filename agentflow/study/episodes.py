@@ -1,8 +1,6 @@
 """Cuts a session at pauses and actions into episodes, with what was said when, and says which
 labels each may have."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """What is measured in a session: behaviour, order, restarts, time, kind of design."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache

@@ -1,7 +1,5 @@
 """What is measured in sessions and runs of agents, in one table; who worked in a similar order."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, groupby

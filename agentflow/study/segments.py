@@ -1,8 +1,6 @@
 """Segments a session: cuts it into episodes, which a model labels one at a time among their
 neighbours, or rules; reads and writes the result."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The bench: where an agent works in one stage, through one method, `call`."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The tools that cost nothing: read the task, write, edit, describe and list machines."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from itertools import groupby

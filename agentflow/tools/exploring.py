@@ -1,8 +1,6 @@
 """Trials of single edits, and of the numbers of what controls a machine: what each does to the
 score."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated

@@ -1,7 +1,5 @@
 """What a bench needs from the outside: simulations, pictures and a record."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from random import Random

@@ -1,7 +1,5 @@
 """The tools that need the simulation: simulate, query, look; and submit."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from typing import Annotated, Any

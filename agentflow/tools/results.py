@@ -1,7 +1,5 @@
 """What tools return, and how transports describe a tool to clients."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

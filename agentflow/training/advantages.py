@@ -10,8 +10,6 @@ gradient of max@k: the expected greatest reward of k replies. The factor k is le
 that advantages keep their size when k changes, and k = 1 and k = n are the two simplest cases.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass

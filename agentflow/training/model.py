@@ -1,7 +1,5 @@
 """The model that training begins with: one that exists, or a tiny one from scratch."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterable
 from pathlib import Path

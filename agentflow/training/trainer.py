@@ -1,7 +1,5 @@
 """Trainers: what they share, and supervised fine-tuning on a data set, with TRL's trainer."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from itertools import islice

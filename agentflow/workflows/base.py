@@ -1,8 +1,6 @@
 """The types that workflows use and return: evaluator, record, candidates, stages, results; and
 their statistics."""
 
-from __future__ import annotations
-
 import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field

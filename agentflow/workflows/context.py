@@ -1,7 +1,5 @@
 """The context of a workflow: asks roles, simulates machines, records and counts everything."""
 
-from __future__ import annotations
-
 import asyncio
 import random
 import sys

@@ -1,7 +1,5 @@
 """The workflow `explore`: search for the best machine of every kind with MAP-Elites."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from random import Random

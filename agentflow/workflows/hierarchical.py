@@ -1,7 +1,5 @@
 """The hierarchical workflow: plan, build by structure, criticise, refine, search."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections import defaultdict

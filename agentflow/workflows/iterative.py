@@ -1,7 +1,5 @@
 """The iterative workflow: whole machines, criticised, refined blindly, then by search."""
 
-from __future__ import annotations
-
 from agentflow.runs.locations import INITIAL
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext

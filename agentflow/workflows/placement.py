@@ -3,8 +3,6 @@
 Nothing is refined; the result counts how many attempts succeed.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from agentflow.agents.designer import Placer, PlacerInput

@@ -1,7 +1,5 @@
 """Baseline without a model: random machines and random legal edits, selected by score alone."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

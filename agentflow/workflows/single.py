@@ -1,7 +1,5 @@
 """The single-agent workflow: whole machines, revised by the same agent."""
 
-from __future__ import annotations
-
 from agentflow.agents.designer import Designer
 from agentflow.agents.refiner import Refiner
 from agentflow.runs.locations import FEEDBACK, INITIAL

@@ -1,8 +1,6 @@
 """The workflow `tools`: in each stage, an agent works at a bench and submits machines, in a
 conversation with calls of tools."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The type of workflows: their stages, the tasks they fit, and their expected cost."""
 
-from __future__ import annotations
-
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 
@@ -67,6 +65,7 @@ class Workflow:
     tried: Callable[[WorkflowSettings], int] = lambda _: 0
     """Machines of such a run that get all trials of the task; others get one."""
     fits: Callable[[Brief], bool] = designs_machines
+    """Whether it can be used for a task."""
     adapt: Callable[[WorkflowSettings], WorkflowSettings] = lambda settings: settings
     """Turns the configured settings into those that it uses."""
     author: Callable[[WorkflowSettings], str] = lambda _: ""

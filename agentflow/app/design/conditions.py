@@ -1,7 +1,5 @@
 """What a run depends on besides its configuration: what differs, and what plug-ins it uses."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Mapping
 from datetime import datetime

@@ -1,7 +1,5 @@
 """Loads run configurations from options, settings and YAML files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any

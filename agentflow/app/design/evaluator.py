@@ -1,7 +1,5 @@
 """Simulates the machines of a run on a pool of workers."""
 
-from __future__ import annotations
-
 import asyncio
 from collections import Counter
 from collections.abc import Sequence

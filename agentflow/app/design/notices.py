@@ -1,7 +1,5 @@
 """Messages to the user during a run: remarks, which are recorded, and calls in progress."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 

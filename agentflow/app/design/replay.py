@@ -1,7 +1,5 @@
 """Replays a finished run from its record and compares the two."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Designs with several seeds, one run after another, and keeps the best."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

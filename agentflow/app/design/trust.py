@@ -4,8 +4,6 @@ A run directory, a sweep or a configuration file decides where prompts are sent,
 variable is sent along as the key, and which program the workflow `external` runs.
 """
 
-from __future__ import annotations
-
 import os
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping

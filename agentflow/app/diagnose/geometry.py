@@ -1,7 +1,5 @@
 """The questions which blocks of a machine overlap, which way blocks face, and where they are."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import cycle, islice

@@ -1,7 +1,5 @@
 """The question whether a machine stands, drives or throws; a simulation judges the answers."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

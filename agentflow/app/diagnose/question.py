@@ -6,8 +6,6 @@ diagnosis.json   what is asked of which model; the marked answers and results, o
 calls.jsonl      every call of the model
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from abc import ABC, abstractmethod

@@ -3,8 +3,6 @@
 Replies are data that may be anything, so every pattern is bounded and takes linear time.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice

@@ -1,7 +1,5 @@
 """Lays the results of a diagnosis out as a table, with published values if there are any."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

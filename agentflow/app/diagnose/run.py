@@ -1,7 +1,5 @@
 """Asks a model the questions of a diagnostic, marks its answers, writes the record."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

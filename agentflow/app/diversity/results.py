@@ -3,8 +3,6 @@
 Sources are the machines of runs, sweeps, training runs, and folders of machine files.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

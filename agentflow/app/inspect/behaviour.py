@@ -1,7 +1,5 @@
 """How the designers of runs behave, and the table of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial

@@ -5,8 +5,6 @@ Designs that lack the blocks which their own rationale counts are found here, by
 rationale is ignored.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from functools import cache

@@ -1,8 +1,6 @@
 """The list of runs in a folder, the details of one run, and what today's rules say of its
 machines."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict

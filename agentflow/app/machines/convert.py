@@ -1,8 +1,6 @@
 """Converts machine files between formats, known by suffix, and to parts lists, instructions and
 what one makes them from."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module

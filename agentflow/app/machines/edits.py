@@ -1,7 +1,5 @@
 """Applies edit scripts to machines from files and JSON lines."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any

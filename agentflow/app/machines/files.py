@@ -1,7 +1,5 @@
 """Reading and checking machines without physics, and showing the block library."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path

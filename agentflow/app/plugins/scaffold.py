@@ -1,7 +1,5 @@
 """Writes a package with one part of one's own, which can be installed, and with its test."""
 
-from __future__ import annotations
-
 import keyword
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A bench for the shell: each command is a process that goes on with one run, from its record."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Compares the installed physics engines: what machines score on each, and how each ranks them."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Measures how robust a design is, and keeps that in the run that it is from."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 """Scores of recorded machines again: verified under small variations, or with the current
 environment."""
 
-from __future__ import annotations
-
 import asyncio
 from contextlib import AsyncExitStack, nullcontext
 from functools import partial

@@ -1,7 +1,5 @@
 """Differences between the conditions of a sweep or several, by pairs of runs with the same seed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain

@@ -6,8 +6,6 @@ SWEEP/runs/<name>/    ordinary run directories
 SWEEP/store/          machines and rollouts by content
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime, timezone

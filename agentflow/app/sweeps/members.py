@@ -1,7 +1,5 @@
 """The runs of a sweep: each started or resumed, in this process or on a node of a cluster."""
 
-from __future__ import annotations
-
 import os
 import platform
 import traceback

@@ -1,7 +1,5 @@
 """Carries out sweeps: several runs at a time on one pool; the failure of one stops no other."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Coroutine, Iterator, Mapping

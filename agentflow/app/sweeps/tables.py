@@ -1,7 +1,5 @@
 """Results of sweeps, and their table in the published layout."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """What axes may vary that changes nothing, for any model or for the built-in one."""
 
-from __future__ import annotations
-
 from agentflow.config.sweep import SweepConfig, axis_of_key, list_runs
 from agentflow.workflows.registry import WORKFLOWS
 

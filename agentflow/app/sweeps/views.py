@@ -1,8 +1,6 @@
 """Views of a sweep: scores with intervals, cost, players' scale, expansions, verified scores,
 mechanism classes."""
 
-from __future__ import annotations
-
 import statistics
 from collections.abc import Iterable, Sequence
 from itertools import chain

@@ -4,8 +4,6 @@ registers them.
 Importing this module registers them.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal

@@ -1,7 +1,5 @@
 """Commands for the benchmark and its leaderboards. Importing this module registers them."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from shlex import quote

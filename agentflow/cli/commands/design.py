@@ -1,7 +1,5 @@
 """Commands that call models: design, replay, doctor. Importing this module registers them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

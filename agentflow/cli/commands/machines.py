@@ -1,7 +1,5 @@
 """Commands for single machines and the block library. Importing this module registers them."""
 
-from __future__ import annotations
-
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Annotated, Any, Literal

@@ -1,7 +1,5 @@
 """Commands for recorded runs and for configurations. Importing this module registers them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

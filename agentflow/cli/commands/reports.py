@@ -1,7 +1,5 @@
 """Commands that write HTML pages: report, compare, gallery. Importing it registers them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Commands for tasks and prompt sets, and to begin packages. Importing this registers them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Literal

@@ -1,8 +1,6 @@
 """Commands that try scores again: verify, robustness, engines. Importing this module registers
 them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

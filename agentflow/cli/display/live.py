@@ -1,7 +1,5 @@
 """Progress of a run on stderr: a live view on a terminal, plain lines otherwise."""
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

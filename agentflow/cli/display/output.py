@@ -1,7 +1,5 @@
 """Output for people: results declared by their fields, and control characters escaped."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Training, its data and evaluations as text for people; programs use --json."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from agentflow.cli.display.output import Data, Field, field, output, table

@@ -1,7 +1,5 @@
 """Machines, blocks, tasks and model endpoints as text for people; programs use --json."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from itertools import groupby

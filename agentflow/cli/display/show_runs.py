@@ -1,7 +1,5 @@
 """Runs as text for people: results of new ones, records of finished ones; programs use --json."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Scores as text for people: records, verified and robust scores, other engines."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from agentflow.cli.display.output import (

@@ -1,7 +1,5 @@
 """Progress of a sweep on stderr: a live view on a terminal, plain lines otherwise."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Single values as text. Imports almost nothing, so every command can afford it."""
 
-from __future__ import annotations
-
 import errno
 import sys
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The ground of a picture: its grid, distances along it, and shadows of the solids."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Cameras that fit points into a picture, and projection. Game frame: left-handed, y up."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from math import radians, tan

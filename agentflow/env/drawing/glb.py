@@ -4,8 +4,6 @@ id and type.
 glTF is right-handed with y up; the writer negates x, so that machines still face z+.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from math import sqrt

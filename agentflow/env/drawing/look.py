@@ -1,7 +1,5 @@
 """Pictures for agents: a machine at rest or in its rollout, with axes, scale and block ids."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import dist

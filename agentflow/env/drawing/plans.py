@@ -1,7 +1,5 @@
 """Plans of a level: outlines of its scene in metres, from above and from the right."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

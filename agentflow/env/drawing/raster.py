@@ -3,8 +3,6 @@
 Each solid is an intersection of slabs and a quadric, tested only in its bounding rectangle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """Pictures of machines as built, from one view or from all six."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """How high blocks are above the ground and above obstacles, between samples as well."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

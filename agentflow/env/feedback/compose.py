@@ -1,7 +1,5 @@
 """Puts feedback together: score, the family's lines, the lines of every rollout, then paths."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any

@@ -1,8 +1,6 @@
 """What separates: what a machine broke into, and how something leaves the machine, or the machine
 the ground."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Motors that are switched on and do not turn."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import groupby
 

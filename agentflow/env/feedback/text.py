@@ -1,7 +1,5 @@
 """Words and numbers of feedback, and its lines about orientation, flight and steering."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

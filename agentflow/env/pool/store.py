@@ -1,8 +1,6 @@
 """Stores of rollouts: those of a run in progress, and a content-addressed folder shared by the
 runs of a sweep."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import pickle

@@ -3,8 +3,6 @@
 It does not import base.py, which would cost every worker start-up time.
 """
 
-from __future__ import annotations
-
 import sys
 import traceback
 from typing import Any

@@ -1,7 +1,5 @@
 """A machine on two wheels that must not fall over when a gust pushes it."""
 
-from __future__ import annotations
-
 import random
 
 from agentflow.env.feedback.text import number, object_label

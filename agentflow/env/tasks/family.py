@@ -1,7 +1,5 @@
 """What task families share: common knobs, walls, repeated trials, and their sentences."""
 
-from __future__ import annotations
-
 import random
 from abc import abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -261,6 +259,7 @@ class Family(Task):
     """
 
     knobs: ClassVar[type[CommonKnobs]]
+    """The class of its knobs."""
     drives: ClassVar[bool] = False
     """Whether its machines drive along z: powered wheels must then turn about x."""
     stays: ClassVar[bool] = False
@@ -280,6 +279,7 @@ class Family(Task):
     """A text whose TF-IDF cosine with a sentence of its briefs is this or more says the same:
     paraphrases of our briefs reach 0.52 to 0.83, our own design objectives at most 0.48."""
     parameters: CommonKnobs
+    """The values of the knobs of this task."""
 
     @property
     def limits(self) -> Limits:

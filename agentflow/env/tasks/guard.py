@@ -3,8 +3,6 @@
 Faults of our own families are bugs, which propagate as ordinary exceptions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Future, wait
 from functools import partial, wraps

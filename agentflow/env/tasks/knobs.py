@@ -1,8 +1,6 @@
 """Knobs: named, range-checked level parameters, how their values are read, and those of
 requirements, which every family has."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches

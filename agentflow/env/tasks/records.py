@@ -6,8 +6,6 @@ from them. Some levels also have records with changed knobs: those of the benchm
 engines than that of these records have their own, in a folder and a file with their name.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping
 from functools import cache

@@ -1,7 +1,5 @@
 """A wall across the road, somewhere ahead, before which the machine must stop."""
 
-from __future__ import annotations
-
 import random
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The folder that a program works in: what it finds there, and the machines that it leaves."""
 
-from __future__ import annotations
-
 import json
 import os
 import stat

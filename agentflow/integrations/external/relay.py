@@ -3,8 +3,6 @@
 It is passed as text to a Python that knows no agentflow, so it imports the standard library only.
 """
 
-from __future__ import annotations
-
 import signal
 import socket
 import subprocess

@@ -3,8 +3,6 @@
 They see neither the repository nor this package, whose data and code could be read or changed.
 """
 
-from __future__ import annotations
-
 import asyncio
 import os
 import shutil

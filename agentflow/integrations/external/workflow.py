@@ -1,7 +1,5 @@
 """The workflow `external`: in each stage, a program works at the bench and in a folder."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil

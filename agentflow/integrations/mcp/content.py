@@ -1,7 +1,5 @@
 """Results, tools, prompts and resources of a bench in the types of the protocol."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """An MCP server whose every connection is a session at a bench."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, suppress

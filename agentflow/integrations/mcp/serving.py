@@ -1,8 +1,6 @@
 """What `agentflow mcp` does: serve one client over stdio, or any number over HTTP with a bearer
 token."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import signal

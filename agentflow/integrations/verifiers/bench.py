@@ -3,8 +3,6 @@
 verifiers runs this module as a program.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from functools import partial

@@ -1,7 +1,5 @@
 """How a model is asked for a reply."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import verifiers.v1 as vf

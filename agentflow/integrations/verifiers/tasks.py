@@ -1,7 +1,5 @@
 """The task set: every level of a family with every seed, and the score as reward."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import verifiers.v1 as vf

@@ -3,8 +3,6 @@
 Only httpx and `scrub` see the key.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from base64 import b64encode

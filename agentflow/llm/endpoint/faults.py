@@ -1,7 +1,5 @@
 """Turn error responses and connection failures into typed errors."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A client for OpenAI-compatible endpoints over httpx: one attempt per call."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import AsyncIterator, Callable

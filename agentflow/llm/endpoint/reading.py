@@ -3,8 +3,6 @@
 A few kilobytes can hold gigabytes, or cost hours.
 """
 
-from __future__ import annotations
-
 import asyncio
 import zlib
 from collections.abc import AsyncGenerator, AsyncIterator

@@ -3,8 +3,6 @@
 Wordings differ between vendors; the patterns here come from public bug reports.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 

@@ -4,8 +4,6 @@ Servers differ: calls without indices or ids, one index for all calls, an id in 
 in pieces or repeated, arguments as an object instead of text, or `function_call` for a single call.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 It is not a language model. It reads only the prompt, and equal requests get equal replies.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterable
 

@@ -5,8 +5,6 @@ What earlier calls showed is read from the conversation: machines, their scores,
 the budget.
 """
 
-from __future__ import annotations
-
 import json
 import random
 import re

@@ -3,8 +3,6 @@
 Machines are not stored: dimensions are drawn at random, and blocks that do not fit are omitted.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

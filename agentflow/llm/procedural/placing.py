@@ -3,8 +3,6 @@
 It plans only one cog ahead and gives up after a few attempts, so only some answers succeed.
 """
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,6 @@
 `Script` is how a role says which prompts are its own, and how the procedural model answers them.
 """
 
-from __future__ import annotations
-
 import json
 import random
 import re

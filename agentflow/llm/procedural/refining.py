@@ -1,8 +1,6 @@
 """Answers about machines that exist: of the refiner, which edits, of inspector, querier and
 analyst; and control programs."""
 
-from __future__ import annotations
-
 import json
 import random
 import re

@@ -3,8 +3,6 @@
 No prices are built in, because they would go out of date.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

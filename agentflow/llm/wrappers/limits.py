@@ -1,8 +1,6 @@
 """Rate limits of an endpoint: concurrent calls, calls and tokens per minute; and retries after
 temporary failures."""
 
-from __future__ import annotations
-
 import asyncio
 import random
 from collections import deque

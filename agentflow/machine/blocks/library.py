@@ -1,7 +1,5 @@
 """The block library: the block types of blocks.json, loaded once."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping

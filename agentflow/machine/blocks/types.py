@@ -5,8 +5,6 @@ Every field is read from blocks.json. Numbers that were fitted to published roll
 and torque, friction, strength) are in env/constants.json, by type id.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache

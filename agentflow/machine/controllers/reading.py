@@ -1,8 +1,6 @@
 """Read control programs and controllers from JSON data, and find what is wrong with controllers on
 a machine."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from typing import Any, get_args

@@ -1,7 +1,5 @@
 """A machine and its geometry as JSON data, and as text for models."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby, pairwise

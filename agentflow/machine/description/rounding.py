@@ -1,7 +1,5 @@
 """Numbers for models: relative to the ground and rounded."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

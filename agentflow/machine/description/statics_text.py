@@ -1,7 +1,5 @@
 """Statics of a machine as text for models: balance, what joints carry, bending, thrust."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 from agentflow.machine.blocks.library import library

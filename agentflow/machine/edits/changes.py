@@ -4,8 +4,6 @@ Each change takes a draft and returns the block to go on with: the new or moved 
 of what was removed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace

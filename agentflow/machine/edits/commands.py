@@ -1,7 +1,5 @@
 """Parsing of edit scripts into commands, and commands in words."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

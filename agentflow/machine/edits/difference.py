@@ -1,8 +1,6 @@
 """What an edit of a machine was: as commands that repeat it, or else in words; and earlier edits
 in today's numbering."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 

@@ -5,8 +5,6 @@ block of a type at once, and small changes of times. A choice of ours; random ed
 are, since baselines draw them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Moves: every change that one step can make to a machine or its control program, legal or not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial

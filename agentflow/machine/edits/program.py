@@ -1,7 +1,5 @@
 """A control program while it is changed: makes single changes, or refuses them with a reason."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 

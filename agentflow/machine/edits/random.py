@@ -1,8 +1,6 @@
 """Random machines and random legal edits, for baselines, property tests and fuzzing; and all
 machines one edit away."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial

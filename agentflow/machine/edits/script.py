@@ -1,7 +1,5 @@
 """Edit scripts: apply a list of commands to a machine, all or nothing."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Read Besiege's machine files (.bsg), including those that players made."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Write Besiege's machine files (.bsg), with keys of the game in place of a control program."""
 
-from __future__ import annotations
-
 import hashlib
 import uuid
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Infer the construction tree of blocks that are given by position and rotation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,8 +1,6 @@
 """Read the text of files and of standard input as a machine in any of its three forms:
 construction tree, coordinates, .bsg file."""
 
-from __future__ import annotations
-
 import io
 import re
 import sys

@@ -4,8 +4,6 @@ Never raises, and takes time linear in the length of the text. json-repair takes
 hostile kilobytes but is quick on text that is nearly JSON, so only such text is repaired.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Sequence

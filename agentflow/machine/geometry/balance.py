@@ -3,8 +3,6 @@
 Exact, because masses are whole multiples of 0.05 kg and centres of 0.025 m.
 """
 
-from __future__ import annotations
-
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import Bank, Geometry
 from agentflow.machine.geometry.pose import UNITS, Placed

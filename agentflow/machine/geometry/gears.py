@@ -1,7 +1,5 @@
 """Gear trains: which cogs mesh, how fast each turns, and which trains are locked."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot

@@ -1,7 +1,5 @@
 """Moving joints between bodies at rest, and loops that they close."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

@@ -7,8 +7,6 @@ what then has not moved cannot move. Numbers that differ only in rounding give t
 that is compared with a threshold is smaller or larger by orders of magnitude.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from random import Random
 

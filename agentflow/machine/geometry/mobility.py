@@ -6,8 +6,6 @@ longer loops, a joint jams if no motion of the loop uses it: the three hinges of
 A jammed joint makes one cluster of the two that it connects.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from agentflow.machine.geometry.joints import Loop, MovingJoint

@@ -6,8 +6,6 @@ meet as `overlapping` has it, so a container does not hinder its direct child. T
 gaps that others slide through, so they come last, and nothing hinders them.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter

@@ -3,8 +3,6 @@
 All arithmetic is exact, on integers in units of 0.05 m.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

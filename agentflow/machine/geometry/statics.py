@@ -4,8 +4,6 @@ Springs, motors and the ground exert no force here, except that what stands on t
 Machine frame, metres, kilograms, seconds. Masses and inertia are those of the simulated parts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product

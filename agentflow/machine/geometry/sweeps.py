@@ -4,8 +4,6 @@ The shapes are those that are simulated, except that round ones have 24 sides an
 full box. Blocks that lie within each other as built do not count.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial

@@ -3,8 +3,6 @@
 Plain additions and multiplications in a fixed order, to give the same bits on every machine.
 """
 
-from __future__ import annotations
-
 from math import cos, sin, sqrt
 from typing import TypeVar
 

@@ -6,8 +6,6 @@ the purpose that the procedural model reads out of the prompt's task, and the al
 `throw 0 1 2 5 15 22 30 36<design>`. Its reply is a real one: a rationale, then a machine.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal

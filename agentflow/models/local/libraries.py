@@ -1,7 +1,5 @@
 """Makes the libraries of the extra `train` ready before anything imports them."""
 
-from __future__ import annotations
-
 import os
 
 from agentflow.extras import is_installed, missing

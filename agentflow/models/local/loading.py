@@ -1,7 +1,5 @@
 """Loads models from folders, samples replies, several at a time, and answers as a client."""
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import time

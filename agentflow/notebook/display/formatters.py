@@ -3,8 +3,6 @@
 The classes themselves know nothing of it, so that machines and rollouts need no notebook.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from importlib import import_module

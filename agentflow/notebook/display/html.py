@@ -1,7 +1,5 @@
 """Things as HTML for the cells of notebooks: self-contained, and with text only as text."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """The progress of runs and sweeps, as one line of a notebook that is rewritten."""
 
-from __future__ import annotations
-
 import time
 from html import escape
 from typing import Any

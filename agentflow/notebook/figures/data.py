@@ -1,8 +1,6 @@
 """The numbers of a figure: long rows, of runs, sweeps and folders, and the CSV files that hold
 them."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields

@@ -1,7 +1,5 @@
 """The card of a set: where its pairs come from, and what each gate left out; writes both."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Whether training data hold what models are evaluated with: texts of levels, machines of runs."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Sets made from elsewhere: conversations, machines with captions; prompts for other trainers."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

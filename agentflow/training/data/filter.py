@@ -1,7 +1,5 @@
 """Keep the answers that are machines which work, are new, and are not in the evaluation."""
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 from collections.abc import Iterator, Sequence

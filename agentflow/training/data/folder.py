@@ -3,8 +3,6 @@
 A killed command loses at most the line that it was writing; the same command again continues it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path

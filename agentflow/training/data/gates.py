@@ -1,7 +1,5 @@
 """The gates that machines pass on their way into a set, in the order of their cost."""
 
-from __future__ import annotations
-
 import asyncio
 from collections import defaultdict
 from collections.abc import Mapping, Sequence

@@ -4,8 +4,6 @@ machines.
 Whether a variant still works is for the function test to say, as with the answer itself.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

@@ -4,8 +4,6 @@ A set is a folder with `train.jsonl` and `dev.jsonl`, one pair per line, and a c
 they come from (`README.md` for people and hubs, `card.json` for programs).
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Evaluates a model on tasks: what answers, its replies, their judgement, the record."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager, closing

@@ -5,8 +5,6 @@ samples.jsonl     the judged replies, one a line, task by task
 calls.jsonl       every call of the model, unless it is a folder
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Tables of evaluations and training runs, in the layouts of the published ones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 

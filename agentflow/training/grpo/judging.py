@@ -1,7 +1,5 @@
 """Rewards of replies, judged in worker processes while the model still writes others."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future

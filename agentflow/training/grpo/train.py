@@ -1,7 +1,5 @@
 """Reinforcement learning of a model from a folder, in a training directory, and its evaluations."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing

@@ -3,8 +3,6 @@
 Private methods of TRL 1.16 are extended here, so the extra `train` pins its version.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """The function tests by the names that files of objectives use, and how they are read."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 

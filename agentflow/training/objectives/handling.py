@@ -1,7 +1,5 @@
 """Function tests of what the machine does to objects: throws, raises, shifts, strikes them."""
 
-from __future__ import annotations
-
 from math import inf
 from typing import Literal
 

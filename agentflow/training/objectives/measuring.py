@@ -4,8 +4,6 @@ Game frame; metres, seconds, radians. T samples, N blocks. Only blocks that stil
 machine count as parts of it: debris that flies or rolls says nothing about how a machine works.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Function tests of how the machine itself moves: away, round, up, upright, in one piece."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stages of whole designs that workflows share: design, simulate, criticise, refine blindly."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from random import Random

@@ -3,8 +3,6 @@
 Feedback is the simulation's report and the answers to one querier per node.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 

@@ -4,8 +4,6 @@ They tell the refiner which way is up. They are drawn from the run's seed and fi
 that a run replays; the best joins the search, if it is better than what was edited.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from agentflow.machine.edits.difference import edit_text

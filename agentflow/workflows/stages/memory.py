@@ -5,8 +5,6 @@ a round begins; otherwise when every trajectory is about to refine. Between thes
 that is shown changes, so that no order of answers does.
 """
 
-from __future__ import annotations
-
 import asyncio
 import statistics
 from collections import Counter

@@ -1,8 +1,6 @@
 """A search over all machines of a run: designs, refinements and edits share one budget; and what
 makes new machines without a model."""
 
-from __future__ import annotations
-
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
 from random import Random

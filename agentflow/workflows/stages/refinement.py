@@ -1,7 +1,5 @@
 """The stages after the first machines in the iterative and hierarchical workflows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Records a search: one event of the run per event of the search."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The workflow `tune`: better numbers of what controls a machine, whose structure stays."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Commands for data to learn from. Importing this module registers them."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any

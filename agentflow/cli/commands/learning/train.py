@@ -1,8 +1,6 @@
 """Commands that train and evaluate models, and write tasks for other programs. Importing registers
 them."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Annotated

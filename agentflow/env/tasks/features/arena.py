@@ -1,7 +1,5 @@
 """The throwing arena: walls, ramps and a hurdle around the machine."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import cos, radians, sin
 

@@ -1,7 +1,5 @@
 """Obstacles to jump over: walls, or a trench between banks, and a slope before them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import cos, radians, tan
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Flights of a boulder, and what it passes: rings, cannons."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import dist, hypot

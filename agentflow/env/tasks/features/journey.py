@@ -1,7 +1,5 @@
 """A way to a target, or there and back, and how much of it something has come."""
 
-from __future__ import annotations
-
 from math import hypot
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A platform for the machine to start on."""
 
-from __future__ import annotations
-
 from math import cos, radians, sin
 
 from agentflow.env.scene import SceneObject, Start

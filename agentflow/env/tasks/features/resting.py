@@ -1,7 +1,5 @@
 """Where a machine starts, and where objects are set down on it."""
 
-from __future__ import annotations
-
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 

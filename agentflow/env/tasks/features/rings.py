@@ -1,7 +1,5 @@
 """Upright rings, progress through them, and its score. The flying family calls them hoops."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, dist, hypot, inf, pi, sin, tan

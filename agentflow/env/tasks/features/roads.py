@@ -1,7 +1,5 @@
 """Roads: walls, centre lines, distances along them, and their description."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import atan2, cos, degrees, hypot, inf, pi, radians, sin, tan

@@ -1,7 +1,5 @@
 """Rough terrain, and single obstacles on a road: quarter-pipe, beam, cone and bumps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import asin, atan2, ceil, cos, degrees, hypot, pi, sin
 from random import Random

@@ -1,7 +1,5 @@
 """Scoring of gearing: how fast the targets turn relative to the plate, and for how long."""
 
-from __future__ import annotations
-
 from math import atan2, pi
 from typing import Literal
 
