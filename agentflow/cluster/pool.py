@@ -15,15 +15,7 @@ import ray
 from ray.exceptions import RayError, RayTaskError
 from ray.util import get_node_ip_address
 
-from agentflow.cluster.connection import (
-    PLACE_LIMIT,
-    connect,
-    let_go,
-    no_place,
-    require_same_versions,
-    result_of,
-    watch_cluster,
-)
+from agentflow.cluster import connection
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import installed_engines
 from agentflow.env.pool.pool import ATTEMPTS, GRACE, Pool, crashed_rollout, hung_rollout, rollout_in
@@ -153,17 +145,17 @@ class RayPool(Pool):
         """Why no worker can run anything any more."""
 
     async def _start(self) -> None:
-        connect(self.workers)
-        work = [watch_cluster(), *(self._keep_worker() for _ in range(self.workers))]
+        connection.connect(self.workers)
+        work = [connection.watch_cluster(), *(self._keep_worker() for _ in range(self.workers))]
         self._tasks = [asyncio.create_task(each) for each in work]
         for task in self._tasks:
             task.add_done_callback(self._give_up)
         try:
-            await asyncio.wait_for(self._ready.wait(), PLACE_LIMIT)
+            await asyncio.wait_for(self._ready.wait(), connection.PLACE_LIMIT)
             self._raise_fault()
         except asyncio.TimeoutError:
             await self._stop()
-            raise no_place() from None
+            raise connection.no_place() from None
         except BaseException:
             await self._stop()
             raise
@@ -207,8 +199,8 @@ class RayPool(Pool):
         while True:
             worker = actor.remote()
             try:
-                theirs, node = await result_of(worker.conditions.remote())
-                require_same_versions(conditions(), theirs, node)
+                theirs, node = await connection.result_of(worker.conditions.remote())
+                connection.require_same_versions(conditions(), theirs, node)
                 failures = 0
                 self._ready.set()
                 while await self._run_batch(worker, await self._next_batch()):
@@ -220,7 +212,7 @@ class RayPool(Pool):
                         f"a node cannot start a worker: {_last_line(error)}"
                     ) from error
             finally:
-                let_go(ray.kill, worker)
+                connection.let_go(ray.kill, worker)
 
     async def _next_batch(self) -> list[_Trial]:
         batch = [await self._waiting.get()]
@@ -241,7 +233,7 @@ class RayPool(Pool):
         limit = max(trial.limit for trial in batch)
         try:
             sent = worker.run_batch.remote([trial.job for trial in batch])
-            replies, work = await asyncio.wait_for(result_of(sent), limit)
+            replies, work = await asyncio.wait_for(connection.result_of(sent), limit)
         except asyncio.TimeoutError:
             self._retry(batch, hung=True)
             return False

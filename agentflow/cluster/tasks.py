@@ -19,14 +19,7 @@ from ray.exceptions import RayError, RayTaskError
 from ray.util import get_node_ip_address
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-from agentflow.cluster.connection import (
-    PLACE_LIMIT,
-    let_go,
-    no_place,
-    require_same_versions,
-    result_of,
-    watch_cluster,
-)
+from agentflow.cluster import connection
 from agentflow.cluster.pool import conditions
 from agentflow.env.pool.pool import ATTEMPTS
 from agentflow.errors import AgentflowError, RunError
@@ -116,7 +109,7 @@ class _SharedLimits:
         call, name = StartedCall(), uuid4().hex
         begin = self.keeper.begin.remote(self.user, name, self.base_url, self.settings, tokens)
         try:
-            await result_of(begin)
+            await connection.result_of(begin)
             yield call
         finally:
             self.keeper.end.remote(self.user, name, call.used)
@@ -148,12 +141,12 @@ class Tasks:
         self._running: set[str] = set()
 
     async def __aenter__(self) -> Tasks:
-        self._watch = asyncio.create_task(watch_cluster())
+        self._watch = asyncio.create_task(connection.watch_cluster())
         return self
 
     async def __aexit__(self, *_: object) -> None:
         self._watch.cancel()
-        let_go(ray.kill, self._keeper)
+        connection.let_go(ray.kill, self._keeper)
 
     async def run(self, name: str, work: Work, tell: Tell) -> Any:
         """What the function returns; it starts again elsewhere if its node is lost.
@@ -193,30 +186,30 @@ class Tasks:
             first = asyncio.ensure_future(anext(reports))
             await self._wait_for_place(first)
             self._running.add(user)
-            ended, report = await result_of(await first)
+            ended, report = await connection.result_of(await first)
             while not ended:
                 tell(report)
-                ended, report = await result_of(await anext(reports))
+                ended, report = await connection.result_of(await anext(reports))
             await anext(reports, None)
             return report
         except RayError:
             raise
         except BaseException:
             # Only what still runs: cancelling what has just ended makes Ray end this process.
-            let_go(ray.cancel, reports, force=True)
+            connection.let_go(ray.cancel, reports, force=True)
             raise
 
     async def _wait_for_place(self, first: asyncio.Future[Any]) -> None:
         """Wait for a first report while others run; alone, no longer than a cluster may take."""
-        while not (await asyncio.wait({first}, timeout=PLACE_LIMIT))[0]:
+        while not (await asyncio.wait({first}, timeout=connection.PLACE_LIMIT))[0]:
             if not self._running:
                 first.cancel()
-                raise no_place()
+                raise connection.no_place()
 
 
 def _run(limiters: Limiters, work: Work, expected: Mapping[str, str]) -> Iterator[tuple[bool, Any]]:
     """Run a function in a thread; what it reports, then, marked as the end, what it returns."""
-    require_same_versions(expected, conditions(), get_node_ip_address())
+    connection.require_same_versions(expected, conditions(), get_node_ip_address())
     reports: SimpleQueue[tuple[bool, Any]] = SimpleQueue()
 
     def tell(report: Any) -> None:

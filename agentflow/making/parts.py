@@ -17,16 +17,9 @@ from agentflow.env.physics.model import Shape
 from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import BlockType
+from agentflow.machine.geometry import vectors
 from agentflow.machine.geometry.placement import Geometry, place, place_step
 from agentflow.machine.geometry.pose import Placed
-from agentflow.machine.geometry.vectors import (
-    Quat,
-    Vec3,
-    add,
-    length,
-    rotation_from_up,
-    subtract,
-)
 from agentflow.machine.tree import Machine, Step
 
 PRINTED, FULL = 20.0, 1.0
@@ -78,7 +71,7 @@ def making(scale: float | None = None, pegs: str | None = None, *, parts: bool =
 
 SHORTEST = 1e-3
 """Least length of a rod, m: both ends of a two-ended block may be at one place."""
-ORIGIN: Vec3 = (0.0, 0.0, 0.0)
+ORIGIN: vectors.Vec3 = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -89,8 +82,8 @@ class Part:
     kind: BlockType
     shapes: tuple[Shape, ...]
     """In its own frame, about the centre of its box; cylinders lie along z."""
-    at: Vec3
-    rotation: Quat
+    at: vectors.Vec3
+    rotation: vectors.Quat
 
     @property
     def name(self) -> str:
@@ -115,19 +108,19 @@ def parts_of(machine: Machine) -> tuple[Part, ...]:
     return tuple(_part(placed, shift) for placed in geometry.blocks)
 
 
-def shift_of(geometry: Geometry) -> Vec3:
+def shift_of(geometry: Geometry) -> vectors.Vec3:
     """From the machine frame to where the machine stands, above the origin; game frame, m."""
     x, _, z = geometry.middle
     return (-x, -geometry.box_min[1], -z)
 
 
-def _part(placed: Placed, shift: Vec3) -> Part:
-    kind, at = library()[placed.type], swap(add(placed.center, shift))
+def _part(placed: Placed, shift: vectors.Vec3) -> Part:
+    kind, at = library()[placed.type], swap(vectors.add(placed.center, shift))
     if placed.end_a is None or placed.end_b is None:
         return Part(placed.id, kind, block_shapes(kind), at, swap_quaternion(placed.quaternion))
-    line = subtract(placed.end_b, placed.end_a)
-    size = round(length(line), 9)
-    turn = rotation_from_up(line if size > SHORTEST else (0.0, 1.0, 0.0))
+    line = vectors.subtract(placed.end_b, placed.end_a)
+    size = round(vectors.length(line), 9)
+    turn = vectors.rotation_from_up(line if size > SHORTEST else (0.0, 1.0, 0.0))
     rod = Shape("cylinder", (ROD_DIAMETER, ROD_DIAMETER, max(size, SHORTEST)))
     return Part(placed.id, kind, (rod,), at, swap_quaternion(turn))
 
@@ -144,7 +137,7 @@ def block_shapes(kind: BlockType) -> tuple[Shape, ...]:
         Shape(
             shape.kind,
             swap(shape.size),
-            swap(subtract(add(part.centre, shape.offset), placed.center)),
+            swap(vectors.subtract(vectors.add(part.centre, shape.offset), placed.center)),
             swap_quaternion(shape.rotation),
         )
         for part in block_parts(placed, kind, exact, ORIGIN)

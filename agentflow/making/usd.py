@@ -8,20 +8,9 @@ from agentflow.env.drawing.glb import linear
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Shape
 from agentflow.env.urdf import name_blocks
+from agentflow.machine.geometry import vectors
 from agentflow.machine.geometry.pieces import Bond, extra_bonds, parent_bonds
 from agentflow.machine.geometry.placement import place
-from agentflow.machine.geometry.vectors import (
-    IDENTITY,
-    Quat,
-    Vec3,
-    add,
-    inverse,
-    product,
-    rotate_vector,
-    rotation_from_up,
-    scale,
-    subtract,
-)
 from agentflow.machine.tree import Machine
 from agentflow.making.parts import FULL, Making, Part, parts_of, shift_of
 
@@ -48,16 +37,16 @@ def machine_usd(machine: Machine, making: Making) -> tuple[bytes, tuple[str, ...
     for part in parts:
         path = f"/machine/{part.name}"
         group = UsdGeom.Xform.Define(stage, path)
-        _put(group, scale(part.at, size), part.rotation)
+        _put(group, vectors.scale(part.at, size), part.rotation)
         if part.block not in rods:
             UsdPhysics.RigidBodyAPI.Apply(group.GetPrim())
             UsdPhysics.MassAPI.Apply(group.GetPrim()).CreateMassAttr(part.kind.mass)
         color = Gf.Vec3f(*map(linear, part.kind.color[:3]))
         for number, shape in enumerate(part.shapes):
             solid = _primitive(stage, f"{path}/shape_{number}", shape, size)
-            _put(solid, scale(shape.offset, size), shape.rotation)
+            _put(solid, vectors.scale(shape.offset, size), shape.rotation)
             if shape.kind == "box":
-                solid.AddScaleOp().Set(Gf.Vec3f(*scale(shape.size, size)))
+                solid.AddScaleOp().Set(Gf.Vec3f(*vectors.scale(shape.size, size)))
             solid.CreateDisplayColorAttr([color])
             if part.block not in rods:
                 UsdPhysics.CollisionAPI.Apply(solid.GetPrim())
@@ -72,13 +61,13 @@ def machine_usd(machine: Machine, making: Making) -> tuple[bytes, tuple[str, ...
 
 
 def _join(
-    stage: Any, number: int, bond: Bond, parts: tuple[Part, ...], shift: Vec3, size: float
+    stage: Any, number: int, bond: Bond, parts: tuple[Part, ...], shift: vectors.Vec3, size: float
 ) -> None:
     """The joint of a bond, with the same frame in both of its bodies."""
     one, other = parts[bond.a // 2], parts[bond.b // 2]
     moving = bond.kind != "fixed"
-    at = add(swap(bond.pivot), shift) if moving else other.at
-    turn = rotation_from_up(swap(bond.axis)) if moving else IDENTITY
+    at = vectors.add(swap(bond.pivot), shift) if moving else other.at
+    turn = vectors.rotation_from_up(swap(bond.axis)) if moving else vectors.IDENTITY
     joint = _JOINTS[bond.kind].Define(stage, f"/machine/joints/{bond.kind}_{number}")
     if bond.kind in ("revolute", "prismatic"):
         joint.CreateAxisAttr(AXIS)
@@ -87,20 +76,24 @@ def _join(
         (other, joint.CreateBody1Rel(), joint.CreateLocalPos1Attr(), joint.CreateLocalRot1Attr()),
     ):
         body.SetTargets([f"/machine/{part.name}"])
-        back = inverse(part.rotation)
-        place_of.Set(Gf.Vec3f(*scale(rotate_vector(back, subtract(at, part.at)), size)))
-        x, y, z, w = product(back, turn)
+        back = vectors.inverse(part.rotation)
+        place_of.Set(
+            Gf.Vec3f(
+                *vectors.scale(vectors.rotate_vector(back, vectors.subtract(at, part.at)), size)
+            )
+        )
+        x, y, z, w = vectors.product(back, turn)
         turn_of.Set(Gf.Quatf(w, x, y, z))
 
 
-def _put(what: Any, at: Vec3, rotation: Quat) -> None:
+def _put(what: Any, at: vectors.Vec3, rotation: vectors.Quat) -> None:
     x, y, z, w = rotation
     what.AddTranslateOp().Set(Gf.Vec3d(*at))
     what.AddOrientOp().Set(Gf.Quatf(w, x, y, z))
 
 
 def _primitive(stage: Any, path: str, shape: Shape, size: float) -> Any:
-    x, _, z = scale(shape.size, size)
+    x, _, z = vectors.scale(shape.size, size)
     if shape.kind == "box":
         cube = UsdGeom.Cube.Define(stage, path)
         cube.CreateSizeAttr(1.0)

@@ -6,18 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 
-from agentflow.metrics.failure_kinds import (
-    BREAKAGE,
-    EDIT,
-    FACING,
-    KINDS,
-    MOTIONLESS,
-    OTHER,
-    RATIONALE,
-    STILL,
-    UNPARSABLE,
-    FailureKind,
-)
+from agentflow.metrics import failure_kinds
 from agentflow.runs import Event
 from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent, ToolEvent
 
@@ -40,7 +29,7 @@ class Failures:
     codes: Counter[str] = field(default_factory=Counter)
     """Code of refused replies -> count; `unparsable` for replies without a code."""
 
-    def add(self, kind: FailureKind | None, code: str) -> None:
+    def add(self, kind: failure_kinds.FailureKind | None, code: str) -> None:
         """Count a reply, refused if it has a kind of failure."""
         self.replies += 1
         if kind is not None:
@@ -74,7 +63,7 @@ def failures(
     seen: set[str] = set()
     for event in events:
         if isinstance(event, AttemptEvent):
-            found.kinds[RATIONALE.name] += event.label in unfollowed
+            found.kinds[failure_kinds.RATIONALE.name] += event.label in unfollowed
             what = replies_of(event.role)
             if what != "calls" or not event.valid:  # calls have events of their own
                 found.add(None if event.valid else kind_of(event, what), event.code)
@@ -83,24 +72,26 @@ def failures(
         elif isinstance(event, EvaluationEvent) and event.machine not in seen:
             seen.add(event.machine)
             found.machines += 1
-            still = not in_place and event.moved is not None and event.moved <= STILL
-            found.kinds[MOTIONLESS.name] += still
-            found.kinds[BREAKAGE.name] += bool(event.broken)
-            found.kinds[FACING.name] += faces_wrong_way(event.machine)
+            still = not in_place and event.moved is not None and event.moved <= failure_kinds.STILL
+            found.kinds[failure_kinds.MOTIONLESS.name] += still
+            found.kinds[failure_kinds.BREAKAGE.name] += bool(event.broken)
+            found.kinds[failure_kinds.FACING.name] += faces_wrong_way(event.machine)
     return found
 
 
-def kind_of_call(call: ToolEvent) -> FailureKind:
+def kind_of_call(call: ToolEvent) -> failure_kinds.FailureKind:
     """The kind of failure of a refused call of a tool that makes machines."""
-    return _kind_with(call.code) or (EDIT if call.tool == "edit" else UNPARSABLE)
+    return _kind_with(call.code) or (
+        failure_kinds.EDIT if call.tool == "edit" else failure_kinds.UNPARSABLE
+    )
 
 
-def kind_of(attempt: AttemptEvent, what: str) -> FailureKind:
+def kind_of(attempt: AttemptEvent, what: str) -> failure_kinds.FailureKind:
     """The kind of failure of a refused reply, which was to be answers, edits or calls."""
-    unnamed = EDIT if what == "edits" else OTHER
-    return _kind_with(attempt.code) or (unnamed if attempt.parsed else UNPARSABLE)
+    unnamed = failure_kinds.EDIT if what == "edits" else failure_kinds.OTHER
+    return _kind_with(attempt.code) or (unnamed if attempt.parsed else failure_kinds.UNPARSABLE)
 
 
-def _kind_with(code: str) -> FailureKind | None:
+def _kind_with(code: str) -> failure_kinds.FailureKind | None:
     """The kind of failure that a code names."""
-    return next((kind for kind in KINDS if code in kind.codes), None)
+    return next((kind for kind in failure_kinds.KINDS if code in kind.codes), None)

@@ -16,25 +16,14 @@ from agentflow.errors import RunError
 from agentflow.files.atomic import os_errors, remove_partial_files, write_output, write_text
 from agentflow.files.folders import lock_file, out_errors
 from agentflow.files.lines import LineFile
+from agentflow.runs import reading
 from agentflow.runs.events import RunEvent, read_stage
-from agentflow.runs.reading import (
-    AGAIN,
-    CALLS,
-    EVENTS,
-    FILE_NAME,
-    MACHINES,
-    Event,
-    document_text,
-    read_document,
-    read_events,
-    read_machine_text,
-)
 from agentflow.runs.result import RunResult
 
 ROLLOUTS, LOG = "rollouts", "log.txt"
 ATTEMPTS, PAUSE = 50, 0.01
 """Lock attempts, and seconds between them: `state_of` locks a run for a moment."""
-Listener = Callable[[RunEvent | Event], None]
+Listener = Callable[[RunEvent | reading.Event], None]
 """Receives every event of a run."""
 Notify = Callable[[str], None]
 """Receives one line of text for the user, e.g. about a retry or an unsupported parameter."""
@@ -53,7 +42,7 @@ class RunDirectory:
         """Open the run at `path`; `lock` is its run.yaml, open and locked."""
         self.path = path
         self.listeners: list[Listener] = []
-        self.replaced: list[RunEvent | Event] = []
+        self.replaced: list[RunEvent | reading.Event] = []
         """Events that differ from what an earlier process recorded."""
         self.resumed = True
         """Whether an earlier process started it."""
@@ -65,15 +54,15 @@ class RunDirectory:
         self._reproduced: set[bytes] = set()
         """Keys of `_known` that this process has reproduced."""
         worked = 0.0
-        for event in read_events(path):
+        for event in reading.read_events(path):
             self._known[_hash(event.kind, event.label)] = _hash(event.data)
             worked = max(worked, event.at)
         self._started = time.monotonic() - worked
-        for folder in (MACHINES, ROLLOUTS):
+        for folder in (reading.MACHINES, ROLLOUTS):
             (path / folder).mkdir(exist_ok=True)
             remove_partial_files(path / folder)
         remove_partial_files(path)
-        self._events = LineFile(path / EVENTS)
+        self._events = LineFile(path / reading.EVENTS)
 
     @classmethod
     def create(cls, out: Path, name: str, document: Mapping[str, Any]) -> RunDirectory:
@@ -84,7 +73,7 @@ class RunDirectory:
             with out_errors(out):
                 out.mkdir(parents=True, exist_ok=True)
                 path = _make_folder(out, name)
-                write_text(path / FILE_NAME, document_text(document))
+                write_text(path / reading.FILE_NAME, reading.document_text(document))
                 run = cls(path, _lock(path))
         except RunError:
             _remove(path, made)
@@ -95,7 +84,7 @@ class RunDirectory:
     @classmethod
     def resume(cls, path: Path) -> RunDirectory:
         """Open an unfinished run; recorded events are not written again."""
-        read_document(path)
+        reading.read_document(path)
         lock = _lock(path)
         try:
             with os_errors(f"cannot write to {path}"):
@@ -112,9 +101,9 @@ class RunDirectory:
     @property
     def call_log(self) -> Path:
         """Where the calls are recorded."""
-        return self.path / CALLS
+        return self.path / reading.CALLS
 
-    def event(self, event: RunEvent | Event) -> None:
+    def event(self, event: RunEvent | reading.Event) -> None:
         """Append one event, with the time of now, and notify the listeners.
 
         A resumed run does not append recorded events again, unless they differ (as after a rollout
@@ -129,12 +118,12 @@ class RunDirectory:
         if recorded is None or recorded != _hash(data):
             item = {"kind": event.kind, "label": event.label, "at": event.at, "data": data}
             line = json.dumps(item).encode()
-            self._events.append(line if recorded is None else AGAIN + line[1:])
+            self._events.append(line if recorded is None else reading.AGAIN + line[1:])
             if recorded is not None:
                 self.replaced.append(event)
         self.notify(event)
 
-    def notify(self, event: RunEvent | Event) -> None:
+    def notify(self, event: RunEvent | reading.Event) -> None:
         """Pass an event to the listeners without recording it."""
         for listener in self.listeners:
             listener(event)
@@ -144,16 +133,16 @@ class RunDirectory:
         """Bytes of a half-written last event that an earlier process left."""
         return self._events.dropped
 
-    def unreproduced(self) -> Iterator[Event]:
+    def unreproduced(self) -> Iterator[reading.Event]:
         """Recorded events of an earlier process that this one has not reproduced so far."""
-        for event in read_events(self.path) if self._known else ():
+        for event in reading.read_events(self.path) if self._known else ():
             key = _hash(event.kind, event.label)
             if key in self._known and key not in self._reproduced:
                 yield event
 
     def save_machine(self, digest: str, text: str) -> None:
         """Save a machine once, by content hash."""
-        path = self.path / MACHINES / f"{digest}.json"
+        path = self.path / reading.MACHINES / f"{digest}.json"
         if not path.exists():
             _write(path, text + "\n")
 
@@ -169,7 +158,7 @@ class RunDirectory:
 
     def load_machine(self, digest: str) -> str:
         """The text of a stored machine."""
-        return read_machine_text(self.path, digest)
+        return reading.read_machine_text(self.path, digest)
 
     def finish(self, result: RunResult) -> None:
         """Write result.json, which completes the run."""
@@ -213,7 +202,7 @@ def _make_folder(out: Path, name: str) -> Path:
 
 
 def _lock(path: Path) -> IO[str]:
-    lock = (path / FILE_NAME).open("r", encoding="utf-8")
+    lock = (path / reading.FILE_NAME).open("r", encoding="utf-8")
     for _ in range(ATTEMPTS):
         try:
             lock_file(lock.fileno())
@@ -221,7 +210,7 @@ def _lock(path: Path) -> IO[str]:
             time.sleep(PAUSE)
         except OSError as error:
             lock.close()
-            raise RunError(f"cannot lock {path / FILE_NAME}: {error.strerror}") from None
+            raise RunError(f"cannot lock {path / reading.FILE_NAME}: {error.strerror}") from None
         else:
             return lock
     lock.close()

@@ -30,14 +30,7 @@ from agentflow.runs.events import (
     ToolEvent,
     read_typed_events,
 )
-from agentflow.study.measures import (
-    behaviour_of_session,
-    builds_foundation_first,
-    design_type,
-    is_foundation_first,
-    session_restarts,
-    time_of_roles,
-)
+from agentflow.study import measures
 from agentflow.study.segments import everything_said, read_segments
 from agentflow.study.session import FILE, Session, StudioTest, read_session
 from agentflow.tools.bench import TOOLS
@@ -176,7 +169,7 @@ def measure_session(session: Session) -> Measured:
     segments = read_segments(session)
     said = everything_said(session, segments)
     scores = [trial.score for trial in session.of(StudioTest) if trial.score is not None]
-    found = behaviour_of_session(session, said, time_of_roles(segments.episodes))
+    found = measures.behaviour_of_session(session, said, measures.time_of_roles(segments.episodes))
     return Measured(
         Result(str(session.path), 1, found),
         by="person",
@@ -185,9 +178,9 @@ def measure_session(session: Session) -> Measured:
         trials=len(session.of(StudioTest)),
         best=max(scores, default=None),
         final=scores[-1] if scores else None,
-        foundation_first=is_foundation_first(session),
-        restarts=session_restarts(session),
-        design=design_type(" ".join(one.text for one in said)),
+        foundation_first=measures.is_foundation_first(session),
+        restarts=measures.session_restarts(session),
+        design=measures.design_type(" ".join(one.text for one in said)),
         labels=condense([one.label for one in segments.episodes if one.label]),
         labelled_by=segments.model,
         unlabelled=segments.unlabelled,
@@ -200,7 +193,7 @@ def measure_run(path: Path) -> Measured:
     events = list(read_typed_events(path))
     tried = {e.machine: e.score for e in events if isinstance(e, EvaluationEvent)}
     machine = best_machine(result)
-    first = None if machine is None else builds_foundation_first(machine, task.brief.given)
+    first = None if machine is None else measures.builds_foundation_first(machine, task.brief.given)
     plans = [event.definition for event in events if isinstance(event, BlueprintEvent)]
     return Measured(
         Result(str(path), 1, behaviour_of(path)),
@@ -212,7 +205,7 @@ def measure_run(path: Path) -> Measured:
         final=result.score,
         foundation_first=first,
         restarts=None,
-        design=design_type(" ".join(plans)),
+        design=measures.design_type(" ".join(plans)),
         labels=condense([label for event in events if (label := _label(event))]),
         labelled_by="",
         unlabelled=0,

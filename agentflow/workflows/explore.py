@@ -20,12 +20,7 @@ from agentflow.search.settings import MAP_ELITES
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import Emitter, WorkflowSettings
-from agentflow.workflows.stages.designs import (
-    count_designs,
-    design_machines,
-    draw_machine,
-    simulate,
-)
+from agentflow.workflows.stages import designs
 from agentflow.workflows.stages.feedback import Revision, Trajectory
 from agentflow.workflows.stages.pooled import draw_revision
 from agentflow.workflows.stages.search_record import SearchRecorder
@@ -135,8 +130,8 @@ async def explore(run: WorkflowContext) -> WorkflowResult:
     run.begin_stage(INITIAL)
     total = _rollouts(run.settings)
     numbers = list(run.trajectories)[:total]
-    drawn = await design_machines(run) if _asks_models(run.settings) else _draw(run)
-    initial = run.end_stage(INITIAL, await simulate(run, INITIAL, drawn[: len(numbers)]))
+    drawn = await designs.design_machines(run) if _asks_models(run.settings) else _draw(run)
+    initial = run.end_stage(INITIAL, await designs.simulate(run, INITIAL, drawn[: len(numbers)]))
     left = total - initial.rollouts
     if run.is_over(initial) or left <= 0:
         return run.result()
@@ -181,7 +176,7 @@ def _draw(run: WorkflowContext) -> list[Candidate]:
     """The start machine, or else a random one, for each trajectory."""
     start = run.settings.start_machine
     return [
-        draw_machine(number, run.stream(f"traj-{number}"), run.brief, start=start)
+        designs.draw_machine(number, run.stream(f"traj-{number}"), run.brief, start=start)
         for number in run.trajectories
     ]
 
@@ -213,7 +208,7 @@ def _calls(settings: WorkflowSettings) -> Mapping[str, int]:
     share = emitters.count("refiner") / len(emitters)
     edits = _rollouts(settings) - settings.trajectories
     calls = {
-        **count_designs(settings),
+        **designs.count_designs(settings),
         Refiner.name: round(share * edits),
     }
     queried = settings.asks_querier * round(share * edits / settings.search.width)

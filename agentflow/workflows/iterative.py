@@ -4,29 +4,23 @@ from agentflow.runs.locations import INITIAL
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.random_dsl import RANDOM_DSL
-from agentflow.workflows.stages.refinement import (
-    count_calls,
-    count_rollouts,
-    count_tried,
-    design_and_refine,
-    within_limit,
-)
+from agentflow.workflows.stages import refinement
 from agentflow.workflows.workflow import Workflow
 
 
 async def iterative(run: WorkflowContext) -> WorkflowResult:
     """Designer, inspector, blind refinement, feedback loop."""
     run.begin_stage(INITIAL)
-    return await design_and_refine(run)
+    return await refinement.design_and_refine(run)
 
 
 ITERATIVE = Workflow(
     "iterative",
     iterative,
-    count_calls,
-    count_rollouts,
-    tried=count_tried,
-    adapt=within_limit,
+    refinement.count_calls,
+    refinement.count_rollouts,
+    tried=refinement.count_tried,
+    adapt=refinement.within_limit,
     baseline=RANDOM_DSL.name,
     searches=True,
 )

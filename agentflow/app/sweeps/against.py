@@ -7,17 +7,8 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from agentflow.app.sweeps import tables
 from agentflow.app.sweeps.folder import is_sweep
-from agentflow.app.sweeps.tables import (
-    FinishedRun,
-    SweepResult,
-    conditions,
-    finished_run,
-    identity_notes,
-    read_sweep_result,
-    require_same_engine,
-    task_of,
-)
 from agentflow.config.grid import METRICS as TYPICAL
 from agentflow.config.run import DesignConfig, build_config, changed_keys, differing_text
 from agentflow.config.sweep import SweepConfig, SweepRun, TableLayout
@@ -37,7 +28,7 @@ def holds_runs(folder: Path) -> bool:
     return is_sweep(folder) or next(find_runs(folder), None) is not None
 
 
-def read_results(folders: Sequence[Path]) -> SweepResult:
+def read_results(folders: Sequence[Path]) -> tables.SweepResult:
     """The finished runs of sweeps and of folders of runs.
 
     Variants of several folders that have the same task, model and labels are named after their
@@ -48,7 +39,9 @@ def read_results(folders: Sequence[Path]) -> SweepResult:
         RunError: Something is damaged, or a folder has no finished run.
     """
     folders = list({path.resolve(): path for path in folders}.values())
-    found = [read_sweep_result(path) if is_sweep(path) else _read_runs(path) for path in folders]
+    found = [
+        tables.read_sweep_result(path) if is_sweep(path) else _read_runs(path) for path in folders
+    ]
     if len(found) == 1:
         return found[0]
     keys = [{_key(run, run.planned) for run in result.finished} for result in found]
@@ -71,14 +64,14 @@ def read_results(folders: Sequence[Path]) -> SweepResult:
     finished = tuple(chain.from_iterable(part.finished for part in parts))
     planned = tuple(chain.from_iterable(part.planned for part in parts))
     failed = {name: why for part in parts for name, why in part.failed.items()}
-    return SweepResult(parts[0].path.parent, sweep, finished, planned, failed)
+    return tables.SweepResult(parts[0].path.parent, sweep, finished, planned, failed)
 
 
-def _key(run: FinishedRun, planned: SweepRun) -> tuple[str, ...]:
-    return task_of(planned), run.result.model, planned.variant
+def _key(run: tables.FinishedRun, planned: SweepRun) -> tuple[str, ...]:
+    return tables.task_of(planned), run.result.model, planned.variant
 
 
-def _named(result: SweepResult, folder: str, shared: bool) -> SweepResult:
+def _named(result: tables.SweepResult, folder: str, shared: bool) -> tables.SweepResult:
     """The result with its folder in the names of its runs and, if `shared`, in their labels."""
 
     def rename(planned: SweepRun) -> SweepRun:
@@ -93,7 +86,7 @@ def _named(result: SweepResult, folder: str, shared: bool) -> SweepResult:
     )
 
 
-def _read_runs(folder: Path) -> SweepResult:
+def _read_runs(folder: Path) -> tables.SweepResult:
     """The runs in a folder as a sweep whose variants are what differs between them."""
     paths = list(find_runs(folder))
     documents = [read_document(path) for path in paths]
@@ -103,16 +96,16 @@ def _read_runs(folder: Path) -> SweepResult:
         for path, labels, config in zip(paths, _labels(configs), configs, strict=True)
     ]
     finished = tuple(
-        finished_run(run, path)
+        tables.finished_run(run, path)
         for run, path in zip(planned, paths, strict=True)
         if (path / RESULT).exists()
     )
     if not finished:
         raise RunError(f"no run in {folder} is finished")
-    require_same_engine(folder, finished)
+    tables.require_same_engine(folder, finished)
     seeds = tuple(dict.fromkeys(config.seed for config in configs))
     sweep = SweepConfig(title=folder.resolve().name, seeds=seeds, table=LAYOUT)
-    return SweepResult(folder, sweep, finished, tuple(planned), {})
+    return tables.SweepResult(folder, sweep, finished, tuple(planned), {})
 
 
 def _labels(configs: Sequence[DesignConfig]) -> Iterator[Mapping[str, str]]:
@@ -141,7 +134,7 @@ MEANING = (
 class _Side:
     """What one number of a difference is computed from."""
 
-    run: FinishedRun
+    run: tables.FinishedRun
     stage: str
     rounds: int | None = None
 
@@ -157,7 +150,7 @@ _Sides = Mapping[str, Mapping[int, _Side]]
 """Condition -> seed -> side."""
 
 
-def against_table(result: SweepResult, baseline: str) -> Table:
+def against_table(result: tables.SweepResult, baseline: str) -> Table:
     """How the metrics of each condition differ from those of one of them.
 
     Conditions are the variants of the sweep, or the stages or rounds that its table compares.
@@ -196,7 +189,7 @@ def against_table(result: SweepResult, baseline: str) -> Table:
         notes=(
             *result.notes[1:],
             MEANING,
-            *identity_notes(dict.fromkeys(row.labels[2] for row in rows)),
+            *tables.identity_notes(dict.fromkeys(row.labels[2] for row in rows)),
             *([f"Intervals of fewer than {FEW} pairs are too narrow."] * (0 < fewest < FEW)),
             *(["Runs of different engines are no pair."] * apart),
             *filter(None, [missing_scipy()]),
@@ -224,13 +217,13 @@ def _pairs(one: Mapping[int, _Side], other: Mapping[int, _Side]) -> list[tuple[_
 
 
 def _groups(
-    result: SweepResult, baseline: str
+    result: tables.SweepResult, baseline: str
 ) -> dict[tuple[str, str], dict[str, dict[int, _Side]]]:
     """(task, variant) -> the sides of each condition; variants are themselves conditions, "" then,
     unless the baseline is a stage or a number of rounds."""
     layout = result.sweep.table
     variants = tuple(dict.fromkeys(run.variant for run in result.planned))
-    within = () if layout.conditions in ("axes", "none") else conditions(result)
+    within = () if layout.conditions in ("axes", "none") else tables.conditions(result)
     known = tuple(filter(None, (*variants, *within)))
     if baseline not in known:
         raise UnknownNameError("condition", baseline, known)
@@ -239,7 +232,7 @@ def _groups(
     found: dict[tuple[str, str], dict[str, dict[int, _Side]]] = {}
     seen: dict[tuple[str, str, int], str] = {}
     for run in result.finished:
-        task, seed = task_of(run.planned), run.planned.config.seed
+        task, seed = tables.task_of(run.planned), run.planned.config.seed
         twin = seen.setdefault((task, run.planned.variant, seed), run.planned.name)
         if twin != run.planned.name:
             raise UsageError(

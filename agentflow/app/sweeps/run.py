@@ -12,16 +12,8 @@ from typing import Any, Protocol, TypeVar
 
 from agentflow.app.design.trust import trust_option
 from agentflow.app.pools import Where, connect
+from agentflow.app.sweeps import members
 from agentflow.app.sweeps.folder import LOG, RUNS, lock_folder, sweep_document
-from agentflow.app.sweeps.members import (
-    CarryOut,
-    ClientOf,
-    Failure,
-    carry_out_here,
-    carry_out_on_ray,
-    models_answer,
-    require_same_plan,
-)
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.config.run import build_config
 from agentflow.config.sweep import SweepRun
@@ -98,7 +90,7 @@ async def run_sweep_async(
     pool: Simulator | None = None,
     on: Where = "local",
     shared_store: str | None = None,
-    client_of: ClientOf = models_answer,
+    client_of: members.ClientOf = members.models_answer,
 ) -> SweepOutcome:
     """Carry out the unfinished runs of a sweep.
 
@@ -123,9 +115,9 @@ async def run_sweep_async(
         connect(workers)
     with lock_folder(folder, sweep_document(plan.name, plan.sweep), resume):
         place = (
-            carry_out_on_ray(folder, workers, shared_store, jobs)
+            members.carry_out_on_ray(folder, workers, shared_store, jobs)
             if on == "ray"
-            else carry_out_here(folder, workers, shared_store, pool, client_of=client_of)
+            else members.carry_out_here(folder, workers, shared_store, pool, client_of=client_of)
         )
         work = _Work(plan, folder, watcher)
         await work.carry_out(jobs, place)
@@ -155,7 +147,9 @@ class _Work:
     endpoint: set[str] = field(default_factory=set)
     """Runs that failed because the endpoint could not be used."""
 
-    async def carry_out(self, jobs: int, place: AbstractAsyncContextManager[CarryOut]) -> None:
+    async def carry_out(
+        self, jobs: int, place: AbstractAsyncContextManager[members.CarryOut]
+    ) -> None:
         self.done = _done(self.plan, self.folder)
         waiting = [run for run in self.plan.runs if run.name not in self.done]
         if not waiting:
@@ -173,17 +167,17 @@ class _Work:
         """Refuse to mix new runs with finished ones made under different conditions."""
         for run in self.plan.runs:
             if run.name in self.done:
-                require_same_plan(self.plan.plan_of(run), self.folder / RUNS / run.name)
+                members.require_same_plan(self.plan.plan_of(run), self.folder / RUNS / run.name)
 
     async def _work_through(
-        self, queue: Iterator[SweepRun], carry: CarryOut, log: LineFile
+        self, queue: Iterator[SweepRun], carry: members.CarryOut, log: LineFile
     ) -> None:
         """Carry out runs from a shared queue until none are left."""
         for run in queue:
             name = run.name
             self.watcher.run_started(name)
             outcome = await carry(run, partial(self._tell, name))
-            if isinstance(outcome, Failure):
+            if isinstance(outcome, members.Failure):
                 self._fail(name, outcome, log)
             else:
                 self.done.add(name)
@@ -196,7 +190,7 @@ class _Work:
         else:
             self.watcher.event(name, told)
 
-    def _fail(self, name: str, failure: Failure, log: LineFile) -> None:
+    def _fail(self, name: str, failure: members.Failure, log: LineFile) -> None:
         line = failure.reason.strip().partition("\n")[0]
         self.failed[name] = line
         if failure.endpoint:

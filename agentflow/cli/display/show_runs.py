@@ -5,15 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 
+from agentflow.cli.display import show_scores
 from agentflow.cli.display.output import Data, Field, columns, field, output, print_lines, table
 from agentflow.cli.display.show_machines import marginal_line
-from agentflow.cli.display.show_scores import (
-    outcome,
-    record_line,
-    show_requirements,
-    verified_line,
-    verified_text,
-)
 from agentflow.config.run import differing_text
 from agentflow.metrics.tables import NOTHING, block_count, change, counted, money, number
 
@@ -27,7 +21,7 @@ STAGE = (
 SEED = (
     field("seed"),
     field("score", show=number),
-    Field("verified", lambda run: verified_text(run["verified"], run["fragile"])),
+    Field("verified", lambda run: show_scores.verified_text(run["verified"], run["fragile"])),
     Field("found in stage", lambda run: run["best_stage"] or None),
     field("calls"),
     field("seconds", show=partial(number, digits=1)),
@@ -69,10 +63,10 @@ def show_result(result: Data, files: Mapping[str, str]) -> None:
             f"{blocks}, found in stage {result['best_stage']}"
         )
     if verified := result.get("verified"):
-        console.print(verified_line(verified))
-    show_requirements(result)
+        console.print(show_scores.verified_line(verified))
+    show_scores.show_requirements(result)
     if (record := result.get("record")) and record["share"] is not None:
-        console.print(record_line(record))
+        console.print(show_scores.record_line(record))
     show_objectives(result)
     console.print(table(STAGE, result["stages"]))
     if note := _lower_stage(result["stages"]):
@@ -216,7 +210,7 @@ def show_runs(runs: Iterable[Data]) -> None:
 def _verified(item: Data) -> str:
     """The verified score of a listed run."""
     found = item["verified"] or {}
-    return verified_text(found.get("score"), found.get("fragile"))
+    return show_scores.verified_text(found.get("score"), found.get("fragile"))
 
 
 def show_run(run: Data) -> None:
@@ -234,10 +228,10 @@ def show_run(run: Data) -> None:
         found.append(f"found in stage {run['best_stage']}")
     console.print(", ".join(found))
     if run["verified"]:
-        console.print(verified_line(run["verified"]))
+        console.print(show_scores.verified_line(run["verified"]))
     show_objectives(run)
     if (record := run["record"]) and record["share"] is not None:
-        console.print(record_line(record))
+        console.print(show_scores.record_line(record))
     if run["marginal"]:
         console.print(marginal_line(run["marginal"]))
     if run["stopped"] or run["reason"]:
@@ -264,8 +258,8 @@ def show_rescored(found: Data) -> None:
         fields = (
             field("machine"),
             field("first simulated as", "place"),
-            field(times[0], "recorded", outcome),
-            field(times[1], "now", outcome),
+            field(times[0], "recorded", show_scores.outcome),
+            field(times[1], "now", show_scores.outcome),
             field("difference", show=partial(change, digits=3)),
         )
         console.print_wide(table(fields, other))

@@ -14,15 +14,8 @@ from agentflow.env.physics.model import Assembly, Color
 from agentflow.env.rollout import Array, Trace
 from agentflow.env.rotations import compose, conjugate, rotate, rotated_axes
 from agentflow.env.scene import SceneObject, Start
+from agentflow.machine.geometry import vectors
 from agentflow.machine.geometry.placement import place
-from agentflow.machine.geometry.vectors import (
-    Quat,
-    Vec3,
-    add,
-    product,
-    rotate_vector,
-    rotation_from_up,
-)
 from agentflow.machine.tree import Machine
 
 BROKEN: Color = (0.85, 0.1, 0.1, 1.0)
@@ -116,7 +109,7 @@ class MachineSolids:
             for parent, end in zip(self._machine[block].parents, self.ends[block], strict=True)
         )
         length = max(float(np.linalg.norm(b - a)), 1e-3)
-        along = rotation_from_up(to_vec3(b - a)) if length > 1e-3 else (0.0, 0.0, 0.0, 1.0)
+        along = vectors.rotation_from_up(to_vec3(b - a)) if length > 1e-3 else (0.0, 0.0, 0.0, 1.0)
         size = (ROD_DIAMETER, length, ROD_DIAMETER)
         color = self._colors[block]
         return SceneObject(
@@ -137,12 +130,12 @@ class MachineSolids:
                     yield SceneObject(name, "box", spoke, position, rotation, color=SPOKE)
 
 
-def _to_world(item: SceneObject, centre: Vec3, rotation: Quat) -> SceneObject:
+def _to_world(item: SceneObject, centre: vectors.Vec3, rotation: vectors.Quat) -> SceneObject:
     """Transform an object from a block's frame to the world."""
-    position = add(centre, rotate_vector(rotation, item.position))
-    return replace(item, position=position, rotation=product(rotation, item.rotation))
+    position = vectors.add(centre, vectors.rotate_vector(rotation, item.position))
+    return replace(item, position=position, rotation=vectors.product(rotation, item.rotation))
 
 
-def _quat(rotation: Array) -> Quat:
+def _quat(rotation: Array) -> vectors.Quat:
     x, y, z, w = (float(v) for v in rotation)
     return (x, y, z, w)

@@ -13,15 +13,8 @@ from pydantic.fields import FieldInfo
 from agentflow.env.tasks.base import Parameters
 from agentflow.errors import ConfigError
 from agentflow.files.faults import find_bool_as_number
+from agentflow.machine import requirements
 from agentflow.machine.blocks.library import library
-from agentflow.machine.requirements import (
-    NONE,
-    Mode,
-    Requirement,
-    Requirements,
-    contradiction,
-    usual_prices,
-)
 
 P = TypeVar("P", bound=Parameters)
 
@@ -116,7 +109,7 @@ class RequirementKnobs(Parameters):
         description="requirements, each a quantity, a relation and a value",
         json_schema_extra={"unit": "a list such as mass <= 60 kg, safety >= 1.5"},
     )
-    mode: Mode = Field(
+    mode: requirements.Mode = Field(
         "must",
         description="must: the score counts only if all are met; report: they are only told",
         json_schema_extra={"unit": "must or report"},
@@ -134,8 +127,8 @@ class RequirementKnobs(Parameters):
         listed = value.split(",") if isinstance(value, str) else value
         if not isinstance(listed, list | tuple):
             return value
-        items = [Requirement.parse(str(item)) for item in listed]
-        if fault := contradiction(items):
+        items = [requirements.Requirement.parse(str(item)) for item in listed]
+        if fault := requirements.contradiction(items):
             raise ValueError(fault)
         return tuple(dict.fromkeys(map(str, items)))
 
@@ -159,9 +152,11 @@ class RequirementKnobs(Parameters):
         return prices
 
     @property
-    def all(self) -> Requirements:
+    def all(self) -> requirements.Requirements:
         """The requirements with all prices."""
         if not self.wanted:
-            return NONE
-        items = tuple(map(Requirement.parse, self.wanted))
-        return Requirements(items, self.mode, {**usual_prices(), **dict(self.prices)})
+            return requirements.NONE
+        items = tuple(map(requirements.Requirement.parse, self.wanted))
+        return requirements.Requirements(
+            items, self.mode, {**requirements.usual_prices(), **dict(self.prices)}
+        )

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from itertools import cycle, islice
 
 from agentflow.llm.messages import Message, Request, ToolCall
+from agentflow.llm.procedural import refining
 from agentflow.llm.procedural.mechanisms import (
     Builder,
     build_part,
@@ -21,12 +22,6 @@ from agentflow.llm.procedural.mechanisms import (
     suitable_mechanisms,
 )
 from agentflow.llm.procedural.reading import PromptContent, read_listing, read_prompt, value_of
-from agentflow.llm.procedural.refining import (
-    add_controllers,
-    add_program,
-    normalise,
-    propose_change,
-)
 from agentflow.machine import Machine, apply_script, check, library, read_machine
 from agentflow.machine.brief import LONE_ROOT
 
@@ -100,8 +95,8 @@ def build_machine(prompt: PromptContent, rng: random.Random) -> tuple[Machine, l
     ranges = [entry for name in names for entry in parts[name].get("controls", ())]
     laws = [parts[name]["controllers"] for name in names if "controllers" in parts[name]]
     machine, limits = builder.machine, prompt.brief.limits
-    machine = add_controllers(machine, laws, rng) if limits.senses else machine
-    return add_program(machine, limits.controls, rng, ranges), notes
+    machine = refining.add_controllers(machine, laws, rng) if limits.senses else machine
+    return refining.add_program(machine, limits.controls, rng, ranges), notes
 
 
 def _is_complete(builder: Builder, slots: list[list[int]], prompt: PromptContent) -> bool:
@@ -222,7 +217,7 @@ def _read_check(notes: Notes, arguments: Mapping[str, str], answer: str) -> None
 
 def _read_edit(notes: Notes, arguments: Mapping[str, str], answer: str) -> None:
     parent, script = notes.at(arguments["machine"]), arguments["script"]
-    parent.tried.add(normalise(script.split("\n")))
+    parent.tried.add(refining.normalise(script.split("\n")))
     if (made := _MADE.match(answer)) and parent.machine:
         candidate = notes.at(made[1])
         candidate.made = candidate.described = True
@@ -330,7 +325,7 @@ def _edit(notes: Notes, names: Iterable[str], count: int, rng: random.Random) ->
         known = notes.seen_machines[name]
         sections = notes.prompt.sections | {"Simulation feedback": known.feedback}
         prompt = replace(notes.prompt, sections=sections, machine=known.machine or LONE_ROOT)
-        if script := propose_change(prompt, rng, known.tried).script:
-            known.tried.add(normalise(script))
+        if script := refining.propose_change(prompt, rng, known.tried).script:
+            known.tried.add(refining.normalise(script))
             calls.append(("edit", {"machine": name, "script": "\n".join(script)}))
     return calls

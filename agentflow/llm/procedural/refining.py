@@ -10,17 +10,7 @@ from math import dist
 from typing import Any, NamedTuple
 
 from agentflow.files.ranges import draw_numbers
-from agentflow.llm.procedural.mechanisms import (
-    JOINTS,
-    LOADS,
-    MOVERS,
-    RIGID,
-    WHEELS,
-    has_locked_joint,
-    load_data,
-    purpose,
-    rigid_groups,
-)
+from agentflow.llm.procedural import mechanisms
 from agentflow.llm.procedural.reading import PromptContent
 from agentflow.machine import Geometry, Machine, apply_script, check, place
 from agentflow.machine.blocks.library import BOULDER, CONTAINER
@@ -145,7 +135,7 @@ def refine(prompt: PromptContent, rng: random.Random) -> str:
     script, names, seen = propose_change(prompt, rng, _failed_scripts(prompt))
     edited = apply_script(prompt.machine, "\n".join(script), prompt.brief).machine
     whole = "whole modified machine" in prompt.sections["Your reply"]
-    return str(load_data("replies.yaml")["refinement"]).format(
+    return str(mechanisms.load_data("replies.yaml")["refinement"]).format(
         seen=", ".join(seen) or "no known symptom",
         names=", then ".join(names) or "no change found",
         body=f"```json\n{prompt.format_machine(edited)}\n```"
@@ -156,12 +146,12 @@ def refine(prompt: PromptContent, rng: random.Random) -> str:
 
 def propose_change(prompt: PromptContent, rng: random.Random, failed: Set[str]) -> Change:
     """One or two changes that fit the symptoms; `failed` are scripts not to try again."""
-    geometry, goal = place(prompt.machine), purpose(prompt.brief)
+    geometry, goal = place(prompt.machine), mechanisms.purpose(prompt.brief)
     feedback, _, trials = prompt.sections["Simulation feedback"].partition(TRIALS)
     script = _adopted_gains(prompt, trials, rng, failed)
     names = ["what trials showed"] * bool(script)
     symptoms = feedback + prompt.sections["Critique"]
-    every = load_data("refining.yaml")
+    every = mechanisms.load_data("refining.yaml")
     rules = [rule for rule in every if goal in rule["for"]] or every
     matches = [[words for words in rule["seen"] if words in symptoms] for rule in rules]
     weights = [
@@ -220,8 +210,8 @@ def _propose(rule: Any, prompt: PromptContent, geometry: Geometry, rng: random.R
 
 def _faces_at(where: str, geometry: Geometry) -> list[FacePosition]:
     """Faces at a location named in refining.yaml."""
-    group, low = rigid_groups(geometry), geometry.box_min[1] + 1.1
-    moves, loads = where in ("swung", "ahead"), (*WHEELS, CONTAINER, BOULDER)
+    group, low = mechanisms.rigid_groups(geometry), geometry.box_min[1] + 1.1
+    moves, loads = where in ("swung", "ahead"), (*mechanisms.WHEELS, CONTAINER, BOULDER)
     blocks = [b for b in geometry.blocks if bool(group[b.id]) == moves and b.type not in loads]
     found = [(b, f) for b in blocks if where != "low" or b.box_min[1] < low for f in b.faces]
     if where in ("ahead", "front"):
@@ -238,7 +228,7 @@ def _is_usable(prompt: PromptContent, script: list[str], failed: Set[str]) -> bo
     outcome = apply_script(prompt.machine, "\n".join(script), prompt.brief)
     if not outcome.success or outcome.machine == prompt.machine:
         return False
-    locks = has_locked_joint(place(outcome.machine))
+    locks = mechanisms.has_locked_joint(place(outcome.machine))
     return not locks and check(outcome.machine, prompt.brief).task_valid
 
 
@@ -268,16 +258,19 @@ def inspect(prompt: PromptContent, rng: random.Random) -> str:  # noqa: ARG001
     geometry = place(prompt.machine)
     x, y, z = centre_of_mass(geometry)
     boxes = [block for block in geometry.blocks if not block.two_ended]
+    replies = mechanisms.load_data("replies.yaml")
     reach = {word: max(boxes, key=lambda b: max(s * b.lo[axis], s * b.hi[axis]))
-             for word, (axis, s) in load_data("replies.yaml")["extremes"].items()}  # fmt: skip
+             for word, (axis, s) in replies["extremes"].items()}  # fmt: skip
     defects = [f"- likely | blocks {', '.join(map(str, blocks))} | structure none | {text}"
                for blocks, text in _find_defects(geometry)]  # fmt: skip
     names = [f"block {b.id} ({b.name}) facing {b.facing}" for b in geometry.blocks]
     idle = [f"block {b} on block {geometry[b].step.parent}" for b in _idle_blocks(geometry)]
-    return str(load_data("replies.yaml")["inspection"]).format(
+    return str(replies["inspection"]).format(
         world="\n".join(f"{word}: {block.id}" for word, block in reach.items()),
-        moving="; ".join(names[b.id] for b in geometry.blocks if b.type in MOVERS) or "None.",
-        special="; ".join(names[b.id] for b in geometry.blocks if b.type in LOADS) or "None.",
+        moving="; ".join(names[b.id] for b in geometry.blocks if b.type in mechanisms.MOVERS)
+        or "None.",
+        special="; ".join(names[b.id] for b in geometry.blocks if b.type in mechanisms.LOADS)
+        or "None.",
         mass=f"({x:.1f}, {y:.1f}, {z:.1f})",
         stands="stands" if stands(geometry) else "falls over before t = 0",
         idle="; ".join(idle) or "None.",
@@ -289,13 +282,13 @@ def _find_defects(geometry: Geometry) -> Iterator[tuple[list[int], str]]:
     """Failed checks: block ids and the consequence."""
     blocks, depth = geometry.blocks, [z for _, z in support_polygon(geometry)]
     ground = [b.id for b in blocks if not b.two_ended and b.lo[1] == geometry.lo[1]]
-    arms = [b.id for b in blocks if b.type in JOINTS]
-    wheels = [b.id for b in blocks if b.type in WHEELS]
+    arms = [b.id for b in blocks if b.type in mechanisms.JOINTS]
+    wheels = [b.id for b in blocks if b.type in mechanisms.WHEELS]
     if not stands(geometry):
         yield ground, "the centre of mass is not above the footprint: it tips"
     elif arms and max(depth) - min(depth) < geometry.size[1]:
         yield ground, "footprint shorter than the height: the swinging arm tips it"
-    for wheel in (b for b in blocks if b.type in WHEELS and b.facing[0] != "x"):
+    for wheel in (b for b in blocks if b.type in mechanisms.WHEELS and b.facing[0] != "x"):
         yield [wheel.id], f"facing {wheel.facing} it does not drive to z+"
     if 0 < len(wheels) < 6:
         yield wheels, "too few wheels for a quick start"
@@ -308,14 +301,14 @@ def _find_defects(geometry: Geometry) -> Iterator[tuple[list[int], str]]:
 def _idle_blocks(geometry: Geometry) -> list[int]:
     """Ids of static rigid blocks above the ground that carry nothing."""
     carried = {parent for block in geometry.blocks for parent in block.step.parents}
-    group, high = rigid_groups(geometry), geometry.box_min[1] + 1.1
-    still = [b for b in geometry.blocks if b.type in RIGID and group[b.id] == 0]
+    group, high = mechanisms.rigid_groups(geometry), geometry.box_min[1] + 1.1
+    still = [b for b in geometry.blocks if b.type in mechanisms.RIGID and group[b.id] == 0]
     return [b.id for b in still if b.id not in carried and b.box_min[1] > high]
 
 
 def query(prompt: PromptContent, rng: random.Random) -> str:
     """Query the first broken connection around its time, else a moving block and the root."""
-    moving = [step.id for step in prompt.machine if step.type in MOVERS]
+    moving = [step.id for step in prompt.machine if step.type in mechanisms.MOVERS]
     intervals = [(rng.choice(moving or [0]), 0.0, 1.0), (0, 0.0, 1.0)]
     broken = _BROKEN.search(prompt.sections["Simulation feedback"])
     if broken:
@@ -324,7 +317,7 @@ def query(prompt: PromptContent, rng: random.Random) -> str:
     queries = [{"id": b, "duration": [start, end], "properties": ["position", "velocity"]}
                for b, start, end in intervals if b < len(prompt.machine)]  # fmt: skip
     thought = "The broken connection is the weak point." if broken else "No breakage is reported."
-    template = str(load_data("replies.yaml")["inquiry"])
+    template = str(mechanisms.load_data("replies.yaml")["inquiry"])
     return template.format(thought=thought, queries=json.dumps(queries))
 
 

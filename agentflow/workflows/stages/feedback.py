@@ -22,12 +22,7 @@ from agentflow.search.registry import STRATEGIES
 from agentflow.search.strategies import extras
 from agentflow.workflows.base import Candidate, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
-from agentflow.workflows.stages.designs import (
-    edit_record,
-    failure_reason,
-    first_attempt_of,
-    with_result,
-)
+from agentflow.workflows.stages import designs
 from agentflow.workflows.stages.local_trials import Explored, Tried, explore
 from agentflow.workflows.stages.search_record import SearchRecorder
 
@@ -301,10 +296,10 @@ class Trajectory:
         if outcome is None:
             return None
         if label == self._first_label:
-            self.first = first_attempt_of(outcome)
+            self.first = designs.first_attempt_of(outcome)
         if outcome.output is None:
-            return Attempt(label, None, failure_reason(outcome))
-        edit = edit_record(outcome.output, node.evaluation)
+            return Attempt(label, None, designs.failure_reason(outcome))
+        edit = designs.edit_record(outcome.output, node.evaluation)
         revision = Revision(outcome.output.machine, edit, self._shown[node.id].history, label)
         return Attempt(label, revision, edit.script)
 
@@ -338,13 +333,13 @@ class Trajectory:
         history = revision.history
         if revision.edit is not None:
             history = history.renumbered(revision.edit.ids)
-            history = history.add(with_result(revision.edit, node.evaluation))
+            history = history.add(designs.with_result(revision.edit, node.evaluation))
         for attempt in self._tried.get(revision.label, ()):
             child = attempt.candidate
             if child is None:
                 history = history.add(EditRecord("", "Error", attempt.note, before=score))
             elif child.edit is not None:
-                tried = with_result(child.edit, self.evaluations[child.machine])
+                tried = designs.with_result(child.edit, self.evaluations[child.machine])
                 history = history.add(replace(tried, ids={}))
         return history
 

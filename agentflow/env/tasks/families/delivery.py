@@ -16,16 +16,7 @@ from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent,
 from agentflow.env.scene import Scene, SceneObject, blocks_among, objects_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
-from agentflow.env.tasks.features.roads import (
-    CentreLine,
-    Curve,
-    Road,
-    centre_line,
-    road_sentences,
-    road_walls,
-    rounded,
-    scoring_direction,
-)
+from agentflow.env.tasks.features import roads
 from agentflow.env.tasks.features.terrain import Beam, Cone, Ramp, Roughness
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
@@ -46,13 +37,13 @@ class Cargo(Parameters):
     at: float = knob(15, 12, 100, "m", "distance along the road from z = 0")
 
 
-class DeliveryRoad(Road):
+class DeliveryRoad(roads.Road):
     """The road; narrower than in movement."""
 
     half_width: float = knob(10, 9, 50, "m", "distance of the side walls' centres from x = 0")
 
 
-class DeliveryCurve(Curve):
+class DeliveryCurve(roads.Curve):
     """The turns; wider than in movement."""
 
     at: float = knob(15, 10, 200, "m", "z where the first turn starts")
@@ -101,18 +92,18 @@ class Delivery(Family):
 
     @property
     def brief(self) -> Brief:
-        knobs, way = self.parameters, scoring_direction(self.parameters.curve)
+        knobs, way = self.parameters, roads.scoring_direction(self.parameters.curve)
         cargo, (x, z) = knobs.cargo, self._cargo_place
         return self.describe(
             BLOCKS,
             objective=f"Build a machine that moves the cargo as far as possible {way}.",
             scene=(
                 *GROUND,
-                *road_sentences(knobs.road, knobs.curve),
+                *roads.road_sentences(knobs.road, knobs.curve),
                 f"The cargo is a ball of diameter {cargo.diameter:g} m and mass {cargo.mass:g} kg; "
                 "it lies on the road, free to roll, without air drag and with friction "
-                f"{constants()['friction']:g}, with its centre at x = {rounded(x)}, y = "
-                f"{cargo.diameter / 2:g}, z = {rounded(z)} m.",
+                f"{constants()['friction']:g}, with its centre at x = {roads.rounded(x)}, y = "
+                f"{cargo.diameter / 2:g}, z = {roads.rounded(z)} m.",
                 *knobs.beam.sentences(),
                 *knobs.ramp.sentences(),
                 *self._cone_sentences(),
@@ -132,7 +123,7 @@ class Delivery(Family):
         knobs, width = self.parameters, self.parameters.road.inner_width
         mass, wide, (x, z) = knobs.cargo.mass, knobs.cargo.diameter, self._cargo_place
         objects = (
-            *road_walls(knobs.road, knobs.curve),
+            *roads.road_walls(knobs.road, knobs.curve),
             *knobs.terrain.objects(width, 0),
             *knobs.beam.objects(width),
             *knobs.ramp.objects(width),
@@ -144,7 +135,7 @@ class Delivery(Family):
     @property
     def _cargo_place(self) -> tuple[float, float]:
         knobs = self.parameters
-        return centre_line(knobs.road, knobs.curve).position_at(knobs.cargo.at)
+        return roads.centre_line(knobs.road, knobs.curve).position_at(knobs.cargo.at)
 
     def _cone(self) -> Iterator[SceneObject]:
         cone = self.parameters.cone
@@ -156,7 +147,7 @@ class Delivery(Family):
     @property
     def _cone_place(self) -> tuple[float, float]:
         knobs = self.parameters
-        last = centre_line(knobs.road, knobs.curve).segments[-1]
+        last = roads.centre_line(knobs.road, knobs.curve).segments[-1]
         begin = knobs.curve.at if not knobs.curve.angle else 0.0
         x, z, _ = last.position_at(begin + knobs.cone.further)
         return x, z
@@ -164,7 +155,7 @@ class Delivery(Family):
     def _cone_sentences(self) -> Iterator[str]:
         cone = self.parameters.cone
         if cone.height:
-            x, z = map(rounded, self._cone_place)
+            x, z = map(roads.rounded, self._cone_place)
             yield (
                 f"A cone of diameter {cone.diameter:g} m and height {cone.height:g} m, tip upward, "
                 f"stands in the middle of the road at x = {x} m, z = {z} m."
@@ -172,7 +163,7 @@ class Delivery(Family):
 
     def referee(self, machine: Machine) -> DeliveryReferee:  # noqa: ARG002
         knobs = self.parameters
-        return DeliveryReferee(centre_line(knobs.road, knobs.curve), knobs.cargo.at)
+        return DeliveryReferee(roads.centre_line(knobs.road, knobs.curve), knobs.cargo.at)
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
@@ -189,8 +180,9 @@ class Delivery(Family):
             "Result: the machine never touched the cargo"
             if touched is None
             else f"Result: the machine first touched the cargo at {number(float(touched))} s",
-            f"Cargo: greatest distance {distance} m {scoring_direction(self.parameters.curve)} at "
-            f"{time} s, greatest horizontal distance {reach} m, greatest height {height} m, "
+            f"Cargo: greatest distance {distance} m "
+            f"{roads.scoring_direction(self.parameters.curve)} at {time} s, "
+            f"greatest horizontal distance {reach} m, greatest height {height} m, "
             f"{landing_text(terms['landing'])}",
             _gap_line(even.times, gaps),
         )
@@ -202,7 +194,7 @@ class Delivery(Family):
 class DeliveryReferee:
     """Tracks the cargo's centre and contacts step by step."""
 
-    def __init__(self, line: CentreLine, at: float) -> None:
+    def __init__(self, line: roads.CentreLine, at: float) -> None:
         self._line, self._at = line, at
         self._touched: float | None = None
         """Time at which the machine first touched the cargo, s."""

@@ -17,15 +17,7 @@ from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.tasks.balancing import LASTS, WHEEL, Balance, BalanceReferee
 from agentflow.env.tasks.base import ON_WHEELS, Descriptor, Parameters, Referee, Task, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
-from agentflow.env.tasks.features.roads import (
-    CentreLine,
-    Curve,
-    Road,
-    centre_line,
-    road_sentences,
-    road_walls,
-    scoring_direction,
-)
+from agentflow.env.tasks.features import roads
 from agentflow.env.tasks.features.terrain import Ramp, Roughness, Stones, bump
 from agentflow.env.tasks.knobs import knob
 from agentflow.env.tasks.stopping import TRIALS, Stop, StopReferee
@@ -51,8 +43,8 @@ class Bumps(Parameters):
 class MovementKnobs(CommonKnobs):
     """Knobs of a movement level."""
 
-    road: Road = Road()
-    curve: Curve = Curve()
+    road: roads.Road = roads.Road()
+    curve: roads.Curve = roads.Curve()
     bump: Bumps = Bumps()
     ramp: Ramp = Ramp()
     roughness: Roughness = Roughness()
@@ -131,7 +123,7 @@ class Movement(Family):
 
     @property
     def brief(self) -> Brief:
-        knobs, way = self.parameters, scoring_direction(self.parameters.curve)
+        knobs, way = self.parameters, roads.scoring_direction(self.parameters.curve)
         stop, balance = knobs.stop, knobs.balance
         objective = f"Build a machine that drives its Starting Block as far as possible {way}."
         score: tuple[str, ...] = (
@@ -153,7 +145,7 @@ class Movement(Family):
             objective=objective,
             scene=(
                 *GROUND,
-                *road_sentences(knobs.road, knobs.curve),
+                *roads.road_sentences(knobs.road, knobs.curve),
                 *_bump_sentences(knobs.bump),
                 *knobs.ramp.sentences(),
                 *knobs.roughness.sentences(),
@@ -172,7 +164,7 @@ class Movement(Family):
         """Walls, obstacles and wind."""
         knobs, width = self.parameters, self.parameters.road.inner_width
         objects = (
-            *road_walls(knobs.road, knobs.curve),
+            *roads.road_walls(knobs.road, knobs.curve),
             *_bumps(knobs.bump, width),
             *knobs.ramp.objects(width),
             *knobs.roughness.objects(width, knobs.obstacles.seed),
@@ -189,7 +181,7 @@ class Movement(Family):
             return BalanceReferee(machine, self.parameters.balance, around)
         if self.parameters.stop.gap:
             return StopReferee(machine, self.parameters.stop, self._wall)
-        return MovementReferee(centre_line(self.parameters.road, self.parameters.curve))
+        return MovementReferee(roads.centre_line(self.parameters.road, self.parameters.curve))
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
@@ -214,7 +206,7 @@ class Movement(Family):
         distance = float(verdict.terms["distance"] or 0.0)
         lines = (
             f"Root: greatest distance {distance:.2f} m "
-            f"{scoring_direction(self.parameters.curve)} at {verdict.terms['time']:.2f} s, "
+            f"{roads.scoring_direction(self.parameters.curve)} at {verdict.terms['time']:.2f} s, "
             f"greatest speed {speed.max():.2f} m/s, ends at x = "
             f"{trace.centre[-1, ROOT_BLOCK, 0]:.2f} m",
             told,
@@ -225,7 +217,7 @@ class Movement(Family):
 class MovementReferee:
     """Tracks the root's centre step by step."""
 
-    def __init__(self, line: CentreLine) -> None:
+    def __init__(self, line: roads.CentreLine) -> None:
         self._line = line
         self._start = self._here = 0.0
         self._best = 0.0
