@@ -11,9 +11,7 @@ ANSWER = "answer"
 METRICS = ("valid", "mean", "max", "verified")
 
 
-def sweep_document(
-    grid: Mapping[str, Any],
-) -> tuple[dict[str, Any], dict[str, Callable[..., Any]]]:
+def sweep_document(grid: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Callable[..., Any]]]:
     """The document of a sweep, and the function of each label of the axis `answer`.
 
     Args:

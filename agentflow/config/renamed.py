@@ -11,10 +11,7 @@ KEYS = {
     "settings.looks": "settings.max_pictures",
 }
 """Earlier dotted key -> the key now, in the same group."""
-VALUES = {
-    ("keep_rollouts", "winners"): "best",
-    ("settings.meta_designer", "modules"): "structures",
-}
+VALUES = {("keep_rollouts", "winners"): "best", ("settings.meta_designer", "modules"): "structures"}
 """Dotted key and an earlier value -> the value now."""
 
 

@@ -126,11 +126,7 @@ def diversity(machines: Sequence[Machine], seed: int) -> Measures:
     return compare([machines], seed)[0]
 
 
-def compare(
-    sets: Sequence[Sequence[Machine]],
-    seed: int,
-    say: Progress = silent,
-) -> list[Measures]:
+def compare(sets: Sequence[Sequence[Machine]], seed: int, say: Progress = silent) -> list[Measures]:
     """The measures of several sets of machines. Their graphs are embedded together.
 
     Args:

@@ -74,9 +74,7 @@ def answer_queries(
 
 
 def answer_each(
-    machine: Machine,
-    asked: Sequence[tuple[object, Rollout | str]],
-    interval: float | None = None,
+    machine: Machine, asked: Sequence[tuple[object, Rollout | str]], interval: float | None = None
 ) -> Answers:
     """Answer each query about a rollout of its own, or say why there is none."""
     every = constants()["sample_interval"] if interval is None else interval

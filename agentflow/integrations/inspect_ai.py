@@ -99,10 +99,7 @@ def _register_task(family: str) -> None:
         """
         levels = [name for name in task_names() if name.partition("/")[0] == family]
         ask = partial(
-            design_prompt,
-            engine=engine,
-            prompts=prompts,
-            role=(Agent if tools else Designer).name,
+            design_prompt, engine=engine, prompts=prompts, role=(Agent if tools else Designer).name
         )
         benches = Benches("Inspect AI", rollouts, vision, engine)
         own = {"prompts": prompts, "workers": 1}

@@ -41,12 +41,7 @@ def compute_score(
         UsageError: The task, knob or engine does not exist.
     """
     scores = compute_scores(
-        [data_source],
-        [solution_str],
-        [ground_truth],
-        [extra_info],
-        engine=engine,
-        workers=workers,
+        [data_source], [solution_str], [ground_truth], [extra_info], engine=engine, workers=workers
     )
     return scores[0]
 

@@ -249,9 +249,7 @@ _PARTS = frozenset({"blocks", "controls", "controllers", "sensors", "laws", "out
 
 
 def renumber(
-    steps: Iterable[Step],
-    controls: Iterable[Control] = (),
-    controllers: Controllers | None = None,
+    steps: Iterable[Step], controls: Iterable[Control] = (), controllers: Controllers | None = None
 ) -> tuple[Machine, dict[int, int]]:
     """Close gaps in the ids of steps; return the machine and the map from old to new ids.
 

@@ -189,9 +189,7 @@ class Metric:
     """Decimals of its floats."""
 
 
-def _first_attempts(
-    level: Literal["parsed", "spatial", "valid"],
-) -> Callable[[Cell], Rate | None]:
+def _first_attempts(level: Literal["parsed", "spatial", "valid"]) -> Callable[[Cell], Rate | None]:
     """Trajectories whose first attempt, before any retry, got this far; see `FirstAttempt`."""
     return lambda cell: _share_of([getattr(item.first, level) for item in cell.candidates])
 

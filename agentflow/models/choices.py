@@ -248,10 +248,7 @@ def continuable(again: str = AGAIN) -> Iterator[None]:
 
 @asynccontextmanager
 async def recorded_models(
-    config: DesignConfig,
-    folder: Path,
-    notify: Callable[[str], None],
-    client: Client | None = None,
+    config: DesignConfig, folder: Path, notify: Callable[[str], None], client: Client | None = None
 ) -> AsyncIterator[Models]:
     """The models of a configuration, open; every reply is kept in a folder.
 

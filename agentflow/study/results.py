@@ -14,12 +14,7 @@ from sklearn.metrics import silhouette_score
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.execution import best_machine
 from agentflow.app.design.plan import task_of_run
-from agentflow.app.inspect.behaviour import (
-    Result,
-    behaviour_columns,
-    behaviour_of,
-    working_roles,
-)
+from agentflow.app.inspect.behaviour import Result, behaviour_columns, behaviour_of, working_roles
 from agentflow.errors import RunError
 from agentflow.metrics.tables import FORMATS, Column, Row, Table
 from agentflow.runs import find_runs, read_document, read_result

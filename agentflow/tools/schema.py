@@ -36,12 +36,7 @@ class BenchTool:
 
     @classmethod
     def of(
-        cls,
-        function: ToolFunction,
-        *,
-        needs: Need = "",
-        with_controls: str = "",
-        label: str = "",
+        cls, function: ToolFunction, *, needs: Need = "", with_controls: str = "", label: str = ""
     ) -> BenchTool:
         """The tool of a function whose first parameter is the `Call`.
 

@@ -24,10 +24,7 @@ from agentflow.training.config import Adapter, TinyModel, TrainingConfig
 
 PAD, EOS = "<pad>", "<eos>"
 _DIGITS_OR_OTHERS = r"\d+|\D+"
-_FAMILIES = {
-    "llama": (LlamaConfig, LlamaForCausalLM),
-    "qwen": (Qwen3Config, Qwen3ForCausalLM),
-}
+_FAMILIES = {"llama": (LlamaConfig, LlamaForCausalLM), "qwen": (Qwen3Config, Qwen3ForCausalLM)}
 
 
 def train_tokenizer(texts: Iterable[str], size: int) -> PreTrainedTokenizerFast:

@@ -207,10 +207,7 @@ def _calls(settings: WorkflowSettings) -> Mapping[str, int]:
     emitters = _emitters(settings)
     share = emitters.count("refiner") / len(emitters)
     edits = _rollouts(settings) - settings.trajectories
-    calls = {
-        **designs.count_designs(settings),
-        Refiner.name: round(share * edits),
-    }
+    calls = {**designs.count_designs(settings), Refiner.name: round(share * edits)}
     queried = settings.asks_querier * round(share * edits / settings.search.width)
     return {**calls, Querier.name: queried}
 

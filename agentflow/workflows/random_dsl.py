@@ -109,10 +109,7 @@ class _Climber:
 
 
 async def _climb(
-    run: WorkflowContext,
-    starts: Sequence[Candidate],
-    rngs: dict[int, random.Random],
-    rollouts: int,
+    run: WorkflowContext, starts: Sequence[Candidate], rngs: dict[int, random.Random], rollouts: int
 ) -> list[Candidate]:
     """Edit each trajectory's best machine, keeping improvements, until the rollouts are used up.
 
@@ -154,9 +151,5 @@ async def _step(run: WorkflowContext, climber: _Climber, round_: int) -> bool:
 
 
 RANDOM_DSL = Workflow(
-    "random-dsl",
-    random_dsl,
-    calls=lambda _: {},
-    rollouts=_rollouts,
-    author=lambda _: RANDOM_EDITS,
+    "random-dsl", random_dsl, calls=lambda _: {}, rollouts=_rollouts, author=lambda _: RANDOM_EDITS
 )

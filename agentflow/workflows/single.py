@@ -8,11 +8,7 @@ from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.random_dsl import RANDOM_DSL
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.designs import (
-    count_designs,
-    design_machines,
-    try_machines,
-)
+from agentflow.workflows.stages.designs import count_designs, design_machines, try_machines
 from agentflow.workflows.stages.feedback import feedback_loop
 from agentflow.workflows.stages.refinement import count_analyses, within_limit
 from agentflow.workflows.workflow import Workflow

@@ -47,12 +47,7 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
         models = replay_models(plan.config, call_log, budget_spent=recorded.stopped == BUDGET)
         execution = asyncio.run(
             execute(
-                plan,
-                models,
-                memory,
-                pool,
-                repetition(path, document),
-                repeated=_verified_in(path),
+                plan, models, memory, pool, repetition(path, document), repeated=_verified_in(path)
             )
         )
     return first_difference(read_events(path), memory.events) or _result_difference(

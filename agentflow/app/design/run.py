@@ -20,13 +20,7 @@ from agentflow.app.design.trust import Approve, refuse, require_trusted_run, tru
 from agentflow.app.lessons import extend_book, with_lessons
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import OpenPool, RolloutPool, Simulator
-from agentflow.errors import (
-    ConfigError,
-    DamagedError,
-    EndpointError,
-    InterruptedRunError,
-    RunError,
-)
+from agentflow.errors import ConfigError, DamagedError, EndpointError, InterruptedRunError, RunError
 from agentflow.llm.function import FunctionClient
 from agentflow.llm.messages import Client
 from agentflow.llm.wrappers.limits import Limiters, LocalLimiters

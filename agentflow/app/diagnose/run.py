@@ -103,11 +103,7 @@ def _open_diagnostic(
 
 
 def _describe(
-    name: str,
-    config: DesignConfig,
-    size: int,
-    client: Client | None,
-    questions: Sequence[Question],
+    name: str, config: DesignConfig, size: int, client: Client | None, questions: Sequence[Question]
 ) -> Diagnosis:
     """Everything that decides the results."""
     choice = choose_models(config.model)[ROLE]

@@ -30,10 +30,7 @@ NO_MACHINES = (
 
 
 def compare_engines(
-    machines: int,
-    workers: int,
-    say: Progress,
-    records: Mapping[str, TaskRecord] | None = None,
+    machines: int, workers: int, say: Progress, records: Mapping[str, TaskRecord] | None = None
 ) -> dict[str, Any]:
     """Simulate records, and machines of the procedural model, on every installed engine.
 
@@ -57,13 +54,7 @@ def compare_engines(
     if records is None:
         records = {name: one for name, one in read_records().items() if not one.knobs}
     known = [
-        Subject(
-            machine,
-            get_task(record.task, record.knobs),
-            record.seed,
-            name,
-            recorded=True,
-        )
+        Subject(machine, get_task(record.task, record.knobs), record.seed, name, recorded=True)
         for name, record in records.items()
         if (machine := record_machine(name))
     ]

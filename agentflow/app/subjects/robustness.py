@@ -75,11 +75,7 @@ def _find(subject: Subject, count: int | None, workers: int, say: Progress) -> d
 
 
 async def _simulate(
-    subject: Subject,
-    machine: Machine,
-    neighbours: Sequence[Neighbour],
-    workers: int,
-    say: Progress,
+    subject: Subject, machine: Machine, neighbours: Sequence[Neighbour], workers: int, say: Progress
 ) -> tuple[Perturbation, list[dict[str, Any]]]:
     task, seed = subject.task, subject.seed
     async with RolloutPool(workers) as pool:

@@ -22,10 +22,7 @@ from agentflow.runs.events import EvaluationEvent, read_typed_events
 
 
 def rescore(
-    path: Path,
-    workers: int | None = None,
-    engine: str | None = None,
-    pool: Pool | None = None,
+    path: Path, workers: int | None = None, engine: str | None = None, pool: Pool | None = None
 ) -> dict[str, Any]:
     """Simulate every machine of a run again and compare.
 

@@ -54,12 +54,7 @@ def models_answer(_run: SweepRun) -> Client | None:
 
 
 async def _carry_out(
-    run: SweepRun,
-    folder: Path,
-    store: Store,
-    limiters: Limiters,
-    client: Client | None,
-    tell: Tell,
+    run: SweepRun, folder: Path, store: Store, limiters: Limiters, client: Client | None, tell: Tell
 ) -> Outcome:
     """Carry out a run in the folder of its sweep, and link its files to those of the store.
 

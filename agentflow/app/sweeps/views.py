@@ -241,10 +241,7 @@ def verified_table(result: SweepResult) -> Table:
     return Table(
         f"{result.sweep.title}: verified scores",
         ("task", "model", "variant"),
-        (
-            *(Column("", name) for name in names),
-            Column("", "share", percent=True),
-        ),
+        (*(Column("", name) for name in names), Column("", "share", percent=True)),
         tuple(rows),
         notes=(*result.notes, OF_VERIFIED_RUNS, *record_note(result)),
     )

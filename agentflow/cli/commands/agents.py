@@ -146,10 +146,7 @@ def _command(tool: str) -> Callable[..., None]:
         _call(tool, words, run, None, as_json)
 
     def look(
-        words: Words = None,
-        run: Run = None,
-        picture: Picture = None,
-        as_json: options.Json = False,
+        words: Words = None, run: Run = None, picture: Picture = None, as_json: options.Json = False
     ) -> None:
         _call(tool, words, run, picture, as_json)
 
@@ -185,10 +182,7 @@ def _show(answer: Answer, as_json: bool, picture: Path | None) -> None:
 
 @commands.command(epilog="Example: agentflow mcp --task throwing")
 def mcp(
-    task: Annotated[
-        str | None,
-        typer.Option(help=options.TASK, show_default="throwing"),
-    ] = None,
+    task: Annotated[str | None, typer.Option(help=options.TASK, show_default="throwing")] = None,
     rollouts: Annotated[int | None, typer.Option(min=1, show_default="24")] = None,
     max_pictures: Annotated[int | None, typer.Option(min=1, show_default="24")] = None,
     no_vision: bool = False,
@@ -240,8 +234,7 @@ def mcp(
 
 @commands.command(epilog="Example: agentflow studio --runs runs")
 def studio(
-    runs: Path = Path("runs"),
-    port: Annotated[int | None, typer.Option(min=0, max=65535)] = None,
+    runs: Path = Path("runs"), port: Annotated[int | None, typer.Option(min=0, max=65535)] = None
 ) -> None:
     """Open a local page to watch runs, start them, and build machines by hand.
 

@@ -214,13 +214,7 @@ def segments(
         from agentflow.study.segments import format_segments, segment
 
     config = load_config(None, settings or (), {"model.name": model, "model.base_url": base_url})
-    found = segment(
-        session,
-        transcript,
-        config,
-        notify=print_remark,
-        say=show_count("episode"),
-    )
+    found = segment(session, transcript, config, notify=print_remark, say=show_count("episode"))
     if as_json:
         print_json(found.model_dump(mode="json"))
         return

@@ -57,12 +57,7 @@ def benchmark(
     from agentflow.app.sweeps.plan import sweep_folder
     from agentflow.cli.display.sweep_live import watch_sweep
 
-    keys = {
-        "model.name": model,
-        "model.base_url": base_url,
-        "engine": engine,
-        "workers": workers,
-    }
+    keys = {"model.name": model, "model.base_url": base_url, "engine": engine, "workers": workers}
     allowed = allow if trust or dry_run else approve
     plan = plan_benchmark(
         source,

@@ -142,9 +142,7 @@ def convert(
 
 @commands.command(epilog="Example: agentflow bom machine.json --out bom.csv")
 def bom(
-    machine: options.MachineOrRun,
-    out: Path | None = None,
-    as_json: options.Json = False,
+    machine: options.MachineOrRun, out: Path | None = None, as_json: options.Json = False
 ) -> None:
     """List the parts of a machine: how many of which blocks, their sizes and masses.
 
@@ -306,15 +304,7 @@ def render(
             print_remark(note)
     else:
         level = find_task(task or "movement", knobs or (), engine)
-        files = render_file(
-            source,
-            level,
-            seed,
-            out or Path("machine"),
-            wanted,
-            say,
-            print_remark,
-        )
+        files = render_file(source, level, seed, out or Path("machine"), wanted, say, print_remark)
     for path in files.values():
         print(path)
 

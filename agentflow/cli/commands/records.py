@@ -34,8 +34,7 @@ def show_config(
 
 @commands.command(epilog="Example: agentflow runs runs")
 def runs(
-    folder: Annotated[Path, typer.Argument()] = Path("runs"),
-    as_json: options.Json = False,
+    folder: Annotated[Path, typer.Argument()] = Path("runs"), as_json: options.Json = False
 ) -> None:
     """List runs with task, workflow, model, score, cost and state.
 

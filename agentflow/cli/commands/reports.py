@@ -75,9 +75,7 @@ def compare(
 
 @commands.command(epilog="Example: agentflow gallery runs --out gallery.html")
 def gallery(
-    runs: list[Path],
-    out: Path = Path("gallery.html"),
-    workers: options.Workers = 2,
+    runs: list[Path], out: Path = Path("gallery.html"), workers: options.Workers = 2
 ) -> None:
     """Write an HTML gallery of the best machines, with films and scores.
 

@@ -62,12 +62,7 @@ def sweep(
     from agentflow.app.sweeps.run import run_blocking, run_sweep_async
     from agentflow.cli.display.sweep_live import watch_sweep
 
-    keys = {
-        "model.name": model,
-        "model.base_url": base_url,
-        "engine": engine,
-        "workers": workers,
-    }
+    keys = {"model.name": model, "model.base_url": base_url, "engine": engine, "workers": workers}
     allowed = allow if trust or dry_run else approve
     plan = plan_sweep(config, settings or (), keys, seeds, allowed)
     folder = sweep_folder(plan, config, out)

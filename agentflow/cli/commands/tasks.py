@@ -123,10 +123,7 @@ def show(
         str,
         typer.Option("--prompt-set", help=f"Prompt set to show: {', '.join(PROMPT_SETS.ours)}."),
     ] = "default",
-    knobs: Annotated[
-        list[str] | None,
-        typer.Option("--knob", help=options.SET_KNOB),
-    ] = None,
+    knobs: Annotated[list[str] | None, typer.Option("--knob", help=options.SET_KNOB)] = None,
     machine: str | None = None,
     as_json: options.Json = False,
 ) -> None:

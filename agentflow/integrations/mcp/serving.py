@@ -72,9 +72,7 @@ def answer_to(error: ValidationError) -> types.JSONRPCError:
     code = types.INVALID_REQUEST if is_json else types.PARSE_ERROR
     told = f"this line is not a JSON-RPC message: {faults[0]['msg']}"
     return types.JSONRPCError(
-        jsonrpc="2.0",
-        id=number if known else None,
-        error=types.ErrorData(code=code, message=told),
+        jsonrpc="2.0", id=number if known else None, error=types.ErrorData(code=code, message=told)
     )
 
 

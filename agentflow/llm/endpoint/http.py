@@ -111,8 +111,7 @@ class OpenAIClient:
         """Whether the endpoint streams; None before the first answer."""
         try:
             self._connections = ConnectionPool(
-                endpoint.auth,
-                httpx.Timeout(settings.idle_s, connect=settings.connect_s, pool=None),
+                endpoint.auth, httpx.Timeout(settings.idle_s, connect=settings.connect_s, pool=None)
             )
         except (ImportError, OSError, ValueError, httpx.InvalidURL) as problem:
             raise ConfigError(

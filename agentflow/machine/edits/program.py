@@ -5,12 +5,7 @@ from dataclasses import replace
 
 from agentflow.machine.blocks.types import Group
 from agentflow.machine.controllers.reading import to_precision
-from agentflow.machine.controls import (
-    MAX_CONTROLS,
-    entry_problems,
-    target_text,
-    window_problem,
-)
+from agentflow.machine.controls import MAX_CONTROLS, entry_problems, target_text, window_problem
 from agentflow.machine.edits.commands import AddControl, Quantity
 from agentflow.machine.problems import RefusedEdit, comma_list
 from agentflow.machine.tree import Control, Step, shorten

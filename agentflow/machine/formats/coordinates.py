@@ -110,11 +110,7 @@ def with_controls_of(
 
 
 def _read_block(
-    item: object,
-    index: int,
-    allowed: Collection[int],
-    notes: list[str],
-    problems: list[Problem],
+    item: object, index: int, allowed: Collection[int], notes: list[str], problems: list[Problem]
 ) -> LocatedBlock | None:
     """Read one item of the list; add a problem and return None if it is not a block."""
     if not isinstance(item, dict):

@@ -36,11 +36,7 @@ def dot(a: Vec3, b: Vec3) -> float:
 
 def cross(a: Vec3, b: Vec3) -> Vec3:
     """Right-handed vector product."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def length(a: Vec3) -> float:
@@ -89,8 +85,4 @@ def rotate_vector(rotation: Quat, vector: Vec3) -> Vec3:
     x, y, z, w = rotation
     a, b, c = vector
     u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-    return (
-        a + w * u + y * t - z * v,
-        b + w * v + z * u - x * t,
-        c + w * t + x * v - y * u,
-    )
+    return (a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u)

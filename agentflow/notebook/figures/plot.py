@@ -232,10 +232,7 @@ METADATA = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
 
 
 def plot(
-    *sources: Source,
-    view: View = "curve",
-    by: By = "simulations",
-    out: Path | str | None = None,
+    *sources: Source, view: View = "curve", by: By = "simulations", out: Path | str | None = None
 ) -> Figure:
     """Draw a figure for a paper. Runs with the same condition differ only in their seeds.
 

@@ -26,12 +26,7 @@ from agentflow.models.choices import choose_models, recorded_models
 from agentflow.progress import Progress
 from agentflow.runs import Notify
 from agentflow.search.concurrency import work_in_order
-from agentflow.training.data.folder import (
-    open_log,
-    read_log,
-    read_plan,
-    work_in,
-)
+from agentflow.training.data.folder import open_log, read_log, read_plan, work_in
 from agentflow.training.data.pairs import ChatMessage, make_prompt
 from agentflow.training.objectives import Objective
 

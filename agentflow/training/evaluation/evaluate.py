@@ -27,11 +27,7 @@ from agentflow.prompts.render import PromptSet
 from agentflow.rewards import Sample, Scorer
 from agentflow.runs import Notify
 from agentflow.search.concurrency import work_in_order
-from agentflow.training.evaluation.record import (
-    EvaluationFolder,
-    EvaluationRecord,
-    open_evaluation,
-)
+from agentflow.training.evaluation.record import EvaluationFolder, EvaluationRecord, open_evaluation
 from agentflow.training.evaluation.replies import judge_async
 from agentflow.training.record import ABOUT as TRAINING
 from agentflow.training.record import digest_model, read_training

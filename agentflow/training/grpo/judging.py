@@ -92,11 +92,7 @@ class Judging:
     """Rewards of replies. Identical replies to a task are simulated once, unless it failed."""
 
     def __init__(
-        self,
-        scorer: Scorer,
-        reward: RewardFunction,
-        engine: str,
-        remembered: int = REMEMBERED,
+        self, scorer: Scorer, reward: RewardFunction, engine: str, remembered: int = REMEMBERED
     ) -> None:
         """`remembered`: replies whose rewards are kept for later steps."""
         self._scorer, self._reward, self._engine = scorer, reward, engine

@@ -127,11 +127,7 @@ async def simulate(
 
 
 async def try_machines(
-    run: WorkflowContext,
-    stage: StageName,
-    candidates: Sequence[Candidate],
-    *,
-    model_role: str = "",
+    run: WorkflowContext, stage: StageName, candidates: Sequence[Candidate], *, model_role: str = ""
 ) -> list[Candidate]:
     """Simulate candidates, in as many trials as the task gives; the best trial of each counts.
 
@@ -240,10 +236,7 @@ async def _critique(run: WorkflowContext, candidate: Candidate, blueprint: Bluep
     if not run.settings.inspector or candidate.machine is None:
         return ""
     given = InspectorInput(
-        **run.role_input,
-        machine=candidate.machine,
-        blueprint=blueprint,
-        groups=candidate.groups,
+        **run.role_input, machine=candidate.machine, blueprint=blueprint, groups=candidate.groups
     )
     location = Location(Inspector.name, trajectory=candidate.trajectory)
     outcome = await run.ask(Inspector(), given, location, stage=BLIND)

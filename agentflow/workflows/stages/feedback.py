@@ -347,10 +347,7 @@ class Trajectory:
         """Ask the querier about a node; "" if there is no valid reply or no query in it."""
         run, machine = self._run, node.candidate.machine
         given = QuerierInput(
-            **run.role_input,
-            machine=machine,
-            score=node.evaluation.score,
-            feedback=_feedback(node),
+            **run.role_input, machine=machine, score=node.evaluation.score, feedback=_feedback(node)
         )
         location = Location(Querier.name, trajectory=self._number, node=node.id)
         outcome = await run.ask(Querier(), given, location, stage=FEEDBACK)

@@ -21,7 +21,7 @@ Evaluation = Annotated[
     list[Path] | None,
     typer.Option(
         help="Run or evaluation of a model, or directory with some: leave its machines out; "
-        "repeatable.",
+        "repeatable."
     ),
 ]
 Licence = Annotated[
@@ -75,12 +75,7 @@ def generate(
         read_objectives(objectives), config, samples=samples, limit=limit, variants=variants
     )
     found = record(
-        plan,
-        config,
-        out,
-        workers,
-        partial(print_remark, quiet=quiet),
-        _progress("answer", quiet),
+        plan, config, out, workers, partial(print_remark, quiet=quiet), _progress("answer", quiet)
     )
     print_result(found, as_json, show_answers)
 

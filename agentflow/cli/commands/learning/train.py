@@ -25,14 +25,12 @@ TrainingFolder = Annotated[
     Path, typer.Option(help="Training directory: curves, checkpoints, the model.")
 ]
 TrainingSettings = Annotated[
-    list[str] | None,
-    typer.Option("--set", help="Set a configuration key, key=value; repeatable."),
+    list[str] | None, typer.Option("--set", help="Set a configuration key, key=value; repeatable.")
 ]
 Resume = Annotated[
     bool,
     typer.Option(
-        "--resume",
-        help="Continue the interrupted training run in --out, if there is one.",
+        "--resume", help="Continue the interrupted training run in --out, if there is one."
     ),
 ]
 

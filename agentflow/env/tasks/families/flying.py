@@ -139,7 +139,7 @@ class Flying(Family):
         lines = [
             f"Root: greatest height {number(float(terms['height'] or 0.0))} m above its start at "
             f"{number(float(terms['time'] or 0.0))} s, ends {number(float(terms['end'] or 0.0))} m "
-            f"above it, fastest climb {number(climb)} m/s",
+            f"above it, fastest climb {number(climb)} m/s"
         ]
         if self.marks:
             lines.append(f"Hoops: {terms['result']}")
