@@ -41,10 +41,12 @@ blocks. Use it to see what sensing is worth where the conditions are not known b
 Numbers are successful trials out of ten. The columns are the perturbations of \
 [robust scores](../explanation/scores.md#robust-scores). The control program is the best of those \
 that the second column counts, chosen on the unchanged conditions of the same trials; no program \
-can know which trial it is in. Sensors and laws took \
-0.9 % to 3.1 % of the CPU time of rollouts on PyBullet and 1.8 % to 7.6 % on MuJoCo, on a quiet \
-core (`benchmarks/sensing.py --pairs 21`). \
-`python benchmarks/controllers.py` writes this page.
+can know which trial it is in. \
+Sensors and laws, timed by themselves, took 0.9 % to 1.8 % of the time of rollouts on PyBullet \
+and 1.3 % to 2.9 % on MuJoCo, where steps are compiled 1.3 % to 3.3 %. What they cost all else, \
+such as caches, is in the difference of rollouts with and without them: 0.8 % to 3.2 % on \
+PyBullet and 1.6 % to 5.6 % on MuJoCo, on cores so busy that its quartiles are 3 to 8 points \
+apart (`benchmarks/sensing.py --pairs 15`). `python benchmarks/controllers.py` writes this page.
 """
 
 

@@ -163,10 +163,9 @@ class Pilot:
     def lose(self, time: float, gone: Collection[int]) -> None:
         """Let the sensors of blocks that are no longer connected to the Starting Block keep their
         last reading; `gone` are the joints that broke or let go."""
-        working = self._senses.working()
-        self._senses.lose(_attached(self._assembly, ()) - _attached(self._assembly, gone))
+        apart = _attached(self._assembly, ()) - _attached(self._assembly, gone)
         names, readings = [*self.controllers.sensors], self._readings()
-        for number in sorted({*working}.difference(self._senses.working())):
+        for number in self._senses.lose(apart):
             self.lost[names[number]] = time, readings[number]
 
 

@@ -138,18 +138,19 @@ class Senses:
             self.where[number] = None if block in self._lost else at
         return now
 
-    def working(self) -> list[int]:
-        """Numbers of the sensors that have not broken off."""
-        lost = (each.block in self._lost and each.kind != "time" for each in self._sensors)
-        return [number for number, gone in enumerate(lost) if not gone]
-
-    def lose(self, blocks: Collection[int]) -> None:
-        """Let the sensors of these blocks keep their last reading."""
+    def lose(self, blocks: Collection[int]) -> list[int]:
+        """Let the sensors of these blocks keep their last reading; their numbers, unless they do
+        already."""
+        gone = [
+            number
+            for number, sensor in enumerate(self._sensors)
+            if sensor.block in blocks and sensor.block not in self._lost and sensor.kind != "time"
+        ]
+        for number in gone:
+            self.reads[number] = None
         self._lost.update(blocks)
-        for number, sensor in enumerate(self._sensors):
-            if sensor.block in self._lost and sensor.kind != "time":
-                self.reads[number] = None
         self.locate()
+        return gone
 
     def _time(self, _: Sensor) -> Read:
         return lambda time: time / self._pace
