@@ -50,7 +50,7 @@ function heatCell(item, best, choose) {
   if (!item) return el("td", {});
   const text = revealHidden(`${item.mechanism ?? "unknown mechanism"}: ${formatNumber(item.score)}`);
   const button = el("button", { title: text, "aria-label": text, click: () => choose(item.machine) }, formatNumber(item.score, 1));
-  button.style.setProperty("--share", `${Math.round(10 + 50 * Math.max(0, item.score / best))}%`);
+  button.style.setProperty("--share", `${Math.round(10 + 33 * Math.max(0, item.score / best))}%`);
   return el("td", {}, button);
 }
 

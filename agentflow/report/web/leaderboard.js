@@ -46,7 +46,7 @@ function heatMap(cards, parts) {
 function heatCell(name, shares, [main, lesser]) {
   const percent = (part) => (shares[part].mean === null ? "–" : `${formatNumber(Math.round(100 * shares[part].mean))} %`);
   const cell = el("td", { "data-family": name }, el("b", {}, percent(main)), lesser ? el("small", {}, percent(lesser)) : "");
-  cell.style.setProperty("--share", `${Math.round(50 * Math.min(shares[main].mean ?? 0, 1))}%`);
+  cell.style.setProperty("--share", `${Math.round(45 * Math.min(shares[main].mean ?? 0, 1))}%`);
   return cell;
 }
 
