@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from agentflow.errors import ConfigError, UsageError
 from agentflow.machine.problems import size_of_piece
@@ -20,7 +20,6 @@ if TYPE_CHECKING:  # an engine's identity needs no physics
     from agentflow.env.physics.laws.forces import Entry
     from agentflow.env.physics.model import Assembly, State
     from agentflow.env.physics.rows import Row
-    from agentflow.env.physics.world import UnsplitMachine
     from agentflow.env.rollout import Array
     from agentflow.env.scene import Body, Scene
     from agentflow.machine.geometry.vectors import Quat, Vec3
@@ -91,8 +90,8 @@ class World(Protocol):
         """Rate at which machines settle as they do at higher ones, Hz."""
 
     @property
-    def now(self) -> UnsplitMachine:
-        """What there is until the next split."""
+    def now(self) -> Any:
+        """What there is until the next split: a `world.UnsplitMachine`."""
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:
         """Greatest linear and angular speed of anything that moves, m/s and rad/s; not finite when
