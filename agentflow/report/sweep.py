@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agentflow.metrics.cells import Scores
-from agentflow.metrics.tables import PUBLISHED, Column, Row, Table, cell_text
+from agentflow.metrics.intervals import Interval
+from agentflow.metrics.tables import NOTHING, PUBLISHED, Column, Row, Table, Value, cell_text
 from agentflow.runs.locations import STAGE_WORDS
 
 MOST_DOTS = 400
 """Maximum number of scores drawn per variant, taken evenly from the sorted scores."""
+DASH = "\N{EN DASH}"
+"""Of ranges, and where there is no value."""
 OURS = ("variant", "of")
 """Label columns with names from agentflow; their underscores are shown as spaces."""
 PLAIN = {
     "of": "part",
+    "rollouts": "simulations",
     "rollouts/s": "simulations/s",
+    "first": "one reply, no feedback",
+    "refined": "refined with feedback",
     "score against expansions": "best score after N new machines",
 }
 """Names in tables -> what the page calls them."""
@@ -82,6 +89,7 @@ def _table(table: Table, title: str, shared: Sequence[str], zeros: bool) -> dict
         "rows": [_cells(table, row, kept) for row in table.rows],
         "published": [_cells(table, row, kept) for row in table.published],
         "publishedTitle": PUBLISHED,
+        "scored": OURS[-1] not in table.heads,
         "notes": [_reword(note, table.columns) for note in table.notes if note not in shared],
     }
 
@@ -93,13 +101,18 @@ def _has_values(table: Table, place: int) -> bool:
 
 def _cells(table: Table, row: Row, kept: Sequence[int]) -> list[str]:
     labels = [_label(head, label) for head, label in zip(table.heads, row.labels, strict=True)]
-    return labels + [
-        cell_text(row.values[place], column.digits, in_percent=column.percent).replace(
-            " - ", " \N{EN DASH} "
-        )
-        for place in kept
-        for column in [table.columns[place]]
-    ]
+    return labels + [_cell(row.values[place], table.columns[place]) for place in kept]
+
+
+def _cell(value: Value, column: Column) -> str:
+    """A value as on pages: with an en dash for a range or nothing, and groups of digits."""
+    if isinstance(value, int):
+        return f"{value:,}"
+    digits = 1 if column.percent else column.digits
+    text = cell_text(value, digits, in_percent=column.percent)
+    if isinstance(value, float | Interval):
+        text = text.replace(" - ", f" {DASH} ").replace("%", "\N{NO-BREAK SPACE}%")
+    return DASH if text == NOTHING else text
 
 
 def _label(head: str, label: str) -> str:
@@ -116,4 +129,6 @@ def _reword(note: str, columns: Sequence[Column]) -> str:
     """Replace column names in a note by their headings."""
     for column in columns:
         note = note.replace(column.name, _words(column.name))
+        if column.group in PLAIN:
+            note = re.sub(rf"\b{column.group}(?=[:.])", PLAIN[column.group], note)
     return note

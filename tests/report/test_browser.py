@@ -434,7 +434,9 @@ def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_pat
     wide = Table(NASTY, ("task", "variant"), columns, (Row(("throwing", NASTY), values),))
     spreads = {("throwing", NASTY): Scores((1.0, 2.0), 1)}
     failed = {"name": NASTY, "state": "failed", "score": None, "why": NASTY}
-    data = sweep_data(NASTY, "about", spreads, [wide], [failed])
+    best = {("throwing", NASTY): {"run": NASTY, "score": 2.0, "picture": "data:,"}}
+    units = {"throwing": "m"}
+    data = sweep_data(NASTY, "about", spreads, [wide], [failed], units, best)
     file = tmp_path / "sweep.html"
     file.write_text(whole_page("sweep", data), encoding="utf-8")
     complaints(browser)
@@ -444,6 +446,8 @@ def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_pat
     cells = [cell.text for cell in browser.find_elements(By.CSS_SELECTOR, "tbody td")]
     assert cells[:4] == ["b", "1.00", "c", "2.00"]  # one row of ten numbers is turned
     assert "failed" in cells  # its reason is in sight
+    told = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".chart text, .card b")]
+    assert {"score, m", "2 m"} <= set(told)
     assert browser.execute_script("return window.owned ?? null") is None
     assert complaints(browser) == []
 

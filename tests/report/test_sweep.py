@@ -7,7 +7,7 @@ from dataclasses import replace
 from agentflow.metrics.cells import Scores
 from agentflow.metrics.intervals import Rate
 from agentflow.metrics.tables import PUBLISHED, Column, Row, Table
-from agentflow.report.sweep import sweep_data
+from agentflow.report.sweep import DASH, sweep_data
 
 TABLE = Table(
     title="Hand",
@@ -25,10 +25,11 @@ def test_tables_are_texts_and_spreads_have_intervals() -> None:
     assert data["notes"] == ["8 runs"]
     assert data["tables"][0] == {
         "title": "Hand",
+        "scored": True,
         "heads": ["task"],
         "columns": [["mcts", "mean"], ["", "valid"], ["", "share"]],
-        "rows": [["throwing", "1.25", "3/4", "50.00%"]],
-        "published": [["<b>", "2.0", "-", "-"]],
+        "rows": [["throwing", "1.25", "3/4", "50.0\u00a0%"]],
+        "published": [["<b>", "2.0", DASH, DASH]],
         "publishedTitle": PUBLISHED,
         "notes": ["a note"],
     }
@@ -43,7 +44,10 @@ def test_a_leaderboard_keeps_columns_of_zeros() -> None:
     table = Table("", ("model",), (Column("lifting", "first"),), (Row(("m",), (0.0,)),))
     assert sweep_data("", "", {}, [table])["tables"][0]["columns"] == []
     (kept,) = sweep_data("", "", {}, [table], zeros=True)["tables"]
-    assert (kept["columns"], kept["rows"]) == ([["lifting", "first"]], [["m", "0.00"]])
+    assert (kept["columns"], kept["rows"]) == (
+        [["lifting", "one reply, no feedback"]],
+        [["m", "0.00"]],
+    )
 
 
 def test_tables_without_columns_are_left_out_and_nothing_has_no_interval() -> None:

@@ -39,16 +39,19 @@ STUDIO = {
     "run": "run?run=throwing",
     "pair": "pair?a=throwing&b=again",
     "gallery": "gallery",
-    "tasks": "tasks",
     "leaderboard": "leaderboard",
     "curves": "curves?runs=%5B%22throwing%22%2C%22again%22%5D",
+    "tasks": "tasks",
+    "task": "tasks?task=throwing/4",
     "sessions": "sessions",
     "replay": "replay?session=one",
     "build": "build?task=movement&guide=car",
 }
 
-REPORTS = ("run", "gallery", "compare", "leaderboard", "robustness", "training", "sweep")
-WRITTEN = ("guide", "tasks")
+REPORTS = (
+    "run", "gallery", "compare", "leaderboard", "robustness", "training", "sweep", "tasks"
+)  # fmt: skip
+WRITTEN = ("guide",)
 """Pages without a script."""
 
 

@@ -28,6 +28,7 @@ PAGES = {
     "replay": "replay?session=one",
     "gallery": "gallery",
     "tasks": "tasks",
+    "task": "tasks?task=throwing/4",
     "leaderboard": "leaderboard",
 }
 SHARED = {"card", "cards", "facts", "files", "pair", "player", "problem", "quiet", "said", "task"}

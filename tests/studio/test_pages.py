@@ -14,8 +14,10 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
 
 from agentflow.app.inspect.overview import run_list
+from agentflow.app.pages.tasks import SMALL
+from agentflow.env.tasks.registry import task_names
 from agentflow.study.session import Action, Pause, StudioTest, read_session
-from tests.report.browser import complaints
+from tests.report.browser import complaints, on_phone
 from tests.studio.pages import (
     NASTY,
     RECORDED,
@@ -231,7 +233,10 @@ def test_the_best_scores_of_three_runs_are_in_one_chart(
     until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "curves")
     until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .line")) == 3)
     keys = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".key span")]
-    assert keys == ["third", "throwing", NASTY]
+    assert keys == ["A third", "B throwing", f"C {NASTY}"]
+    ends = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".chart text.name")]
+    assert ends == ["A", "B", "C"]  # without colours, the letters tell lines apart
+    assert len(browser.find_elements(By.CSS_SELECTOR, ".card img")) == 3
     Select(find(browser, "select")).select_by_visible_text("over calls")
     assert browser.find_elements(By.CSS_SELECTOR, "svg[aria-label='Best score so far over calls']")
     shutil.rmtree(runs / "third")
@@ -284,3 +289,25 @@ def test_an_empty_list_says_where_to_begin(browser: webdriver.Chrome, tmp_path: 
         open_page(browser, empty, "build?example=catapult")
         assert len(tree(browser)) == 21
         assert complaints(browser) == []
+
+
+def test_all_tasks_are_shown_and_one_leads_to_a_machine_or_a_design(
+    browser: webdriver.Chrome, served: Served
+) -> None:
+    open_page(browser, served, "tasks")
+    cards = browser.find_elements(By.CSS_SELECTOR, ".card")
+    assert [card.get_attribute("data-task") for card in cards] == list(task_names())
+    drawn = "return document.querySelector('.card img').naturalWidth"
+    until(browser, lambda: browser.execute_script(drawn) == SMALL[0])
+    find(browser, '.card[data-task="throwing/4"]').click()
+    title = "return document.querySelector('h1')?.innerText"
+    until(browser, lambda: browser.execute_script(title) == "One ring")
+    with on_phone(browser, 390, 844, dark=False):
+        for plan in browser.find_elements(By.CSS_SELECTOR, ".plan"):
+            assert plan.rect["x"] + plan.rect["width"] <= 390  # whole, with its target
+    links = {a.text: a.get_attribute("href") for a in browser.find_elements(By.CSS_SELECTOR, "a")}
+    assert links["Build a machine"].endswith("#build?task=throwing%2F4")
+    browser.find_element(By.LINK_TEXT, "Let a model design one").click()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "runs")
+    assert find(browser, ".design select[name=task]").get_attribute("value") == "throwing/4"
+    assert complaints(browser) == []

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
+import base64
 from collections.abc import Iterable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,17 @@ from agentflow.app.tasks import find_task, list_tasks, task_json
 from agentflow.env.drawing.plan_drawing import PngPen, SvgPen, draw_plans, place_plans
 from agentflow.env.drawing.plans import level_plans
 from agentflow.env.drawing.stills import level_png
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.records import record_machine, record_of
 from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
+from agentflow.machine import Machine
+from agentflow.report import page as report
 
-PICTURE = (320, 240)
-"""Width and height of the small pictures of levels, in pixels."""
+NARROW = 560.0
+"""Width of the drawing of one plan on a page, in points: readable on a phone, two side by side."""
+SMALL, LARGE = (400, 300), (960, 720)
+"""Width and height of pictures in pixels: on cards, and of one level."""
 
 
 def picture_name(name: str) -> str:
@@ -32,9 +39,9 @@ def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
     if file.suffix.lower() != ".png":
         raise UsageError(f"the picture must be a .png file, not {file.name!r}")
     task = find_task(name, settings)
-    views = level_plans(task)
-    pen = PngPen(place_plans(views)[1])
-    draw_plans(views, task.scene().wind, pen)
+    sheets = place_plans(level_plans(task))
+    pen = PngPen(sheets[-1].bottom)
+    draw_plans(sheets, task.scene().wind, pen)
     few = pen.picture.quantize(64, dither=Image.Dither.NONE)
     with write_output(file) as part:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -49,25 +56,39 @@ def draw_all(folder: Path) -> list[Path]:
 
 
 def write_page(names: Iterable[str], file: Path) -> Path:
-    """Write a self-contained HTML page of levels, for light and dark themes."""
-    import jinja2
-
-    loader = jinja2.PackageLoader("agentflow.app.pages", "")
-    template = jinja2.Environment(loader=loader, autoescape=True).get_template("tasks.html.j2")
-    levels = [_level(number, name) for number, name in enumerate(names)]
-    families = list(dict.fromkeys(level["family"] for level in levels))
-    text = template.render(levels=levels, families=families)
-    with write_output(file) as part:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text, encoding="utf-8")
+    """Write a self-contained HTML page of levels."""
+    levels = [level_data(name) for name in names]
+    size = LARGE if len(levels) == 1 else SMALL
+    for level in levels:
+        picture = base64.b64encode(level_picture(level["name"], size)).decode()
+        level["picture"] = f"data:image/png;base64,{picture}"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    report.write_page(file, "Tasks · agentflow", {"kind": "tasks", "levels": levels})
     return file
 
 
-def _level(number: int, name: str) -> dict[str, Any]:
-    task, pen = find_task(name), SvgPen(f"clip-{number}")
-    views = level_plans(task)
-    draw_plans(views, task.scene().wind, pen)
-    svg = pen.to_svg(place_plans(views)[1], f"{task.name} from above and from the right")
-    small = b64encode(level_png(task.brief.given, task.scene(), PICTURE)).decode()
-    shown = {"anchor": f"level-{number}", "svg": svg, "unit": task.unit, "small": small}
-    return {**task_json(name), **shown}
+def level_data(name: str) -> dict[str, Any]:
+    """One level with drawings from above and from the right, for a page."""
+    task, drawings = find_task(name), []
+    for plan in level_plans(task):
+        [sheet], pen = place_plans([plan], NARROW), SvgPen(f"{task.name}-{plan.title}")
+        draw_plans([sheet], task.scene().wind, pen)
+        drawings.append(pen.to_svg(sheet, f"{task.name} {plan.title}"))
+    machine = _shown_machine(task)[1]
+    return {**task_json(name), "unit": task.unit, "drawings": drawings, "machine": machine}
+
+
+@lru_cache(maxsize=200)
+def level_picture(name: str, size: tuple[int, int]) -> bytes:
+    """A level with a machine at its start, as a PNG file."""
+    task = find_task(name)
+    machine, _ = _shown_machine(task)
+    return level_png(machine, task.scene(), size)
+
+
+def _shown_machine(task: Task) -> tuple[Machine, str]:
+    """The machine in the picture of a level, and what it is: that of the record where the
+    repository is at hand, else the blocks that all machines begin with."""
+    record = record_of(task)
+    best = record and record_machine(record.name)
+    return (best, "the best known machine") if best else (task.brief.given, "the first block")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from html import escape
 from math import ceil, floor
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from PIL import Image, ImageDraw, ImageFont
 
@@ -26,6 +25,8 @@ LETTER = 6.5
 """Approximate width of a letter, in points."""
 LABELS = 14
 """Most labels in one plan."""
+UPRIGHT = 4.0
+"""Height of an outline, in widths, from which its label is in its middle: its end meets others."""
 
 
 @dataclass(frozen=True)
@@ -52,27 +53,27 @@ class _PlacedPlan:
         return self.top + TOP + self.size[1] + BOTTOM
 
 
-def place_plans(plans: Sequence[LevelPlan]) -> tuple[list[_PlacedPlan], float]:
-    """Stack plans at one scale; returns them and the height of the drawing in points."""
+def place_plans(plans: Sequence[LevelPlan], width: float = WIDTH) -> list[_PlacedPlan]:
+    """Stack plans at one scale in a drawing of this width, in points."""
     scale = min(
-        min((WIDTH - LEFT - RIGHT) / (plan.high[0] - plan.low[0]) for plan in plans),
+        min((width - LEFT - RIGHT) / (plan.high[0] - plan.low[0]) for plan in plans),
         min(TALLEST / (plan.high[1] - plan.low[1]) for plan in plans),
     )
     placed: list[_PlacedPlan] = []
     for plan in plans:
         placed.append(_PlacedPlan(plan, placed[-1].bottom if placed else 0.0, scale))
-    return placed, placed[-1].bottom
+    return placed
 
 
-def draw_plans(plans: Sequence[LevelPlan], wind: Vec3, pen: Pen) -> None:
-    """Draw plans below each other and note the wind."""
-    for sheet in place_plans(plans)[0]:
+def draw_plans(sheets: Sequence[_PlacedPlan], wind: Vec3, pen: Pen) -> None:
+    """Draw placed plans and note the wind."""
+    for sheet in sheets:
         _draw(sheet, pen)
     if any(wind):
         words = "wind " + ", ".join(
             f"{speed:+g} m/s along {axis}" for speed, axis in zip(wind, "xyz", strict=True) if speed
         )
-        pen.text((WIDTH - RIGHT, TOP - 10), words, "end")
+        pen.text((LEFT + sheets[0].size[0], TOP - 10), words, "end")
 
 
 def _draw(sheet: _PlacedPlan, pen: Pen) -> None:
@@ -94,7 +95,9 @@ def _draw(sheet: _PlacedPlan, pen: Pen) -> None:
         x, y = sheet.at((number, number))
         words = f"{number if across else number * plan.sign:g}"
         pen.text((x, y0 + 14) if across else (x0 - 6, y + 4), words, "middle" if across else "end")
-    pen.text((x0, y1 - 10), f"{plan.title}: {plan.upwards} over z, m", "start")
+    pen.text((x0, y1 - 10), plan.title, "start")
+    pen.text((x0 - 6, y1 - 10), f"{plan.upwards}, m", "end")
+    pen.text((x1, y0 + 27), "z, m", "end")
     for place, words in _labels(sheet):
         pen.text(place, words, "middle")
 
@@ -133,58 +136,67 @@ def _labels(sheet: _PlacedPlan) -> Iterator[tuple[Point, str]]:
 
 
 def _label_point(outline: Outline, plan: LevelPlan) -> Point | None:
-    """Upper middle of an outline's visible part; None if it is outside the picture."""
+    """Upper middle of an outline's visible part, the middle of one that stands upright; None if it
+    is outside the picture."""
     (x0, y0), (x1, y1) = plan.low, plan.high
     xs, ys = zip(*outline.points, strict=True)
     left, right, top = max(min(xs), x0), min(max(xs), x1), min(max(ys), y1)
-    return ((left + right) / 2, top) if left < right and y0 < top and min(ys) < y1 else None
+    if not (left < right and y0 < top and min(ys) < y1):
+        return None
+    upright = top - max(min(ys), y0) > UPRIGHT * (right - left)
+    return (left + right) / 2, (top + max(min(ys), y0)) / 2 if upright else top
 
 
 class SvgPen:
-    """Draws SVG; the page styles lines by class (`grid`, `frame`, `start`).
+    """Draws SVG as `[name, attributes, *children]`; pages style lines by class (`grid`, `frame`,
+    `start`).
 
     Coordinates are points of the drawing, y downwards.
     """
 
     def __init__(self, name: str) -> None:
         """Start a drawing whose name is unique in the page."""
-        self._name, self._parts, self._clips = name, [""], 0
+        self._name = name
+        self._whole: list[Any] = []
+        self._parts = self._whole
 
     def polygon(self, points: Sequence[Point], color: tuple[float, ...], filled: bool) -> None:
         """Draw a filled polygon, or only its outline."""
         paint = "#" + "".join(f"{round(255 * part):02x}" for part in color[:3])
-        fill = f'fill="{paint}" fill-opacity=".75"' if filled else 'fill="none"'
-        places = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-        self._parts.append(f'<polygon points="{places}" {fill} stroke="{paint}"/>')
+        fill = f"{paint}bf" if filled else "none"
+        self._parts.append(["polygon", {"points": _places(points), "stroke": paint, "fill": fill}])
 
     def line(self, points: Sequence[Point], kind: str) -> None:
         """Draw a line in one of the line styles."""
-        places = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-        self._parts.append(f'<polyline class="{kind}" points="{places}" fill="none"/>')
+        self._parts.append(["polyline", {"class": kind, "points": _places(points)}])
 
     def text(self, place: Point, words: str, anchor: str) -> None:
         """Write text; the anchor is `start`, `middle` or `end`."""
-        x, y = place
-        label = escape(words)
-        self._parts.append(f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{label}</text>')
+        self._parts.append(["text", {"x": place[0], "y": place[1], "class": anchor}, words])
 
     def start_clip(self, low: Point, high: Point) -> None:
         """Clip everything to a rectangle until `end_clip`."""
-        self._clips += 1
-        name, (x, y), (u, v) = f"{self._name}-{self._clips}", low, high
-        box = f'<rect x="{x:.1f}" y="{y:.1f}" width="{u - x:.1f}" height="{v - y:.1f}"/>'
-        self._parts.append(f'<clipPath id="{name}">{box}</clipPath><g clip-path="url(#{name})">')
+        (x, y), (u, v) = low, high
+        box = ["rect", {"x": x, "y": y, "width": u - x, "height": v - y}]
+        self._parts.append(["clipPath", {"id": self._name}, box])
+        self._parts.append(group := ["g", {"clip-path": f"url(#{self._name})"}])
+        self._parts = group
 
     def end_clip(self) -> None:
-        self._parts.append("</g>")
+        self._parts = self._whole
 
-    def to_svg(self, height: float, about: str) -> str:
-        """The finished <svg> element."""
-        head = (
-            f'<svg viewBox="0 0 {WIDTH:g} {height:.0f}" role="img" aria-label="{escape(about)}" '
-            'font-size="12">'
-        )
-        return head + "".join(self._parts) + "</svg>"
+    def to_svg(self, sheet: _PlacedPlan, about: str) -> list[Any]:
+        """The finished drawing of one plan."""
+        box = f"0 0 {LEFT + sheet.size[0] + RIGHT:.0f} {sheet.bottom:.0f}"
+        return [
+            "svg",
+            {"viewBox": box, "class": "plan", "role": "img", "aria-label": about},
+            *self._whole,
+        ]
+
+
+def _places(points: Sequence[Point]) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
 
 
 PAPER, INK = (250, 249, 246), (40, 42, 48)

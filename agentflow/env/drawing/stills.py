@@ -95,9 +95,9 @@ def png(machine: Machine, *, view: str, size: Size) -> bytes:
     return content_of(_picture(machine, view, size))
 
 
-def level_png(given: Machine, scene: Scene, size: Size) -> bytes:
-    """A small picture of a level with what is given there, in few colours."""
-    drawn = _picture(given, "three-quarter", size, options=StillOptions(scene=scene))
+def level_png(machine: Machine, scene: Scene, size: Size) -> bytes:
+    """A picture of a level with a machine at its start, in few colours."""
+    drawn = _picture(machine, "three-quarter", size, options=StillOptions(scene=scene))
     return content_of(drawn.quantize(64, dither=Image.Dither.NONE))
 
 

@@ -45,27 +45,27 @@ export function scoreChart(title, across, unit, points, pick = null, logs = {}) 
 const COLOURS = 6; // lines with a colour of their own; further ones begin again
 const SINGLE = 60; // fewest points of a line that are not marked one by one
 
-/** Numbers over steps, a line each: {name, points}, where points are [x, y] in order of x; the axis begins
- *  at `from` or at the first of them. */
-export function lineChart(title, up, across, lines, logs = {}, from = Infinity) {
+/** Numbers over steps, a line each: {name, points, marks, label}, where points are [x, y] in order of x, marks those that
+ *  get a dot (by default all of few), and label a letter at the end of the line. */
+export function lineChart(title, up, across, lines, logs = {}) {
   const hue = (index) => `hue${index % COLOURS}`;
   const chart = figure(title, (width) => {
-    const shown = lines.map(({ name, points }) => ({ name, points: positive(points, logs) }));
+    const shown = lines.map(({ points, marks = points.length < SINGLE ? points : [], ...line }) => ({ ...line, points: positive(points, logs), marks: positive(marks, logs) }));
     const every = shown.flatMap(({ points }) => points);
-    const [first, last] = extent(every, 0);
-    const xs = scale([logs.x ? first : Math.min(first, from), last], [LEFT, width - RIGHT], logs.x);
+    const xs = scale(logs.x ? extent(every, 0) : valueRange(every.map(([x]) => x)), [LEFT, width - RIGHT - (lines[0].label ? RIGHT : 0)], logs.x);
     const [low, high] = logs.y ? extent(every, 1) : valueRange(every.map(([, y]) => y));
     const ys = scale(low === high && !logs.y ? [Math.min(0, 2 * low), Math.max(0, 2 * high)] : [low, high], [HEIGHT - BOTTOM, UPPER], logs.y);
     return [
       ...axes(xs, ys, across, up),
-      ...shown.flatMap(({ name, points }, index) => [
+      ...shown.flatMap(({ name, points, marks, label = "" }, index) => [
         svg("path", { class: `line ${hue(index)}`, d: points.map(([x, y], i) => `${i ? "L" : "M"}${xs(x)} ${ys(y)}`).join("") }, svg("title", {}, name)),
-        ...(points.length < SINGLE ? points : []).map(([x, y]) => svg("circle", { class: `point ${hue(index)}`, cx: xs(x), cy: ys(y), r: 2.4 },
+        ...marks.map(([x, y]) => svg("circle", { class: `point ${hue(index)}`, cx: xs(x), cy: ys(y), r: 2.4 },
           svg("title", {}, `${name}, ${across} ${x}: ${y}`))),
+        ...points.slice(-1).map(([x, y]) => svg("text", { class: "name", x: xs(x) + 6, y: ys(y) + 4 }, label)),
       ]),
     ];
   }, { rows: () => [["line", across, up], ...lines.flatMap(({ name, points }) => points.map(([x, y]) => [name, x, y]))], logs: [logs, lines.flatMap(({ points }) => points)] });
-  if (lines.length > 1) chart.append(el("p", { class: "key" }, ...lines.map(({ name }, index) => el("span", { class: hue(index) }, el("i", {}), name))));
+  if (lines.length > 1) chart.append(el("p", { class: "key" }, ...lines.map(({ name }, index) => el("span", {}, svg("svg", { width: 30, height: 10 }, svg("path", { class: `line ${hue(index)}`, d: "M0 5H26" })), name))));
   return chart;
 }
 
@@ -81,7 +81,7 @@ export function barChart(title, items) {
     }));
 }
 
-const BAND = 58; // height of a row: name, dots, interval
+const BAND = 62; // height of a row: name, dots, interval
 const DOT = 3;
 const NEAR = 0.6; // if all values exceed this share of the greatest, the axis does not start at 0
 const [LETTER, SMALL] = [6.9, 5.8]; // width of a character of a name and of a number, pixels
@@ -96,13 +96,13 @@ export function intervalChart(title, axis, rows, mark) {
     const xs = scale(valueRange(every), [LEFT / 2, width - RIGHT]);
     const lines = ticks(xs.low, xs.high, 5).map((value) => svg("path", { class: "grid", d: `M${xs(value)} 4V${height - BOTTOM + 8}` }));
     const marks = rows.flatMap((row, index) => {
-      const y = 34 + BAND * index;
+      const y = 38 + BAND * index;
       const below = y + 16;
       const whole = statistics(row); // without the range where it would meet the name: it is drawn
       const told = LETTER * row.name.length + SMALL * whole.length > xs.to - xs.from ? statistics({ ...row, low: NaN }) : whole;
       return [
-        svg("text", { class: "name", x: xs.from, y: y - 15 }, svg("title", {}, row.name), truncate(row.name, xs.to - xs.from - SMALL * told.length)),
-        svg("text", { class: "tick end", x: xs.to, y: y - 15 }, told),
+        svg("text", { class: "name", x: xs.from, y: y - 19 }, svg("title", {}, row.name), truncate(row.name, xs.to - xs.from - SMALL * told.length)),
+        svg("text", { class: "tick end", x: xs.to, y: y - 19 }, told),
         ...stackDots(row.values.map(xs)).map(([x, off]) => svg("circle", { class: "dot", cx: x, cy: y + off, r: DOT })),
         Number.isFinite(row.low) && Number.isFinite(row.high)
           ? svg("path", { class: "interval", d: `M${xs(row.low)} ${below}H${xs(row.high)}M${xs(row.low)} ${below - 3}v6M${xs(row.high)} ${below - 3}v6` }) : null,
@@ -110,7 +110,7 @@ export function intervalChart(title, axis, rows, mark) {
           ? svg("path", { class: "mean", d: `M${xs(row.mean)} ${below - 6}v12` }) : null,
       ];
     });
-    const line = rows.map((_, index) => `M${xs(mark?.value)} ${34 + BAND * index - 10}v30`).join(""); // not over the names
+    const line = rows.map((_, index) => `M${xs(mark?.value)} ${38 + BAND * index - 10}v30`).join(""); // not over the names
     if (Number.isFinite(mark?.value)) lines.push(svg("path", { class: "mark", d: line }, svg("title", {}, mark.name)));
     return [...lines, ...ticksBelow(xs, height - BOTTOM + 8, axis), ...marks];
   }, { height, rows: () => [["name", axis], ...rows.flatMap(({ name, values }) => values.map((value) => [name, value]))] });
@@ -135,7 +135,7 @@ export function shareChart(title, rows) {
           const middle = y + bar / 2;
           return [
             svg("rect", { class: index ? "ratio lesser" : "ratio", x: xs.from, y: y + 2, width: Math.max(1, xs(item.value ?? 0) - xs.from), height: bar - 4, rx: 2 }),
-            Number.isFinite(item.low) ? svg("path", { class: "interval", d: `M${xs(item.low)} ${middle}H${xs(item.high)}M${xs(item.low)} ${middle - 3}v6M${xs(item.high)} ${middle - 3}v6` }) : null,
+            ...(Number.isFinite(item.low) ? ["halo", "interval"] : []).map((kind) => svg("path", { class: kind, d: `M${xs(item.low)} ${middle}H${xs(item.high)}M${xs(item.low)} ${middle - 3}v6M${xs(item.high)} ${middle - 3}v6` })),
             svg("text", { class: "tick", x: xs(Math.max(item.value ?? 0, item.high ?? 0)) + 8, y: middle + 4 }, `${item.name} ${percent(item.value)}`),
           ];
         }),
@@ -152,7 +152,7 @@ function valueRange(values) {
 }
 
 function statistics({ mean, low, high, count, invalid, failed }) {
-  const range = Number.isFinite(low) && Number.isFinite(high) ? ` (${formatNumber(low)} to ${formatNumber(high)})` : "";
+  const range = Number.isFinite(low) && Number.isFinite(high) ? ` (${formatNumber(low)} – ${formatNumber(high)})` : "";
   return `mean ${formatNumber(mean)}${range}, n = ${formatNumber(count)}${invalid ? `, ${formatNumber(invalid)} invalid` : ""}${failed ? `, ${formatNumber(failed)} failed` : ""}`;
 }
 

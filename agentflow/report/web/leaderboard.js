@@ -22,7 +22,7 @@ export function leaderboardPage(data) {
 export function leaderboardParts({ cards, parts, tables, notes }) {
   const lines = cards.filter(({ course }) => course.length).map(({ model, course }) => ({ name: model, points: course }));
   return [
-    section("Ranking", shareChart("Mean shares, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note === `Cards are ranked by ${parts[0]}.` ? `Models are ranked by the share of “${wordsOf(parts[0])}”.` : note))),
+    section("Ranking", el("p", {}, "Each model designs machines for the same tasks. A share is its score divided by the best known or greatest possible one."), shareChart("Mean shares, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note === `Cards are ranked by ${parts[0]}.` ? `Models are ranked by the share of “${wordsOf(parts[0])}”.` : note))),
     section("Families", heatMap(cards, parts), el("p", { class: "quiet" }, `${parts[1] ? `Large: ${wordsOf(parts[0])}; small: ${wordsOf(parts[1])}. ` : ""}Stronger colour means a greater share.`)),
     lines.length ? section("Share over simulations", lineChart("Mean share of the best machine so far, by plain score", "", "simulations", lines)) : null,
     section("How it ended", ...parts.map((part) => table(`Machines: ${wordsOf(part)}`, ["Model", ...Object.values(OUTCOMES)], outcomes(cards, part)))),

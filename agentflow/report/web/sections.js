@@ -43,20 +43,18 @@ export function scoreCharts({ progress, task }, chosen = {}, pick = null) {
   return found && section("Score", ...found);
 }
 
-/** The best scores of several runs so far in one chart: {name, progress}. */
+/** The best scores of several runs so far in one chart, from the first to the last: {name, label, progress}. */
 export function bestCharts(title, runs, unit, logs = {}) {
-  const steps = (progress, name) => {
+  const line = ({ progress, ...run }, name) => {
     let best = -Infinity;
-    return progress.flatMap((point) => {
-      const before = best;
-      best = Math.max(best, point.score);
-      const corner = before === -Infinity ? [] : [[point[name], before]];
-      return before < best ? [...corner, [point[name], best]] : point === progress.at(-1) ? corner : [];
-    });
+    const rises = progress.filter(({ score }) => score > best && ((best = score), true));
+    const marks = rises.map((point) => [point[name], point.score]);
+    const points = marks.flatMap(([x, y], index) => (index ? [[x, marks[index - 1][1]], [x, y]] : [[x, y]]));
+    return { ...run, marks, points: [...points, [progress.at(-1)[name], marks.at(-1)[1]]] };
   };
   const scored = runs.filter(({ progress }) => progress.length);
   const found = scored.length && overSpent(scored.map(({ progress }) => progress), {}, (name) =>
-    lineChart(`Best score so far over ${name}`, named("score", unit), name, scored.map((run) => ({ name: run.name, points: steps(run.progress, name) })), logs, 0));
+    lineChart(`Best score so far over ${name}`, named("score", unit), name, scored.map((run) => line(run, name)), logs));
   return found ? section(title, ...found) : null;
 }
 

@@ -12,9 +12,15 @@ export function sweepPage(data, linked = (name, ...parts) => (parts.length ? el(
         ...data.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
       data.spreads.length ? scoreDistributions(data.spreads) : null,
       bestMachines(data.spreads.filter(({ best }) => best), linked, still),
-      ...data.tables.filter(({ columns }) => columns.length).map((item) => tableSection(item, item.title === data.title ? "Results" : item.title)),
+      ...data.tables.filter(({ columns }) => columns.length).map((item) => tableSection({ ...item, unit: unitOf(item, data.spreads) }, item.title === data.title ? "Results" : item.title)),
       data.runs.length ? runsSection(data.runs, linked) : null),
   ];
+}
+
+/** The unit of the scores in a table; "" if it has none, or if tasks differ in it. */
+function unitOf({ scored }, spreads) {
+  const units = new Set(spreads.map(({ unit }) => unit));
+  return scored && units.size === 1 ? [...units][0] : "";
 }
 
 /** The best machine of each variant. */
@@ -30,15 +36,24 @@ function scoreDistributions(rows) {
   const known = rows.some((row) => Number.isFinite(row.low));
   const about = `Each dot is a machine; invalid machines count as 0. Below: the mean${known ? " with its 95% bootstrap confidence interval" : ""}.`;
   return section("Distribution of scores",
+    ...tasks.map(answer),
     el("p", { class: "quiet" }, about),
     ...tasks.map((found) => intervalChart(found[0].task, axisName("score", found[0].unit), found)));
+}
+
+/** Which variant has the highest mean at a task, and whether the intervals tell it from the next. */
+function answer(rows) {
+  const [best, next] = rows.filter(({ mean, low }) => mean !== null && low !== null).sort((a, b) => b.mean - a.mean);
+  if (!next) return null;
+  return el("p", {}, `At ${best.task}, ${best.name} has the highest mean, ${withUnit(best.mean, best.unit)}, before ${next.name} with ${withUnit(next.mean, next.unit)}. `,
+    best.low > next.high ? "Their intervals are apart." : "Their intervals overlap: these runs do not tell them apart.");
 }
 
 const MOST_ROWS = 12; // of a table that is not folded
 const MOST_COLUMNS = 9; // most columns of numbers before a table is transposed
 
-export function tableSection({ heads, columns, rows, published, publishedTitle, notes }, title) {
-  const measured = compactTable(title, "Measured", heads, columns, rows);
+export function tableSection({ heads, columns, rows, published, publishedTitle, notes, unit }, title) {
+  const measured = compactTable(title, unit ? `Scores in ${unit}` : "Measured", heads, columns, rows);
   return section(capitalize(title), rows.length > MOST_ROWS ? el("details", {}, el("summary", {}, `${rows.length} rows`), measured) : measured,
     published.length ? el("details", {}, el("summary", {}, capitalize(publishedTitle)), compactTable(title, "Published", heads, columns, published)) : null,
     ...notes.map((note) => el("p", { class: "quiet" }, note)));
@@ -47,7 +62,7 @@ export function tableSection({ heads, columns, rows, published, publishedTitle, 
 /** A table with labels common to all rows in its caption, transposed if that makes it narrower. */
 function compactTable(title, caption, heads, columns, rows) {
   const count = heads.length;
-  const same = (place) => rows.every((row) => row[place] === rows[0][place]);
+  const same = (place) => rows.length > 1 && rows.every((row) => row[place] === rows[0][place]);
   const shared = heads.map((_, place) => place).filter(same);
   const left = heads.map((_, place) => place).filter((place) => !same(place));
   const told = [caption, ...shared.map((place) => rows[0]?.[place]).filter(Boolean)].join(" · ");
@@ -80,4 +95,4 @@ function runsSection(rows, linked) {
   return section("Runs", details);
 }
 
-const capitalize = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+export const capitalize = (text) => text.charAt(0).toUpperCase() + text.slice(1);

@@ -19,9 +19,10 @@ export function problem(text) {
   return text.length > SHORT ? plain(text) : el("p", { class: "problem" }, text);
 }
 
+export const list = (sentences) => el("ul", {}, ...sentences.map((sentence) => el("li", {}, sentence)));
+
 /** Objective, score, scene and schedule of a task from the report's data. */
 export function taskDetails({ objective, score, scene }) {
-  const list = (sentences) => el("ul", {}, ...sentences.map((sentence) => el("li", {}, sentence)));
   return el("details", { class: "task" }, el("summary", {}, objective, " ", el("small", {}, score[0] ?? "")),
     list(score.slice(1)), el("h2", {}, "Scene and schedule"), list(scene));
 }

@@ -20,11 +20,11 @@ from agentflow.app.doctor import check_endpoint
 from agentflow.app.pages.compare import Comparison
 from agentflow.app.pages.runs import FINE, ReportedMachine, run_data
 from agentflow.app.pages.sweeps import sweep_page_data
+from agentflow.app.pages.tasks import LARGE, SMALL, level_data, level_picture
 from agentflow.app.sweeps.estimates import estimate
 from agentflow.app.tasks import list_tasks
 from agentflow.config.run import KEY_VARIABLE
-from agentflow.env.drawing.stills import level_png, png
-from agentflow.env.tasks.registry import get_task
+from agentflow.env.drawing.stills import png
 from agentflow.errors import AgentflowError, UsageError
 from agentflow.machine import Machine
 from agentflow.metrics.machines import recorded_machine
@@ -60,12 +60,6 @@ def _small_picture(machine: Machine, size: tuple[int, int]) -> bytes:
     return png(machine, view="three-quarter", size=size)
 
 
-@lru_cache(maxsize=100)
-def _level_picture(name: str) -> bytes:
-    task = get_task(name)
-    return level_png(task.brief.given, task.scene(), SIZES["card"])
-
-
 class OneRun(Arguments):
     """A run by name."""
 
@@ -82,6 +76,12 @@ class OnePicture(OneMachine):
     """A machine, and where its picture is shown."""
 
     on: Literal["line", "card"] = "card"
+
+
+class LevelPicture(OnTask):
+    """A level, and where its picture is shown."""
+
+    on: Literal["card", "page"] = "card"
 
 
 class OneSweep(Arguments):
@@ -122,6 +122,7 @@ class Watching:
             post("/api/designs/resume", OneRun, self.resume_design),
             get("/api/picture", OnePicture, self.picture),
             get("/api/level", OnTask, self.level),
+            get("/api/level/picture", LevelPicture, self.level_picture),
             get("/api/sweep", OneSweep, self.sweep),
             get("/api/leaderboards", Nothing, self.leaderboards),
             Route(FOLLOW, self.follow, methods=["GET"]),
@@ -209,9 +210,14 @@ class Watching:
         content = await asyncio.to_thread(_small_picture, machine, SIZES[given.on])
         return Response(content, media_type="image/png")
 
-    async def level(self, given: OnTask) -> Response:
-        """A small picture of a level."""
-        content = await asyncio.to_thread(_level_picture, given.level.name)
+    async def level(self, given: OnTask) -> dict[str, Any]:
+        """One level in full, with drawings."""
+        return await asyncio.to_thread(level_data, given.level.name)
+
+    async def level_picture(self, given: LevelPicture) -> Response:
+        """A picture of a level."""
+        size = LARGE if given.on == "page" else SMALL
+        content = await asyncio.to_thread(level_picture, given.level.name, size)
         return Response(content, media_type="image/png")
 
     async def sweep(self, given: OneSweep) -> dict[str, Any]:

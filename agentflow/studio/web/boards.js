@@ -1,13 +1,15 @@
-// Pages over many runs: the gallery of best machines, leaderboards of scorecards, and results of a sweep.
+// Pages over many runs or tasks: the gallery of best machines, leaderboards of scorecards, results of a sweep, tasks.
 
 import { el, formatNumber, withUnit } from "../../report/web/dom.js";
 import { leaderboardParts } from "../../report/web/leaderboard.js";
 import { sweepPage } from "../../report/web/sweep.js";
+import { levelParts, listParts } from "../../report/web/tasks.js";
 import { address, ask } from "./api.js";
 import { pictureOf, shortName } from "./list.js";
 
 const CARD = "card.json"; // the name of a scorecard
-const FIRST = 4; // cards of a task that are shown at once
+const FIRST = 5; // cards of a task that are shown at once
+const FEW = 3; // cards of a task that has a row of its own
 
 /** The best runs of each task, best verified score first. */
 export async function galleryPage() {
@@ -24,23 +26,19 @@ export async function galleryPage() {
     const cards = el("div", { class: "cards" }, ...best.slice(0, FIRST).map(card));
     const more = best.length > FIRST ? el("button", { click: () => { cards.append(...best.slice(FIRST).map(card)); more.remove(); } }, `Show all ${best.length}`) : "";
     const { title = "", objective = "" } = levels.get(task) ?? {};
-    return el("section", {}, el("h2", {}, title ? `${task} · ${title}` : task), el("p", { class: "quiet" }, objective), cards, more);
+    const shown = el("section", {}, el("h2", {}, title ? `${task} · ${title}` : task), el("p", { class: "quiet" }, objective), cards, more);
+    shown.style.gridColumn = best.length < FEW ? `span ${best.length}` : "1 / -1"; // small groups share a row
+    if (best.length < FEW) cards.style.gridTemplateColumns = `repeat(${best.length}, minmax(0, 1fr))`;
+    return shown;
   };
   return { elements: [el("main", { class: "alone wall" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task. Open one to see its film and how it was found.")),
-    ...(tasks.length ? tasks.map(part) : [el("p", {}, "No run has a scored machine yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
+    ...(tasks.length ? [el("div", { class: "cards" }, ...tasks.map(part))] : [el("p", {}, "No run has a scored machine yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
 }
 
-/** Every level: what it asks for, and where to begin. */
-export async function tasksPage() {
-  const { tasks } = await ask("/api/start");
-  const card = (level) => el("li", { class: "card" }, levelPicture(level.name), el("b", {}, level.name), level.title, el("small", {}, level.objective), goodFrom(level),
-    el("p", { class: "actions" }, el("a", { class: "button", href: address("build", { task: level.name }) }, "Build"), el("a", { class: "button", href: address("runs", { design: level.name }) }, "Design")));
-  return { elements: [el("main", { class: "alone wall" }, el("header", {}, el("h1", {}, "Tasks"), el("p", { class: "lede" }, `${formatNumber(tasks.length)} levels. Build a machine by hand, or let a model design one.`)),
-    ...[...Map.groupBy(tasks, ({ family }) => family)].map(([family, levels]) => el("section", {}, el("h2", {}, family), el("ul", { class: "cards" }, ...levels.map(card)))))] };
-}
+const levelAddress = (task, on = "card") => `/api/level/picture?${new URLSearchParams({ task, on })}`;
 
 /** The level in 3D. */
-export const levelPicture = (task) => el("img", { src: `/api/level?${new URLSearchParams({ task })}`, alt: "", loading: "lazy", width: 320, height: 240 });
+export const levelPicture = (task) => el("img", { src: levelAddress(task), alt: "", loading: "lazy", width: 320, height: 240 });
 
 /** From which score on a machine is good, and the best one that is known. */
 export function goodFrom({ good, record, unit }) {
@@ -64,4 +62,17 @@ export async function resultsPage({ sweep }) {
     ({ run, machine }) => pictureOf({ run: `${sweep}/runs/${run}`, machine }, 320, 240, "card"));
   main.prepend(el("p", { class: "quiet" }, el("a", { href: "#runs" }, "Runs"), " / ", el("a", { href: address("runs", { sweep }) }, `all runs of ${sweep}`)));
   return { elements: [main] };
+}
+
+/** All tasks, or one: its pictures are drawn when they come into view. */
+export async function tasksPage({ task }) {
+  const pictured = (level, on) => ({ ...level, picture: levelAddress(level.name, on) });
+  if (!task) {
+    const levels = (await ask("/api/start")).tasks.map((level) => pictured(level, "card"));
+    return { elements: [el("main", { class: "alone wall" }, ...listParts(levels, ({ name }) => address("tasks", { task: name })))] };
+  }
+  const level = pictured(await ask("/api/level", { task }), "page");
+  const lead = (page, fields, words, kind = "button") => el("a", { class: kind, href: address(page, fields) }, words);
+  return { elements: [el("main", { class: "alone" }, el("p", { class: "quiet" }, el("a", { href: "#tasks" }, "Tasks"), ` / ${task}`),
+    ...levelParts(level, [lead("build", { task }, "Build a machine"), lead("runs", { design: task }, "Let a model design one"), lead("runs", { task }, "Runs on it")]))] };
 }

@@ -6,6 +6,7 @@ import { designForm } from "./design.js";
 import { firstVisit, links } from "./first.js";
 import { RunList } from "./list.js";
 
+/** @param design the task of a new design, whose form is then open */
 export async function runsPage({ again, design: task, ...fields }) {
   const [start, designs] = await Promise.all([ask("/api/start"), again ? ask("/api/designs") : []]);
   const before = designs.find(({ run }) => run === again)?.form ?? (task ? { task } : {});

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
+import json
+import re
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
-from agentflow.app.pages.tasks import draw_task, picture_name, write_page
+from agentflow.app.pages.tasks import SMALL, draw_task, level_picture, picture_name, write_page
 from agentflow.app.tasks import task_json
 from agentflow.env.drawing.plans import base_name, level_plans
 from agentflow.env.tasks.registry import get_task
@@ -53,14 +56,19 @@ def test_a_users_level_is_shown_like_any_other(tmp_path: Path) -> None:
     found = task_json(str(own))
     assert (found["family"], found["title"], found["good"]) == ("throwing", "low <walls>", 12.0)
     page = write_page([str(own), "gearing"], tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "low &lt;walls&gt;" in page
-    assert "<h1>2 families, 2 levels</h1>" in page
-    one = write_page(["gearing"], tmp_path / "one.html").read_text(encoding="utf-8")
-    assert "<h1>gearing: " in one
-    assert page.count("<svg ") == 2
-    assert "prefers-color-scheme: dark" in page
-    assert "http://" not in page
-    assert "https://" not in page
+    assert "low \\u003cwalls\\u003e" in page
+    [data] = re.findall(r'id="data">(.*)</script>', page)
+    for level in json.loads(data)["levels"]:
+        assert [drawing[0] for drawing in level["drawings"]] == ["svg", "svg"]
+        assert level["picture"].startswith("data:image/png;base64,")
+
+
+def test_the_picture_of_a_level_shows_its_scene() -> None:
+    def pixels(name: str) -> Image.Image:
+        return Image.open(io.BytesIO(level_picture(name, SMALL)))
+
+    assert pixels("throwing").size == SMALL
+    assert pixels("throwing").tobytes() != pixels("throwing/4").tobytes()
 
 
 def test_drawing_errors_are_reported(tmp_path: Path) -> None:
