@@ -148,7 +148,7 @@ EDITS: Mapping[str, tuple[Edit, ...]] = {
         ('        "kind": "sweep",', '        "kind": "sweep",\n        "many": len(runs),'),
     ),
     "agentflow/report/web/sweep.js": (
-        ("import { intervalChart }", "import { discChart, intervalChart }"),
+        ("import { intervalChart", "import { discChart, intervalChart"),
         (
             "      data.spreads.length ?",
             '      discChart("Runs", data.many),\n      data.spreads.length ?',
