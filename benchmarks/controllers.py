@@ -42,11 +42,10 @@ Numbers are successful trials out of ten. The columns are the perturbations of \
 [robust scores](../explanation/scores.md#robust-scores). The control program is the best of those \
 that the second column counts, chosen on the unchanged conditions of the same trials; no program \
 can know which trial it is in. \
-Sensors and laws, timed by themselves, took 0.9 % to 1.8 % of the time of rollouts on PyBullet \
-and 1.3 % to 2.9 % on MuJoCo, where steps are compiled 1.3 % to 3.3 %. What they cost all else, \
-such as caches, is in the difference of rollouts with and without them: 0.8 % to 3.2 % on \
-PyBullet and 1.6 % to 5.6 % on MuJoCo, on cores so busy that its quartiles are 3 to 8 points \
-apart (`benchmarks/sensing.py --pairs 15`). `python benchmarks/controllers.py` writes this page.
+Rollouts with sensors and laws took 0.7 % to 3.0 % more time than the same ones without on \
+PyBullet, and 1.6 % to 5.9 % on MuJoCo; calls of sensors and laws, timed by themselves, were \
+0.8 % to 1.8 % and 1.1 % to 3.8 % of it, and the rest is what they cost all else, such as caches \
+(`benchmarks/sensing.py --pairs 15`). `python benchmarks/controllers.py` writes this page.
 """
 
 
