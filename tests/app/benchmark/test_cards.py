@@ -324,12 +324,12 @@ def test_the_shipped_cards_are_complete_and_of_all_items() -> None:
 
 
 def test_the_card_of_the_recorded_language_model_is_labelled_and_of_all_families() -> None:
-    cards = read_cards([SHIPPED / "language-model", SHIPPED / "first-replies-procedural.json"])
-    told = {each.model: each for each in cards}
-    model = told["large language model (recorded)"]
-    assert set(model.families) == set(FAMILIES)
+    names = ("language-model", "eleven-items-procedural.json", "eleven-items-random.json")
+    model, procedural, random = read_cards([SHIPPED / name for name in names])
+    assert model.model == "large language model (recorded)"
+    assert [set(card.families) for card in (model, procedural, random)] == [set(FAMILIES)] * 3
     assert model.complete
-    assert model.parts == ("first",)
-    assert [len(item.parts["first"]) for item in model.items] == [1] * len(FAMILIES)
-    for run in (SHIPPED / "language-model" / "runs").iterdir():
-        assert len((run / "calls.jsonl").read_text().splitlines()) == 1, "one reply each"
+    assert model.parts == ("first", "search")
+    assert [len(item.parts["first"]) for item in model.items] == [2] * len(FAMILIES)
+    calls = {run.name: run / "calls.jsonl" for run in (SHIPPED / "language-model/runs").iterdir()}
+    assert sum(len(file.read_text().splitlines()) for file in calls.values()) == model.cost.calls
