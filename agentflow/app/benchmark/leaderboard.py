@@ -19,8 +19,8 @@ OF_RECORDS = (
     "by the record"
 )
 OF_PARS = (
-    "Shares are 0 at an item's floor and 1 at its par, which the built-in designer and its search "
-    "reach, and never above 1.5"
+    "Shares are 0 at an item's floor and 1 at its par, what random machines and a long search of "
+    "the built-in designer reach, and never above 1.5"
 )
 ABOUT = (
     "{of}, averaged over items; an invalid machine counts as 0. {parts}Intervals are bootstrap "
