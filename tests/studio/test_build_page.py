@@ -135,9 +135,9 @@ def test_work_is_kept_in_the_browser_and_two_tabs_never_share_it(
         *(f"Continue ({n}, best {score})" for n in ("1 block", "7 blocks")),
         "Start new",
     ]
-    browser.find_elements(By.CSS_SELECTOR, ".earlier button")[-1].click()
     find(browser, "input[type=file]").send_keys(str(tmp_path / "car.json"))
     blocks(browser, 7)
+    until(browser, lambda: not browser.find_elements(By.CSS_SELECTOR, ".earlier"))
     keys(browser, "p")
     said(browser, "Trial 1: score")
     assert find(browser, ".trials-strip a").text != first  # nobody asked to join it

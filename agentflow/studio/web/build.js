@@ -78,6 +78,7 @@ class BuildPage {
     const bar = el("p", { class: "earlier" }, "Earlier work on this task: ",
       ...found.map((draft) => el("button", { class: "play", title: new Date(draft.saved).toLocaleString(), click: () => this.resume(draft, bar) }, `Continue (${told(draft)})`)), " or ",
       el("button", { click: () => bar.remove() }, "Start new"));
+    this.offer = bar;
     return bar;
   }
 
@@ -97,6 +98,7 @@ class BuildPage {
     const { editor, trials } = this;
     const kept = { ...editor.kept, ...trials.kept };
     if (!kept.past.length && !kept.future.length && !kept.trials.length) return;
+    this.offer?.remove(); // one click there would put away what was begun meanwhile
     try {
       const steps = this.draft.keep(kept);
       if (steps < kept.past.length) editor.say(`The browser's storage is nearly full: after a reload, undo will reach ${steps} steps back.`, true);
