@@ -2,8 +2,8 @@
 
 An item's share begins at its *floor*, what random machines and edits reach, and is 1 at its *par*,
 what the built-in designer and its search reach with many simulations. Where the search reaches
-hardly more than the designer's first machines, or no more than the floor, the par is the greatest
-possible score. An item is drawn again while first machines come near that as well, or there is
+hardly more than the designer's first machines, or little at all, the par is the greatest possible
+score. An item is drawn again while first machines come near that as well, or there is
 none.
 """
 
@@ -36,6 +36,8 @@ ITEMS = Path(__file__).with_name("items.yaml")
 SET, MAKING, MACHINES = "set.yaml", "making", "machines"
 TRIVIAL = 0.8
 """Greatest share of the par that first machines may reach."""
+LUCK = 0.2
+"""Least par, as a share of the greatest possible score: one of ten trials is won by chance."""
 FEWEST = 20
 """Fewest simulations that set a par."""
 DRAWS = 4
@@ -175,7 +177,7 @@ def _draw(
                 best[solver] = machine.to_text()
         floor, solver = scores["floor"], max(scores, key=scores.__getitem__)
         for par, reached_by in ((scores[solver], best.get(solver)), (greatest or 0.0, None)):
-            if par <= floor:
+            if par <= floor or par < LUCK * (greatest or 0.0):
                 continue
             share = _share(scores, par)
             found.append(_Drawn(changes, Par(floor=floor, par=par), share, reached_by))

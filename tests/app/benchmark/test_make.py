@@ -89,6 +89,9 @@ def test_an_unsolved_item_has_the_greatest_possible_score_as_its_par(
     _scores(monkeypatch, floor=0.0, first=4.0, par=4.5)
     item = make._draw(tmp_path, "jumping-1", template, 0, 8, 1)
     assert (item.par.par, item.reached, item.machine) == (10.0, 0.4, None), "hardly more"
+    _scores(monkeypatch, floor=0.0, first=0.0, par=1.0)
+    item = make._draw(tmp_path, "jumping-1", template, 0, 8, 1)
+    assert (item.par.par, item.machine) == (10.0, None), "one of ten trials"
     _scores(monkeypatch, floor=0.0, first=0.0, par=0.0)
     template = make.content()["items"]["throwing"][0]
     with pytest.raises(UsageError, match="throwing-1: nothing in 4 draws scored more than random"):
