@@ -24,7 +24,7 @@ export function leaderboardParts({ cards, parts, tables, notes }) {
   const all = { ...tables[0], notes: tables[0].notes.map(words) };
   const lines = cards.filter(({ course }) => course.length).map(({ model, course }) => ({ name: model, points: course }));
   return [
-    section("Ranking", el("p", {}, "Each model designs machines for the same tasks, and has a share for each: see below what it is of."), shareChart("Mean shares, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, words(note)))),
+    section("Ranking", el("p", {}, "Each model designs machines for the same tasks. The notes below the chart say what a share is."), shareChart("Mean shares, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, words(note)))),
     section("Families", heatMap(cards, parts), el("p", { class: "quiet" }, `${parts[1] ? `Large: ${wordsOf(parts[0])}; small: ${wordsOf(parts[1])}. ` : ""}Stronger colour means a greater share.`)),
     lines.length ? section("Share over simulations", lineChart("Mean share of the best machine so far, by plain score", "", "simulations", lines)) : null,
     section("How it ended", ...parts.map((part) => table(`Machines: ${wordsOf(part)}`, ["Model", ...Object.values(OUTCOMES)], outcomes(cards, part)))),
