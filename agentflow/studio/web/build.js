@@ -98,7 +98,7 @@ class BuildPage {
     const { editor, trials } = this;
     const kept = { ...editor.kept, ...trials.kept };
     if (!kept.past.length && !kept.future.length && !kept.trials.length) return;
-    this.offer?.remove(); // one click there would put away what was begun meanwhile
+    this.offer?.remove(); // one click there would put away work done since
     try {
       const steps = this.draft.keep(kept);
       if (steps < kept.past.length) editor.say(`The browser's storage is nearly full: after a reload, undo will reach ${steps} steps back.`, true);
