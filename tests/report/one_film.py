@@ -15,6 +15,6 @@ def one_film(machine: Machine, task: Task, rollout: Rollout) -> str:
     shown = machine_data(machine, rollout, shapes)
     asked = {"title": task.name, "objective": task.brief.objective, "score": [], "scene": []}
     card = {"machine": "0", "task": task.name, "asked": asked, "about": "", "run": "", "why": ""}
-    card |= {"score": rollout.score, "verified": None, "picture": None}
+    card |= {"score": rollout.score, "verified": None, "picture": None, "share": ""}
     data = {"kind": "gallery", "title": task.name, "machines": {"0": shown}, "cards": [card]}
     return page(task.name, {**data, **shapes.data})

@@ -368,8 +368,11 @@ def test_the_gallery_plays_one_machine_at_a_time(browser: webdriver.Chrome, tmp_
     complaints(browser)
     browser.get(out.as_uri())
     until(browser, lambda: title(browser) == f"throwing · {scores}")
-    cards = browser.find_elements(By.CSS_SELECTOR, ".card")
+    [part] = browser.find_elements(By.CSS_SELECTOR, "section:has(.card)")
+    assert part.text.startswith("throwing · walled arena\nBuild a machine that throws")
+    cards = part.find_elements(By.CSS_SELECTOR, ".card")
     assert [card.get_attribute("aria-pressed") for card in cards] == ["true", "false"]
+    assert cards[1].text.startswith(f"{result.verified_score:.2f} m verified\n6% of the record")
     cards[1].click()
     assert [card.get_attribute("aria-pressed") for card in cards] == ["false", "true"]
     assert browser.execute_script(

@@ -8,8 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.execution import best_machine
+from agentflow.app.design.plan import task_of_run
 from agentflow.app.pages.films import Shapes
-from agentflow.app.pages.runs import FINE, ReportedMachine, film_machines, task_summary, thumbnail
+from agentflow.app.pages.runs import (
+    FINE,
+    ReportedMachine,
+    film_machines,
+    task_summary,
+    thumbnail,
+    told_share,
+)
 from agentflow.config.run import build_config
 from agentflow.errors import RunError
 from agentflow.progress import Progress
@@ -61,14 +69,12 @@ def _finished_runs(folder: Path) -> list[Path]:
 
 
 def _sort_by_task(runs: Sequence[Run]) -> list[Run]:
-    """Runs grouped by task in order of first appearance; the best verified score first, or score
-    where there is no verified one."""
-    tasks = list(dict.fromkeys(card["task"] for card, _ in runs))
+    """Runs by task; the best verified score first, or score where there is no verified one."""
 
-    def order(run: Run) -> tuple[int, float]:
+    def order(run: Run) -> tuple[str, float]:
         card, _ = run
         score = card["score"] if card["verified"] is None else card["verified"]
-        return tasks.index(card["task"]), -(float("-inf") if score is None else score)
+        return card["task"], -(float("-inf") if score is None else score)
 
     return sorted(runs, key=order)
 
@@ -89,6 +95,7 @@ def _read_run(path: Path) -> Run:
         "score": result.score,
         "verified": result.verified_score,
         "fragile": bool(result.fragile),
+        "share": told_share(task_of_run(path, document), result.trusted_score),
         "why": "" if best else result.reason or "no valid machine was found",
         "picture": picture,
     }

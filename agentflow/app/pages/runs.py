@@ -148,14 +148,21 @@ def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:
     data = story.to_json(cost_function(config.model), priced)
     data["failures"] = count_failures(path)["kinds"]  # last: the run may be in progress
     data |= {"task": task_summary(path, document), "robustness": kept_figure(path, best)}
-    record = record_json(task_of_run(path, document), result.trusted_score) if result else None
-    if record and record["share"] is not None:  # a run may end without a score
-        data["run"]["about"] += f"; {record['share']:.0%} of the {record['of']}"
+    if share := told_share(task_of_run(path, document), result.trusted_score if result else None):
+        data["run"]["about"] += f"; {share}"
     if result and result.met:
         data["run"]["about"] += "; met {} of {} requirements".format(*result.met)
     if note := level_note(path, document):
         data["facts"].append(["Level", note])
     return story, data
+
+
+def told_share(task: Task, score: float | None) -> str:
+    """Which share of the record a score reaches, in words; "" without either."""
+    record = record_json(task, score)
+    if record is None or record["share"] is None:
+        return ""
+    return f"{record['share']:.0%} of the {record['of']}"
 
 
 def task_summary(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:

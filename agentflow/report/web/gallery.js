@@ -1,7 +1,7 @@
 // The gallery: machines with their scores, one player for all of them. The part of the address
 // after # chooses a machine: gallery.html#throwing/3.
 
-import { el, verifiedText, withUnit } from "./dom.js";
+import { el, section, verifiedText, withUnit } from "./dom.js";
 import { Player } from "./player.js";
 import { taskDetails, problem } from "./text.js";
 
@@ -10,11 +10,14 @@ export function galleryPage(data) {
   const chosen = el("section", { class: "chosen", "aria-label": "Selected machine" });
   const cards = data.cards.map((card) =>
     el("button", { class: "card", click: () => choose(card) },
-      card.picture ? el("img", { src: card.picture, alt: "", loading: "lazy", width: 320, height: 240 }) : el("span", { class: "blank" }, "no machine"),
-      el("b", {}, card.score === null ? "no score" : withUnit(card.score, card.asked.unit)),
-      card.verified === null ? "" : el("small", {}, `verified ${withUnit(card.verified, card.asked.unit)}${card.fragile ? ", fragile" : ""}`),
-      el("span", {}, card.task),
+      card.picture ? el("img", { src: card.picture, alt: "", width: 320, height: 240 }) : el("span", { class: "blank" }, "no machine"),
+      el("b", {}, card.score === null ? "no score" : withUnit(card.verified ?? card.score, card.asked.unit),
+        card.score === null ? "" : el("small", {}, card.verified === null ? " not verified" : card.fragile ? " verified, fragile" : " verified")),
+      card.share ? el("span", {}, card.share) : "",
       el("small", {}, card.about)));
+  const tasks = [...Map.groupBy(data.cards, ({ task }) => task)].map(([task, found]) =>
+    section(`${task} · ${found[0].asked.title}`, el("p", { class: "quiet" }, found[0].asked.objective),
+      el("div", { class: "cards" }, ...found.map((card) => cards[data.cards.indexOf(card)]))));
   const choose = (card) => {
     cards.forEach((item, index) => item.setAttribute("aria-pressed", data.cards[index] === card));
     player.show(data.machines[card.machine], `${card.task} · ${scoreText(card)}`, data.machines[card.machine]?.remark ?? "");
@@ -32,9 +35,8 @@ export function galleryPage(data) {
     el("aside", {}, player.element),
     el("main", {},
       el("header", {}, el("p", { class: "kind" }, "agentflow gallery"), el("h1", {}, data.title),
-        el("p", { class: "lede" }, "Select a machine to see its film.")),
-      chosen,
-      el("div", { class: "cards" }, ...cards)),
+        el("p", { class: "lede" }, "The best machine of each run, by task, best first. Select one to see its film.")),
+      chosen, ...tasks),
   ];
 }
 

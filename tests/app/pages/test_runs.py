@@ -257,11 +257,11 @@ def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
     out = gallery([tmp_path / "runs"], tmp_path / "g.html", workers=1, say=quiet)
     data = data_of(out)
     score = read_result(RECORDED).score
-    keys = ("run", "task", "score", "verified", "why")
+    keys = ("run", "task", "score", "verified", "share", "why")
     assert [tuple(card[key] for key in keys) for card in data["cards"]] == [
-        ("b", "throwing", score, 11.0, ""),
-        ("c", "throwing", 99.0, 1.0, ""),
-        ("a", "throwing", None, None, "all overlapped"),
+        ("b", "throwing", score, 11.0, "6% of the record", ""),
+        ("c", "throwing", 99.0, 1.0, "1% of the record", ""),
+        ("a", "throwing", None, None, "", "all overlapped"),
     ]
     assert data["cards"][0]["asked"]["title"] == "walled arena"
     assert data["cards"][0]["about"] == "hierarchical, procedural (no language model), seed 0"
