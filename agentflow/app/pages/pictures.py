@@ -14,7 +14,7 @@ from agentflow.app.subjects.subject import WORKERS, Subject, simulate_in_paralle
 from agentflow.env.drawing.backdrop import PAPER, SCREEN
 from agentflow.env.drawing.film import save_film, save_strip
 from agentflow.env.drawing.glb import rollout_glb
-from agentflow.env.drawing.stills import StillOptions, render_png
+from agentflow.env.drawing.stills import SHEET, StillOptions, render_png
 from agentflow.env.physics.engines import choose_engine
 from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
@@ -29,7 +29,7 @@ STILL, GIF, MP4, GLB = ".png", ".gif", ".mp4", ".glb"
 SAMPLES = {STILL: 20, GIF: 10, MP4: 20, GLB: 20}
 """Samples per second of what is simulated."""
 NAMES = {STILL: "picture", GIF: "film", MP4: "film", GLB: "model"}
-SIZES = {STILL: (800, 600), GIF: (480, 360), MP4: (640, 480)}
+SIZES = {STILL: (800, 600), SHEET: (1500, 1000), GIF: (480, 360), MP4: (640, 480)}
 GROUNDS = {"screen": SCREEN, "paper": PAPER}
 SMALLEST, LARGEST = 16, 4096
 """Limits of the width and height of a picture, pixels."""
@@ -193,7 +193,7 @@ class _Drawing:
                 wanted.scale,
                 task.scene(machine) if wanted.scene else None,
             )
-            size = wanted.size or SIZES[STILL]
+            size = wanted.size or SIZES[SHEET if wanted.view == SHEET else STILL]
             render_png(machine, file, view=wanted.view, size=size, red=self.red, options=options)
         elif kind in SAMPLES:
             rollout = self._simulate(1.0 / (wanted.fps or SAMPLES[kind]))

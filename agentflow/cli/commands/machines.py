@@ -269,8 +269,8 @@ def render(
 
     Films have the course, distance marks, and a dotted line for the path of the boulder or of the
     root block; 0 m is where a score that is a distance is 0. Blocks that broke off are red. From
-    the moment at which the score is earned, a flag and a card tell it. An invalid machine can only
-    be drawn; the blocks that overlap are red.
+    the moment at which the score is earned, a card tells it, and a flag marks a distance. An
+    invalid machine can only be drawn; the blocks that overlap are red.
 
     Args:
         source: Run directory or machine file.

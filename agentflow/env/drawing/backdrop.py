@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFilter, ImageFont
@@ -51,10 +52,12 @@ films stay small."""
 CLEAR = 1.3
 """Up to where the grid is clear, in half heights of what the camera sees at its target; at twice
 this, it has faded out."""
-EVERY, FARTHEST = 5.0, 500.0
-"""Distance between marks, and that of the last one, m."""
+STEPS, FARTHEST = (5.0, 10.0, 20.0, 50.0, 100.0), 500.0
+"""Possible distances between marks, and that of the last one, m."""
+TINT = 48
+"""By how much glass may differ from what is behind it, of 255."""
 LABEL_X = 4.0
-"""x of the labels, m."""
+"""x of the labels, m, unless they would be less than a letter below x = 0."""
 LEVEL, STEEP = 0.02, 0.999
 """Sines of how far a camera looks down below which it sees the ground from its side, and above
 which from above: it then shows neither grid nor shadows, which tell nothing from there."""
@@ -159,30 +162,37 @@ def _measure(picture: Image.Image, camera: Camera, ends: tuple[Vec3, Vec3], grou
 def mark_distances(
     picture: Image.Image, behind: Image.Image, camera: Camera, course: Course, ground: Ground
 ) -> None:
-    """Write distances on what is still as in the backdrop `behind`, round ones first; none is cut,
-    and none is over another."""
-    font = ImageFont.load_default(size=max(20, camera.height // 30))
-    ways: Array = np.arange(0.0, FARTHEST + EVERY, EVERY)
-    places = np.stack([np.full(len(ways), LABEL_X), 0 * ways, ways + course.zero], axis=1)
-    pen, taken = ImageDraw.Draw(picture), list[tuple[float, float, float, float]]()
-    for way, place in sorted(
-        zip(ways.tolist(), project(places, camera).tolist(), strict=True),
-        key=lambda item: (item[0] % 50 != 0, item[0] % 10 != 0, item[0]),
-    ):
-        if not (0 <= place[0] <= camera.width and 0 <= place[1] <= camera.height):
-            continue
-        words = f"{way:g} m"
-        left, top, right, bottom = pen.textbbox(place, words, font=font, anchor="lt")
-        gap = bottom - top
+    """Write distances in the smallest equal steps at which none is over another, where the backdrop
+    `behind` is still seen; none is cut."""
+    size = max(20, camera.height // 30)
+    font = ImageFont.load_default(size=size)
+    pen = ImageDraw.Draw(picture)
+    for step in STEPS:
+        ways: Array = np.arange(0.0, FARTHEST + step, step)
+        line = np.outer(ways, (0.0, 0.0, 1.0)) + np.array((0.0, 0.0, course.zero))
+        places = project(line + np.array((LABEL_X, 0.0, 0.0)), camera)
+        places[:, 1] = np.maximum(places[:, 1], project(line, camera)[:, 1] + size)
+        labels = [
+            (f"{way:g} m", *pen.textbbox(place, f"{way:g} m", font=font, anchor="lt"))
+            for way, place in zip(ways.tolist(), places.tolist(), strict=True)
+            if 0 <= place[0] <= camera.width and 0 <= place[1] <= camera.height
+        ]
+        if all(_are_apart(one[1:], other[1:]) for one, other in pairwise(labels)):
+            break
+    for words, left, top, right, bottom in labels:
         box = (int(left), int(top), int(right) + 1, int(bottom) + 1)
+        there, bare = (np.asarray(item.crop(box), dtype=int) for item in (picture, behind))
         inside = right < camera.width and bottom < camera.height
-        free = all(
-            right + gap < other[0] or other[2] + gap < left or bottom < other[1] or other[3] < top
-            for other in taken
-        )
-        if inside and free and picture.crop(box).tobytes() == behind.crop(box).tobytes():
-            taken.append((left, top, right, bottom))
+        if inside and np.abs(there - bare).max() < TINT:
+            place = left, top
             pen.text(place, words, ground.ink, font, "lt", stroke_width=3, stroke_fill=ground.land)
+
+
+def _are_apart(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
+    """Whether there is room between two boxes of letters."""
+    gap = one[3] - one[1]
+    aside = one[2] + gap < other[0] or other[2] + gap < one[0]
+    return aside or one[3] < other[1] or other[3] < one[1]
 
 
 def _shadows(camera: Camera, solids: Sequence[SceneObject]) -> Iterator[list[tuple[float, float]]]:

@@ -1,6 +1,6 @@
 """Cameras that fit points into a picture, and projection. Game frame: left-handed, y up."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import radians, tan
 
@@ -25,6 +25,8 @@ VIEWS: dict[str, Vec3] = {
     "three-quarter": THREE_QUARTER,
 }
 """Directions from a machine to the eye; the top view has z+ at its upper edge."""
+SUN = (-4.0, 12.0, -7.0)
+"""Direction towards the light, game frame."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,8 @@ class Camera:
     height: int = 480
     field_of_view: float = 45.0
     """Vertical, degrees."""
+    sun: Vec3 = SUN
+    """Direction towards the light."""
 
     @cached_property
     def axes(self) -> tuple[Array, Array, Array]:
@@ -59,6 +63,8 @@ class View:
     """Vertical, degrees."""
     fill: float = 0.82
     """Share of the picture's width or height that the points may fill."""
+    below: float = 0.0
+    """Share of the picture's height, at its lower edge, that is for something else."""
 
 
 def axes_of(back: Array) -> tuple[Array, Array, Array]:
@@ -88,7 +94,8 @@ def fit(
     rest = np.abs(across - middle)
     slope = tan(radians(view.field_of_view) / 2) * view.fill
     aspect = view.size[0] / view.size[1]
-    needed = np.maximum(rest[:, 0] / (slope * aspect), rest[:, 1] / slope)
+    tall = slope * (1.0 - view.below)
+    needed = np.maximum(rest[:, 0] / (slope * aspect), rest[:, 1] / tall)
     distance = float((needed + across[:, 2] - middle[2]).max())
     target = middle[0] * right + middle[1] * up + middle[2] * towards
     return target, max(nearest, distance)
@@ -96,9 +103,17 @@ def fit(
 
 def camera_at(target: Array, distance: float, view: View) -> Camera:
     """The camera of a view at a distance from its target."""
-    _, _, towards = axes_of(np.asarray(view.back, dtype=np.float64))
+    _, up, towards = axes_of(np.asarray(view.back, dtype=np.float64))
+    target = target - up * (view.below * distance * tan(radians(view.field_of_view) / 2))
     eye = target + distance * towards
     return Camera(to_vec3(eye), to_vec3(target), *view.size, view.field_of_view)
+
+
+def lit(camera: Camera) -> Camera:
+    """The camera with light from where it comes in the three-quarter view: whatever side of a
+    machine is seen is then equally bright."""
+    sun = np.asarray(axes_of(np.asarray(THREE_QUARTER))) @ SUN @ np.asarray(camera.axes)
+    return replace(camera, sun=to_vec3(sun))
 
 
 def to_vec3(values: Array) -> Vec3:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
-from math import log
+from math import ceil, log
 from pathlib import Path
 
 import numpy as np
@@ -24,12 +25,20 @@ from agentflow.env.drawing.cameras import (
 )
 from agentflow.env.drawing.mp4 import save_mp4
 from agentflow.env.drawing.solids import MachineSolids, Pose
-from agentflow.env.drawing.stills import FAR, INK, caption, render_image, tiled
+from agentflow.env.drawing.stills import (
+    FAR,
+    INK,
+    LETTERS,
+    caption,
+    letter_size,
+    render_image,
+    tiled,
+)
 from agentflow.env.rollout import Array, Rollout, Trace
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.tasks.base import Task
 from agentflow.machine.blocks.library import library
-from agentflow.machine.geometry.vectors import IDENTITY, Vec3
+from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import Machine
 
 MOMENT: Size = (480, 360)
@@ -40,15 +49,21 @@ STANDING = 1.3
 """How much farther away the camera of a strip may be to stand still."""
 ON_ITS_WAY = 0.02
 """How far a way along z+ may differ from a score to be what it measures: its share, and metres."""
-POLE = 2.2
-"""Height of the flag where a score was earned, m."""
+POLE, LEAST = 2.2, 0.08
+"""Height of the flag where a score was earned, m, and its least share of a picture's height."""
+TIMES = 14
+"""Letters of the time of a moment in the height of its picture."""
+HELD = 2.0
+"""Time for which a film shows at least what was earned, s."""
 SMOOTHING = 0.8
 """Time over which the camera's path is averaged, s."""
 ENDING = 0.5
 """Time for which the start is in view again at the end, s."""
-TALL, ENDLESS = 2.0, 1000.0
-"""Height above which objects can hide the machine, and the height that they then count with, m."""
-TRAIL = (200, 40, 30)
+NEAR, MOVING = 12.0, 20.0
+"""How far from the root blocks and moving objects that must be in a frame may be, m."""
+TALL = 2.0
+"""Height above which walls are as glass where they would hide the machine, m."""
+TRAIL = (200, 20, 20)
 COLORS = 48
 
 
@@ -63,7 +78,8 @@ def save_film(
 ) -> None:
     """Film a rollout, one frame per regular sample of its trace, so that time passes evenly.
 
-    The score appears when it is earned, and a flag marks where that was.
+    The score appears when it is earned, and a flag marks where that was. The last frame stays
+    until it could be read.
 
     Args:
         machine: The simulated machine.
@@ -76,9 +92,10 @@ def save_film(
     assert rollout.trace is not None
     trace = rollout.trace.even
     landing = landing_of(machine, rollout)
-    last = None if landing is None else int(np.searchsorted(trace.times, landing.time - 1e-9))
-    cameras = _cameras(trace, tracked_block(machine), View(back=SIDE, size=size), last)
+    cameras = _cameras(trace, tracked_block(machine), View(back=SIDE, size=size), landing)
     frames = list(_frames(machine, task, rollout, trace, dict(enumerate(cameras)), ground))
+    shown = 0.0 if landing is None else float(trace.times[-1]) - landing.time
+    frames += frames[-1:] * ceil(max(0.0, HELD - shown) / frame_interval(trace))
     save = save_mp4 if path.suffix == ".mp4" else _save_gif
     save(frames, path, frame_interval(trace))
 
@@ -101,14 +118,12 @@ def save_strip(
     assert rollout.trace is not None
     trace = rollout.trace.even
     tracked, landing = tracked_block(machine), landing_of(machine, rollout)
-    end = trace.times[-1] if landing is None else landing.time
-    last = int(np.searchsorted(trace.times, end - 1e-9).clip(max=len(trace.times) - 1))
-    wanted = np.linspace(0, last, count).round().astype(int).tolist()
+    wanted = np.linspace(0, _sample_of(landing, trace), count).round().astype(int).tolist()
     across = count if count <= IN_A_ROW else -(-count // 2)
     size = size or (MOMENT[0] * across, MOMENT[1] * -(-count // across))
     rows = _rows(count, size)
     views = [View(SIDE, (size[0] // n, -(-size[1] // len(rows)))) for n in rows for _ in range(n)]
-    framed = list(_framed(trace, tracked, last if tracked else None))
+    framed = list(_framed(trace, tracked, landing if tracked else None))
     points = [framed[index] for index in wanted]
     fits = [fit(each, view) for each, view in zip(points, views, strict=True)]
     away = max(distance for _, distance in fits)
@@ -166,8 +181,7 @@ def landing_of(machine: Machine, rollout: Rollout) -> Landing | None:
     landed = [event.time for event in rollout.events if event.kind == "landing"]
     if not landed and rollout.terms.get("distance") != score:
         return None
-    time = landed[0] if landed else float(rollout.terms.get("time") or trace.times[-1])
-    words = rollout.feedback.text.partition("\n")[0].removeprefix("Score: ")
+    time = float(rollout.terms.get("time") or (landed or trace.times[-1:])[0])
     tracked = tracked_block(machine)
     paths = trace.centre[:, tracked], *np.moveaxis(trace.object_position, 1, 0)
     for path in paths:
@@ -175,9 +189,14 @@ def landing_of(machine: Machine, rollout: Rollout) -> Landing | None:
         start = float(path[0, 2])
         if abs(z - start - score) <= ON_ITS_WAY * (1.0 + score):
             beside = 0.0 if tracked or path is not paths[0] else LABEL_X - 1.0
-            return Landing(time, (x + beside, y, start + score), words, start)
+            return Landing(time, (x + beside, y, start + score), _words(rollout), start)
     index = int(np.abs(trace.times - time).argmin())
-    return Landing(time, to_vec3(paths[0][index]), words, None)
+    return Landing(time, to_vec3(paths[0][index]), _words(rollout), None)
+
+
+def _words(rollout: Rollout) -> str:
+    """The score with its unit."""
+    return rollout.feedback.text.partition("\n")[0].removeprefix("Score: ")
 
 
 def frame_interval(trace: Trace) -> float:
@@ -197,12 +216,27 @@ def _frames(
     named: bool = True,
 ) -> Iterator[Image.Image]:
     """One picture per sample of an evenly sampled trace that has a camera; `named` tells whether
-    each has the name of the task and the score."""
+    each has the name of the task."""
     assert rollout.scene is not None
     tracked, machine_solids = tracked_block(machine), MachineSolids(machine)
     landing = landing_of(machine, rollout)
     earned = float(trace.times[-1]) if landing is None else landing.time
     zero = 0.0 if landing is None or landing.start is None else landing.start
+    words = _words(rollout)
+    card = f"Score {words}" if landing is None else f"{words} after {earned:.2f} s"
+
+    def mark(index: int, picture: Image.Image, camera: Camera) -> None:
+        time, path = float(trace.times[index]), trace.centre[: index + 1, tracked]
+        _draw_trail(picture, camera, path[:-1])
+        if tracked:
+            _draw_speck(picture, camera, path[-1], machine_solids.solids[tracked][0].size[0])
+        if time >= earned - 1e-9:
+            if landing is not None:
+                _draw_flag(picture, camera, landing.place)
+            _draw_card(picture, card)
+        name = f"{task.name}   " if named else ""
+        caption(picture, f"{name}{time:.1f} s", LETTERS if named else TIMES)
+
     for index, camera in cameras.items():
         time = float(trace.times[index])
         broken = {item.block for item in rollout.broken if item.time <= time}
@@ -212,18 +246,13 @@ def _frames(
             x, y, z = landing.place
             measured = (x, y, landing.start), (x, y, z)
         solids = machine_solids.objects(Pose.at(trace, index), broken)
-        others = _remove_occluders(objects_at(rollout.scene, trace, index), camera)
+        root = float(trace.centre[index, 0, 1])
+        walls, others = list[SceneObject](), list[SceneObject]()
+        for item in objects_at(rollout.scene, trace, index):
+            wall = item.name not in trace.objects and _is_wall(item, root)
+            (walls if wall else others).append(item)
         course = Course(zero, measured)
-        picture = render_image(camera, solids, others, (), ground, FAR, course)
-        _draw_trail(picture, camera, trace.centre[:index, tracked])
-        if tracked:
-            width = machine_solids.solids[tracked][0].size[0]
-            _draw_speck(picture, camera, trace.centre[index, tracked], width)
-        score = f"   score {rollout.score or 0.0:.2f} {task.unit}" if over else ""
-        caption(picture, f"{task.name}   {time:4.1f} s{score}" if named else f"{time:.1f} s")
-        if over and landing is not None:
-            _draw_flag(picture, camera, landing)
-        yield picture
+        yield render_image(camera, solids, others, walls, ground, FAR, course, partial(mark, index))
 
 
 def _save_gif(frames: Sequence[Image.Image], path: Path, interval: float) -> None:
@@ -252,40 +281,40 @@ def objects_at(scene: Scene, trace: Trace, index: int) -> list[SceneObject]:
     return moved
 
 
-def _remove_occluders(objects: Sequence[SceneObject], camera: Camera) -> list[SceneObject]:
-    """Leave out tall objects between the eye and its target (or the ground below it); objects on
-    which the target stands stay."""
-    eye = np.asarray(camera.eye)
-    way = np.array([camera.target[0], 0.0, camera.target[2]]) - eye
-    kept = []
-    for item in objects:
-        middle, half = np.asarray(item.position), np.asarray(item.size) / 2
-        half[1] = ENDLESS  # even if the eye looks over them: they hide what is close behind them
-        bounds = np.sort(np.stack([middle - half - eye, middle + half - eye]) / way, axis=0)
-        enters, leaves = float(bounds[0].max()), float(bounds[1].min())
-        low = item.size[1] <= TALL or item.rotation != IDENTITY
-        if low or enters > leaves or enters < 0.0 or leaves > 1.0:
-            kept.append(item)
-    return kept
+def _is_wall(item: SceneObject, root: float) -> bool:
+    """Whether an object is tall, and not what the root, which is so high, stands on."""
+    return item.size[1] > TALL and item.position[1] + item.size[1] / 2 > root
 
 
-def _framed(trace: Trace, tracked: int, last: int | None = None) -> Iterator[Array]:
-    """(K, 3) points that must be in each frame: of blocks near the root, of the way of a tracked
-    boulder up to a last sample, and at the end, if there is one, of where the root started."""
+def _framed(trace: Trace, tracked: int, landing: Landing | None = None) -> Iterator[Array]:
+    """(K, 3) points that must be in each frame: of bodies near the root, of the way of a tracked
+    boulder up to its landing, and else, where the film ends with one, of the whole way to it."""
     margin = np.array([[x, y, z] for x in (-3, 3) for y in (-1, 2) for z in (-3, 3)], dtype=float)
+    last = _sample_of(landing, trace)
     for index, centre in enumerate(trace.centre):
-        near = np.linalg.norm(centre - centre[0], axis=1) < 12.0
-        near[tracked] &= last is None or index <= last
+        bodies = np.concatenate([centre, trace.object_position[index]])
+        reach = np.where(np.arange(len(bodies)) < len(centre), NEAR, MOVING)
+        near = np.linalg.norm(bodies - centre[0], axis=1) < reach
+        near[tracked] &= index <= last
         flown = trace.centre[: index + 1, tracked][:last] if tracked else centre[:1]
-        if not tracked and last is not None and trace.times[index] > trace.times[-1] - ENDING:
-            flown = trace.centre[0, :1]
-        points = np.concatenate([centre[near], flown])
+        ending = trace.times[index] > trace.times[-1] - ENDING
+        if not tracked and landing is not None and ending:
+            flown = np.array([trace.centre[0, 0], landing.place])
+        points = np.concatenate([bodies[near], flown])
         yield (points[:, None] + margin).reshape(-1, 3)
 
 
-def _cameras(trace: Trace, tracked: int, view: View, last: int | None = None) -> list[Camera]:
+def _sample_of(landing: Landing | None, trace: Trace) -> int:
+    """Index of the first sample with a landing; that of the last one where there is none."""
+    time = trace.times[-1] if landing is None else landing.time
+    return min(len(trace.times) - 1, int(np.searchsorted(trace.times, time - 1e-9)))
+
+
+def _cameras(
+    trace: Trace, tracked: int, view: View, landing: Landing | None = None
+) -> list[Camera]:
     """One camera per sample, on a smooth path, that has in view what must be framed."""
-    framed = list(_framed(trace, tracked, last))
+    framed = list(_framed(trace, tracked, landing))
     width = max(1, round(SMOOTHING / frame_interval(trace)))
     targets = _moving_average(np.array([fit(points, view)[0] for points in framed]), width)
     away = [fit(points, view, at=at)[1] for points, at in zip(framed, targets, strict=True)]
@@ -303,27 +332,36 @@ def _moving_average(path: Array, width: int) -> Array:
 
 
 def _draw_trail(picture: Image.Image, camera: Camera, trail: Array) -> None:
-    pen, radius = ImageDraw.Draw(picture), picture.height / 240
-    for x, y in project(trail, camera):
-        if np.isfinite(x):
-            pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=TRAIL)
+    """Draw a path as dots with light rims, which show on any ground."""
+    pen, radius = ImageDraw.Draw(picture), max(4, picture.height / 200)
+    seen = [place for place in project(trail, camera).tolist() if np.isfinite(place).all()]
+    for size, color in ((1.5 * radius, "white"), (radius, TRAIL)):
+        for place in seen:
+            pen.circle(place, size, color)
 
 
-def _draw_flag(picture: Image.Image, camera: Camera, landing: Landing) -> None:
-    """Draw a pole where a score was earned, and a card with the score and its time."""
-    x, _, z = landing.place
-    (foot, top) = project(np.array([(x, 0.0, z), (x, POLE, z)]), camera)
+def _draw_flag(picture: Image.Image, camera: Camera, place: Vec3) -> None:
+    """Draw a pole where a score was earned."""
+    x, _, z = place
+    foot, top = project(np.array([(x, 0.0, z), (x, POLE, z)]), camera)
+    if not np.isfinite([foot, top]).all():
+        return
     pen, wide = ImageDraw.Draw(picture), max(2, picture.height // 200)
-    if np.isfinite([foot, top]).all():
-        pen.line((*foot, *top), fill=INK, width=wide)
-        cloth = wide * np.array([(0, 0), (9, 3), (0, 6)]) + top
-        pen.polygon(cloth.ravel().tolist(), TRAIL)
-    size = max(14, picture.height // 18)
+    top = foot + (top - foot) * max(1.0, LEAST * picture.height / float(np.hypot(*(top - foot))))
+    cloth = (wide * np.array([(0, 0), (9, 3), (0, 6)]) + top).ravel().tolist()
+    for rim, color in ((2 * wide, "white"), (0, INK)):
+        pen.line((*foot, *top), color, wide + rim)
+    pen.line((*cloth, *cloth[:2]), "white", wide)
+    pen.polygon(cloth, TRAIL)
+
+
+def _draw_card(picture: Image.Image, words: str) -> None:
+    """Draw a card with what was earned."""
+    pen, size = ImageDraw.Draw(picture), letter_size(picture, words, LETTERS)
     font, corner = ImageFont.load_default(size=size), (picture.width - size, picture.height - size)
-    words = f"{landing.words} after {landing.time:.2f} s"
     left, upper, right, lower = pen.textbbox(corner, words, font=font, anchor="rb")
-    gap = size / 2
-    pen.rectangle((left - gap, upper - gap, right + gap, lower + gap), "white", INK, wide // 2)
+    box = (left - size / 2, upper - size / 2, right + size / 2, lower + size / 2)
+    pen.rectangle(box, "white", INK, max(1, size // 16))
     pen.text(corner, words, INK, font, "rb")
 
 
@@ -332,5 +370,4 @@ def _draw_speck(picture: Image.Image, camera: Camera, place: Array, width: float
     radius = picture.height / 120
     if camera.focal_length * width < 2 * radius * float(np.linalg.norm(place - camera.eye)):
         x, y = project(place[None], camera)[0]
-        box = (x - radius, y - radius, x + radius, y + radius)
-        ImageDraw.Draw(picture).ellipse(box, fill=TRAIL)
+        ImageDraw.Draw(picture).circle((x, y), radius, TRAIL, "white", round(radius / 4))

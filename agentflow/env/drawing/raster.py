@@ -24,8 +24,6 @@ Inks = NDArray[np.uint32]
 Mask = NDArray[np.bool_]
 Numbers = tuple[float, float, float]
 
-SUN = (-4.0, 12.0, -7.0)
-"""Direction towards the light, game frame."""
 SHADED, LIT = 0.74, 0.3
 """Brightness of a surface parallel to the light, and the gain when it faces the light."""
 LEVELS = 64
@@ -49,7 +47,7 @@ CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
 EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1]
 HIDING = 0.003
 """Share of the drawn pixels that scenery must hide to be glass."""
-GLASS, EDGE = 0.18, (96, 84, 72)
+GLASS, EDGE = 0.18, (144, 132, 116)
 """Share of its own colour that glass has, and the colour of its edges."""
 FARTHEST = 1e5
 """How far outside the picture edges may end, in pixels."""
@@ -261,7 +259,8 @@ def _ray(camera: Camera, item: SceneObject, place: tuple[slice, slice]) -> _Ray:
     wide, tall = ahead + TINY + across * u, upwards * v.T
     exact = np.float64 if camera.focal_length > NARROW * camera.height else np.float32
     x, y, z = (wide[i].astype(exact) + tall[i].astype(exact)[:, None] for i in range(3))
-    return _Ray((a, b, c), (x, y, z), frame @ (np.asarray(SUN) / np.linalg.norm(SUN)), half)
+    sun = np.asarray(camera.sun)
+    return _Ray((a, b, c), (x, y, z), frame @ (sun / np.linalg.norm(sun)), half)
 
 
 def _slab(start: float, way: Grid) -> tuple[Grid, Grid]:

@@ -1,7 +1,7 @@
 """Pictures of machines as built, from one view or from all six."""
 
 import base64
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -18,7 +18,7 @@ from agentflow.env.drawing.backdrop import (
     mark_distances,
     shadow_of,
 )
-from agentflow.env.drawing.cameras import VIEWS, Camera, Size, View, camera_at, fit
+from agentflow.env.drawing.cameras import VIEWS, Camera, Size, View, camera_at, fit, lit
 from agentflow.env.drawing.plans import frame_of
 from agentflow.env.drawing.raster import CORNERS, corners_of, draw
 from agentflow.env.drawing.solids import MachineSolids
@@ -33,15 +33,18 @@ COLUMNS = 3
 SCALES = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 """Possible lengths of the scale bar, m."""
 AXES = {"x": (200, 40, 30), "y": (30, 130, 40), "z": (30, 70, 200)}
-ARROW, CORNER = 34, 58
+ARROW, CORNER = 34, (62, 40)
 """Length of the arrows of the axes, and how far from the left and lower edge they start, pixels."""
+AXES_BAND, SCALE_BAND, MOST = 96, 44, 0.3
+"""Height of what the axes and the scale bar need at the lower edge of a picture, pixels, and the
+most of its height that they get."""
 FILL = 0.88
 """Share of a picture's width or height that the machine may fill."""
 SMOOTH = 2
 """Supersampling: pictures are drawn this many times larger, then averaged."""
 INK, FRAME = (30, 32, 36), (178, 182, 176)
-DIM = 140
-"""Brightness below which letters on it are white, of 255."""
+LETTERS = 24
+"""Letters of a caption in the height of a picture."""
 FAR = 3.0
 """How far the grid of a level is clear, as `backdrop.CLEAR`."""
 ORTHOGRAPHIC = 1.0
@@ -119,6 +122,7 @@ def render_image(
     ground: Ground | None = SCREEN,
     clear: float = CLEAR,
     course: Course | None = None,
+    mark: Callable[[Image.Image, Camera], None] | None = None,
 ) -> Image.Image:
     """Draw solids (which cast shadows) and other objects on the ground.
 
@@ -130,6 +134,7 @@ def render_image(
         ground: Its colours; None for a transparent picture without shadows.
         clear: How far its grid is clear, as `backdrop.CLEAR`.
         course: Marks of distances; None: there are none.
+        mark: Draws on the picture while it is large, before distances are written on what is free.
     """
     large = replace(camera, width=SMOOTH * camera.width, height=SMOOTH * camera.height)
     if ground is None:
@@ -137,17 +142,26 @@ def render_image(
         return draw(large, (*others, *solids), nothing, scenery).reduce(SMOOTH)
     behind = backdrop(large, solids, ground, clear, course)
     picture = draw(large, (*others, *solids), behind, scenery)
+    if mark is not None:
+        mark(picture, large)
     if course is not None:
         mark_distances(picture, behind, large, course, ground)
     return picture.reduce(SMOOTH).convert("RGB")
 
 
-def caption(picture: Image.Image, text: str) -> None:
-    """Write text into the upper left corner of a picture: in white where that is dark."""
-    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=max(12, picture.height // 24))
-    area = picture.crop(pen.textbbox((10, 8), text, font=font)).convert("L")
-    dark = np.asarray(area).mean() < DIM
-    pen.text((10, 8), text, fill="white" if dark else INK, font=font)
+def caption(picture: Image.Image, text: str, letters: int = LETTERS) -> None:
+    """Write text into the upper left corner of a picture, as many letters high as given."""
+    pen, size = ImageDraw.Draw(picture), letter_size(picture, text, letters)
+    font, rim = ImageFont.load_default(size=size), max(2, size // 14)
+    pen.text((size / 2, size / 2), text, INK, font, stroke_width=rim, stroke_fill="white")
+
+
+def letter_size(picture: Image.Image, text: str, letters: int) -> int:
+    """Size at which so many letters are as high as a picture, or smaller, so that a text fits in,
+    pixels."""
+    size = max(12, picture.height // letters)
+    wide = ImageFont.load_default(size=size).getlength(text) + 2 * size
+    return min(size, int(size * picture.width / wide))
 
 
 def content_of(picture: Image.Image) -> bytes:
@@ -170,7 +184,7 @@ def _picture(
     pose = shapes.rest if scene is None else shapes.rest.at_start(scene.start)
     solids = shapes.objects(pose, red)
     points = np.concatenate([corners_of(solid) for solid in solids])
-    if scene is not None:
+    if scene is not None and scene.objects:
         bounds = np.array(frame_of(scene.objects, points))
         points = CORNERS * np.ptp(bounds, axis=0) + bounds.mean(axis=0)
     elif view == "three-quarter" and options.ground is not None:
@@ -178,20 +192,18 @@ def _picture(
     names = tuple(VIEWS) if view == SHEET else (view,)
     cell = (-(-size[0] // COLUMNS), -(-size[1] // 2)) if view == SHEET else size
     angle = ORTHOGRAPHIC if options.scale else 30.0
-    views = [View(VIEWS[name], cell, angle, FILL) for name in names]
+    band = AXES_BAND if options.axes else SCALE_BAND * options.scale
+    below = min(MOST, band * _factor(cell) / cell[1])
+    views = [View(VIEWS[name], cell, angle, FILL, below) for name in names]
     fits = [fit(points, each) for each in views]
     same = max(distance for _, distance in fits) if options.scale else None
     tiles = []
     for name, each, (target, distance) in zip(names, views, fits, strict=True):
-        camera = camera_at(target, same or distance, each)
+        camera = lit(camera_at(target, same or distance, each))
         others = () if scene is None else scene.objects
         clear = CLEAR if scene is None else FAR
         tile = render_image(camera, solids, (), others, options.ground, clear)
         if options.axes:
-            if options.ground:  # so that no label of a distance is behind their names
-                side = (CORNER + 1.5 * ARROW) * _factor(tile)
-                area = (0, tile.height - side, side, tile.height)
-                ImageDraw.Draw(tile).ellipse(area, options.ground.land)
             draw_axes(tile, camera)
         if options.scale:
             draw_scale(tile, camera)
@@ -221,10 +233,10 @@ def tiled(
 
 def draw_axes(picture: Image.Image, camera: Camera) -> None:
     """Draw the directions x+, y+ and z+ in a corner; those towards the eye as points."""
-    f = _factor(picture)
+    f = _factor(picture.size)
     pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=13 * f)
     right, up, _ = camera.axes
-    start = CORNER * f, picture.height - CORNER * f
+    start = CORNER[0] * f, picture.height - CORNER[1] * f
     for name, axis in zip(AXES, np.eye(3), strict=True):
         across, rise = ARROW * f * float(right @ axis), -ARROW * f * float(up @ axis)
         x, y = start[0] + across, start[1] + rise
@@ -236,7 +248,7 @@ def draw_axes(picture: Image.Image, camera: Camera) -> None:
 
 def draw_scale(picture: Image.Image, camera: Camera) -> None:
     """Draw a bar of round length, at the distance of the machine."""
-    f = _factor(picture)
+    f = _factor(picture.size)
     away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
     pixels = camera.focal_length / away
     metres = max((s for s in SCALES if s * pixels <= picture.width / 2.5), default=SCALES[0])
@@ -247,6 +259,6 @@ def draw_scale(picture: Image.Image, camera: Camera) -> None:
     pen.text(where, f"{metres:g} m", INK, font, "mm", stroke_width=2, stroke_fill="white")
 
 
-def _factor(picture: Image.Image) -> float:
+def _factor(size: Size) -> float:
     """How many times larger what is written is than in a picture of 480 pixels."""
-    return max(1.0, min(picture.size) / 480)
+    return max(1.0, min(size) / 480)

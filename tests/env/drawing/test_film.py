@@ -6,16 +6,18 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
-from agentflow.env.drawing import film
-from agentflow.env.drawing.cameras import SIDE, Camera, View, project
+from agentflow.env.drawing import backdrop, film
+from agentflow.env.drawing.backdrop import SCREEN
+from agentflow.env.drawing.cameras import SIDE, View, camera_at, fit, project
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.mp4 import save_mp4
-from agentflow.env.rollout import Broken, Rollout
+from agentflow.env.rollout import Broken, Rollout, RolloutEvent
 from agentflow.env.scene import SceneObject
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
@@ -70,12 +72,12 @@ def test_an_mp4_has_one_frame_per_sample(tmp_path: Path) -> None:
     boxes = boxes_of(path.read_bytes())
     assert boxes["ftyp"][:4] == b"iso8"
     assert boxes["hdlr"][8:12] == b"vide"
-    assert int.from_bytes(boxes["stsz"][8:12], "big") == 6
+    assert int.from_bytes(boxes["stsz"][8:12], "big") == 6 + 10  # the last one for 2 s more
     assert b"av01" in boxes["stsd"]
     milliseconds = [int.from_bytes(boxes["mvhd"][24:32], "big")]
     milliseconds.append(int.from_bytes(boxes["tkhd"][28:36], "big"))
     milliseconds.append(int.from_bytes(boxes["mdhd"][24:32], "big"))
-    assert milliseconds == [1200, 1200, 1200]
+    assert milliseconds == [3200, 3200, 3200]
     assert boxes["tkhd"][-8:] == (120 << 16).to_bytes(4, "big") + (90 << 16).to_bytes(4, "big")
     assert not {"meta", "edts"} & set(boxes)
 
@@ -99,9 +101,12 @@ def test_a_score_is_told_with_a_flag_once_it_is_earned_and_in_the_last_moment_of
     film.save_strip(CAR, task, rollout, tmp_path / "x.png", size=(360, 90), count=3)
     strip = np.asarray(Image.open(tmp_path / "x.png"))
     assert strip.shape == (90, 360, 3)
-    cards = [(tile == 255).all(axis=2).sum() > 200 for tile in np.split(strip, 3, axis=1)]
+    lower = np.split(strip[45:], 3, axis=1)
+    cards = [(tile == 255).all(axis=2).sum() > 200 for tile in lower]
     assert cards == [False, False, True]
     assert film.landing_of(CAR, replace(rollout, score=0.0)) is None
+    touched = replace(rollout, events=(RolloutEvent(0.4, "landing"),))
+    assert film.landing_of(CAR, touched) == landing  # what is measured at the end is earned there
     film.save_strip(CAR, task, rollout, tmp_path / "x.png", size=(240, 180), count=4)
     with Image.open(tmp_path / "x.png") as square:
         assert square.size == (240, 180)  # two rows of two
@@ -139,7 +144,8 @@ def test_a_throw_counts_from_where_its_boulder_was_and_all_its_way_is_in_view() 
     trace = rollout.trace.even
     last = int(np.searchsorted(trace.times, landing.time))
     view = View(back=SIDE, size=(320, 240))
-    for index, camera in enumerate(film._cameras(trace, film.tracked_block(machine), view, last)):
+    cameras = film._cameras(trace, film.tracked_block(machine), view, landing)
+    for index, camera in enumerate(cameras):
         flown = trace.centre[: min(index + 1, last), film.tracked_block(machine)]
         places = project(flown, camera)
         assert (places > 0).all()
@@ -194,16 +200,71 @@ def test_the_path_grows_with_every_sample() -> None:
     assert counts == sorted(set(counts))
 
 
-def test_tall_objects_before_the_machine_are_left_out_low_ones_are_not() -> None:
-    camera = Camera(eye=(30.0, 10.0, -3.0), target=(0.0, 1.0, 0.0))
-    objects = [
-        SceneObject("tall", "box", (1.0, 5.0, 90.0), (12.0, 2.5, 0.0)),
-        SceneObject("low", "box", (1.0, 1.5, 90.0), (12.0, 0.75, 0.0)),
-        SceneObject("behind", "box", (1.0, 5.0, 90.0), (-12.0, 2.5, 0.0)),
-        SceneObject("aside", "box", (1.0, 5.0, 5.0), (12.0, 2.5, 40.0)),
-    ]
-    kept = film._remove_occluders(objects, camera)
-    assert [item.name for item in kept] == ["low", "behind", "aside"]
+def test_walls_before_the_machine_are_as_glass_and_its_ground_is_not() -> None:
+    """A turned wall hides nothing of the machine; a slab on which it stands keeps its colour."""
+    task, rollout = drive()
+    assert rollout.scene is not None
+    assert rollout.trace is not None
+    wall = SceneObject("wall", "box", (1.0, 6.0, 9.0), (5.0, 3.0, -2.0), (0.0, 0.2, 0.0, 0.98))
+    slab = SceneObject("slab", "box", (60.0, 3.0, 60.0), (0.0, -1.4, 0.0), color=(0.1, 0.2, 0.9, 1))
+    pictures = []
+    for objects in ((), (wall,), (slab,)):
+        changed = replace(rollout, scene=replace(rollout.scene, objects=objects))
+        pictures.append(np.asarray(frames_of(CAR, task, changed, (160, 120))[0]).astype(int))
+    alone, behind, above = pictures
+    machine = np.abs(alone - SCREEN.land).max(axis=2) > 100
+    assert np.abs(behind - alone)[machine].max(axis=1).mean() < 12
+    assert (np.abs(behind - alone).max(axis=2) > 8).sum() > 500  # the glass is seen
+    assert (above[:, :, 2] > above[:, :, 0] + 100).mean() > 0.4
+
+
+def test_the_last_frame_is_held_and_the_card_has_the_score_of_any_task(tmp_path: Path) -> None:
+    """A score is earned at the end: also one that is no distance has its card there."""
+    task, rollout = drive()
+    for each in (rollout, replace(rollout, terms={})):
+        film.save_film(CAR, task, each, tmp_path / "x.gif", size=(320, 240))
+        with Image.open(tmp_path / "x.gif") as picture:
+            assert film_ends(picture) == (200, 200 + 1000 * film.HELD)
+            card = np.asarray(picture.convert("RGB"))[200:, 160:]
+            assert (card > 250).all(axis=2).mean() > 0.1
+
+
+def test_distances_have_equal_steps_and_none_is_over_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """From a machine up to 200 m, as at the end of a far throw."""
+    written = list[tuple[float, str]]()
+
+    def write(_: ImageDraw.ImageDraw, place: Any, words: str, *__: Any, **___: Any) -> None:
+        written.append((place[0], words))
+
+    monkeypatch.setattr(ImageDraw.ImageDraw, "text", write)
+    points = np.array([(x, 0.0, z) for x in (-5.0, 5.0) for z in (0.0, 200.0)])
+    view = View(back=SIDE, size=(960, 720))
+    camera = camera_at(*fit(points, view), view)
+    ground = Image.new("RGB", view.size)
+    backdrop.mark_distances(ground, ground, camera, backdrop.Course(), SCREEN)
+    marks = [float(words.removesuffix(" m")) for _, words in written]
+    assert marks[:4] == [0.0, marks[1], 2 * marks[1], 3 * marks[1]]
+    assert all(after[0] - before[0] > 60 for before, after in pairwise(written))
+
+
+def film_ends(picture: Image.Image) -> tuple[float, float]:
+    """How long the first and the last frame of a GIF are shown, ms; the last one is then loaded."""
+    first = picture.info["duration"]
+    picture.seek(getattr(picture, "n_frames", 1) - 1)
+    return first, picture.info["duration"]
+
+
+def test_the_camera_sees_a_flag_far_from_the_machine_at_the_end() -> None:
+    rollout = drive()[1]
+    assert rollout.trace is not None
+    far = film.Landing(1.0, (3.0, 1.0, 250.0), "250.00 m", 0.0)
+    view = View(back=SIDE, size=(320, 240))
+    camera = film._cameras(rollout.trace, 0, view, far)[-1]
+    places = project(np.array([rollout.trace.centre[0, 0], far.place]), camera)
+    assert (places > 0).all()
+    assert (places < (320, 240)).all()
 
 
 def test_the_camera_follows_smoothly() -> None:
@@ -227,7 +288,7 @@ def test_a_far_throw_shows_machine_walls_and_boulder_in_every_frame() -> None:
     for index in every:
         pixels = np.asarray(frames[index]).astype(np.int64)
         red, green, blue = pixels[:, :, 0], pixels[:, :, 1], pixels[:, :, 2]
-        assert ((red - green > 20) & (green - blue > 20)).sum() > 80  # wood
+        assert ((red - green > 20) & (green - blue > 20)).sum() > 60  # wood
         columns = np.flatnonzero(((red > 150) & (green < 90) & (blue < 80)).any(axis=0))
         rightmost.append(int(columns.max()) if len(columns) else 0)
     assert min(rightmost[2:]) > 200, rightmost

@@ -13,7 +13,7 @@ from PIL import Image
 from agentflow.env.drawing.backdrop import PAPER, SCREEN
 from agentflow.env.drawing.cameras import VIEWS
 from agentflow.env.drawing.solids import BROKEN, ROD_DIAMETER, MachineSolids, Pose
-from agentflow.env.drawing.stills import StillOptions, render_png
+from agentflow.env.drawing.stills import AXES_BAND, StillOptions, render_png
 from agentflow.env.scene import Start
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UnknownNameError
@@ -153,6 +153,19 @@ def test_all_views_of_a_sheet_to_scale_have_one_scale(tmp_path: Path) -> None:
     tiles = [alpha(path)[2:90, 2 + 160 * i : 158 + 160 * i] > 0 for i in range(3)]
     rows = [int(np.flatnonzero(tile[22:].any(axis=1)).size) for tile in tiles]
     assert max(rows) - min(rows) <= 1  # as high from the front, from the back and from the left
+
+
+def test_every_side_is_equally_bright_and_clear_of_axes_and_scale(tmp_path: Path) -> None:
+    """A block of one colour, from five sides; below it is what says where and how large it is."""
+    block, brights = Machine((ROOT,)), []
+    for view in ("front", "back", "left", "right", "top"):
+        options = StillOptions(None, axes=True, scale=True)
+        render_png(block, tmp_path / "x.png", view=view, size=(400, 400), options=options)
+        seen = alpha(tmp_path / "x.png") > 0
+        assert seen[40:260, 200].all(), view
+        assert not seen[400 - AXES_BAND - 12 : 400 - AXES_BAND].any(), view
+        brights.append(pixels_of(tmp_path / "x.png")[150, 200].sum())
+    assert max(brights) - min(brights) <= 3
 
 
 def test_a_level_is_drawn_around_the_machine_where_it_starts(tmp_path: Path) -> None:
