@@ -163,7 +163,13 @@ def test_a_leaderboard_opens_in_a_browser(
         driver.get(board.as_uri())
         assert driver.title == "Leaderboard · agentflow"
         headings = [item.text for item in driver.find_elements(By.CSS_SELECTOR, "h2")]
-        assert headings[:4] == ["Ranking", "Families", "How it ended", "All numbers"]
+        assert headings == ["Ranking", "Families", "Machines", "How it ended", "All numbers"]
+        assert driver.find_element(By.TAG_NAME, "h1").text.startswith("Benchmark version 1, ")
+        shares = driver.find_elements(By.CSS_SELECTOR, ".turned button")
+        shares[-1].click()
+        item, model = str(shares[-1].get_attribute("aria-label")).partition(":")[0].split(", ")
+        shown = driver.find_element(By.CSS_SELECTOR, ".title").text
+        assert shown == f"{item} · {shares[-1].text} · {model}"
         assert driver.find_element(By.CSS_SELECTOR, ".shares").text.split()[0] == "gearing"
         driver.find_element(By.CSS_SELECTOR, "svg .ratio")
         assert "procedural (no language model)" in driver.page_source

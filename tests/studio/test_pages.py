@@ -291,6 +291,31 @@ def test_an_empty_list_says_where_to_begin(browser: webdriver.Chrome, tmp_path: 
         assert complaints(browser) == []
 
 
+def test_each_benchmark_has_a_leaderboard_that_leads_to_runs(
+    browser: webdriver.Chrome, tmp_path: Path
+) -> None:
+    cards, run = RECORDED.parents[1] / "docs" / "cards", "runs/search.throwing-1.seed-0"
+    shutil.copytree(cards / "language-model" / run, tmp_path / "a" / run)
+    for name, card in (("a", "language-model/card.json"), ("b", "procedural.json")):
+        (tmp_path / name).mkdir(exist_ok=True)
+        shutil.copy(cards / card, tmp_path / name / "card.json")
+    with studio(tmp_path) as two:
+        browser.get(two.address)
+        open_page(browser, two, "leaderboard")
+        others = browser.find_elements(By.CSS_SELECTOR, ".picks a")
+        assert [item.get_attribute("aria-current") for item in others] == ["page", None]
+        assert find(browser, "h1").text.startswith("Benchmark version 2, mujoco ")
+        assert (
+            find(browser, ".actions a")
+            .get_attribute("href")
+            .endswith("#run?run=a%2Fruns%2Fsearch.throwing-1.seed-0")
+        )
+        others[1].click()
+        until(browser, lambda: "pybullet" in find(browser, "h1").text)
+        assert browser.find_elements(By.CSS_SELECTOR, ".actions a") == []
+        assert complaints(browser) == []
+
+
 def test_all_tasks_are_shown_and_one_leads_to_a_machine_or_a_design(
     browser: webdriver.Chrome, served: Served
 ) -> None:

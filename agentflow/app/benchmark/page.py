@@ -8,8 +8,12 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from agentflow.app.benchmark.card import LONG, Point, Scorecard
+from agentflow.app.benchmark.card import LONG, CountedMachine, Point, Scorecard
 from agentflow.app.benchmark.leaderboard import leaderboard, shown_parts
+from agentflow.app.pages.films import Shapes, machine_data
+from agentflow.machine import read_machine
+from agentflow.machine.blocks.library import library
+from agentflow.metrics.tables import counted
 from agentflow.report.page import require_writable, write_page
 from agentflow.report.sweep import sweep_data
 
@@ -22,11 +26,17 @@ def leaderboard_page(cards: Sequence[Scorecard], out: Path, told: Sequence[str] 
 
 
 def leaderboard_data(cards: Sequence[Scorecard], told: Sequence[str] = ()) -> dict[str, Any]:
-    """The data of the page of a leaderboard; `told` are further notes."""
+    """The data of the page of a leaderboard; `told` are further notes.
+
+    It shows the machines that count in the first part as built, by content hash.
+    """
     tables = leaderboard(cards, told)
     shown = {"model", "complete", "total", "families"}
+    name, _, conditions = tables[0].title.rpartition(" ")
+    about = f"{counted(len(cards), 'model')} on {counted(len(cards[0].items), 'item')}"
+    shapes, machines = Shapes(), dict[str, dict[str, Any]]()
     return {
-        **sweep_data("Leaderboard", tables[0].title, {}, tables, zeros=True),
+        **sweep_data(name, f"{about}, conditions {conditions.strip('()')}", {}, tables, zeros=True),
         "kind": "leaderboard",
         "parts": shown_parts(cards[0]),
         "cards": [
@@ -37,10 +47,33 @@ def leaderboard_data(cards: Sequence[Scorecard], told: Sequence[str] = ()) -> di
                     for part in card.parts
                 },
                 "course": _course(card),
+                "items": [
+                    {
+                        "item": item.item,
+                        "share": item.share(card.ranked),
+                        "machine": _shown(item.parts[card.ranked], shapes, machines),
+                    }
+                    for item in card.items
+                ],
             }
             for card in cards
         ],
+        "machines": machines,
+        **shapes.data,
     }
+
+
+def _shown(
+    counted: Sequence[CountedMachine], shapes: Shapes, machines: dict[str, dict[str, Any]]
+) -> str | None:
+    """The content hash of the best machine, which is added to `machines`; None without one."""
+    best = max(counted, key=lambda one: -1.0 if one.share is None else one.share)
+    machine = read_machine(best.machine, library()).machine
+    if machine is None:
+        return None
+    if machine.digest not in machines:
+        machines[machine.digest] = machine_data(machine, None, shapes)
+    return machine.digest
 
 
 def _course(card: Scorecard) -> list[tuple[int, float]]:

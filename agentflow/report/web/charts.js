@@ -116,18 +116,19 @@ export function intervalChart(title, axis, rows, mark) {
   }, { height, rows: () => [["name", axis], ...rows.flatMap(({ name, values }) => values.map((value) => [name, value]))] });
 }
 
-/** Shares from 0 to 1.5 as bars with intervals: {name, bars: [{name, value, low, high}]}. */
+/** Shares from 0 to 1.5 as bars with intervals: {name, bars: [{name, value, low, high}]}, all rows with the same bars. */
 export function shareChart(title, rows) {
   const [bar, head] = [15, 20];
   const tall = head + Math.max(...rows.map(({ bars }) => bars.length)) * bar + 14;
   const height = rows.length * tall + BOTTOM;
-  return figure(title, (width) => {
+  const chart = figure(title, (width) => {
     const most = Math.max(...rows.flatMap(({ bars }) => bars.flatMap(({ value, high }) => [value ?? 0, high ?? 0])), 0.01);
-    const xs = scale([0, Math.min(1.5, Math.ceil(10 * most) / 10)], [4, width - 220]);
+    const xs = scale([0, Math.min(1.5, Math.ceil(10 * most) / 10)], [4, width - 64]);
     const percent = (value) => (Number.isFinite(value) ? `${formatNumber(100 * value, 1)} %` : "no share");
     return [
       ...ticks(xs.low, xs.high, 5).flatMap((value) => [svg("path", { class: "grid", d: `M${xs(value)} 4V${height - BOTTOM + 4}` }),
         svg("text", { class: "tick middle", x: xs(value), y: height - BOTTOM + 18 }, `${Math.round(100 * value)} %`)]),
+      svg("text", { class: "tick end", x: xs.to, y: height - BOTTOM + 32 }, "mean share"),
       ...rows.flatMap(({ name, bars }, row) => [
         svg("text", { class: "name", x: xs.from, y: row * tall + 14 }, svg("title", {}, name), truncate(name, width - 20)),
         ...bars.flatMap((item, index) => {
@@ -136,12 +137,14 @@ export function shareChart(title, rows) {
           return [
             svg("rect", { class: index ? "ratio lesser" : "ratio", x: xs.from, y: y + 2, width: Math.max(1, xs(item.value ?? 0) - xs.from), height: bar - 4, rx: 2 }),
             ...(Number.isFinite(item.low) ? ["halo", "interval"] : []).map((kind) => svg("path", { class: kind, d: `M${xs(item.low)} ${middle}H${xs(item.high)}M${xs(item.low)} ${middle - 3}v6M${xs(item.high)} ${middle - 3}v6` })),
-            svg("text", { class: "tick", x: xs(Math.max(item.value ?? 0, item.high ?? 0)) + 8, y: middle + 4 }, `${item.name} ${percent(item.value)}`),
+            svg("text", { class: "tick", x: xs(Math.max(item.value ?? 0, item.high ?? 0)) + 8, y: middle + 4 }, percent(item.value), svg("title", {}, item.name)),
           ];
         }),
       ]),
     ];
   }, { height, rows: () => [["name", "bar", "value", "low", "high"], ...rows.flatMap(({ name, bars }) => bars.map((item) => [name, item.name, item.value, item.low, item.high]))] });
+  chart.append(el("p", { class: "key" }, ...rows[0].bars.map(({ name }, index) => el("span", {}, svg("svg", { width: 24, height: 10 }, svg("rect", { class: index ? "ratio lesser" : "ratio", width: 18, height: 10, rx: 2 })), name))));
+  return chart;
 }
 
 /** Range of an axis: from 0 to the greatest value, or without 0 if all values are far from it. */

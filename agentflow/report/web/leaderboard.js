@@ -1,8 +1,9 @@
-// The page of a leaderboard: models ranked by bars with intervals, families as a heat map, failures, tables.
+// The page of a leaderboard: models ranked by bars with intervals, families and machines as heat maps, failures, tables.
 
 import { lineChart, shareChart } from "./charts.js";
 import { el, formatNumber, section, table } from "./dom.js";
-import { tableSection } from "./sweep.js";
+import { Player } from "./player.js";
+import { compactTable, tableSection } from "./sweep.js";
 
 // How each try can end; only the first two count as a share.
 const OUTCOMES = {
@@ -18,18 +19,42 @@ export function leaderboardPage(data) {
   return [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "agentflow leaderboard"), el("h1", {}, data.title), el("p", { class: "lede" }, data.about)), ...leaderboardParts(data))];
 }
 
-/** Everything below the heading. */
-export function leaderboardParts({ cards, parts, tables, notes }) {
-  const words = (note) => (note === `Cards are ranked by ${parts[0]}.` ? `Models are ranked by the share of “${wordsOf(parts[0])}”.` : note);
-  const all = { ...tables[0], notes: tables[0].notes.map(words) };
+/** Everything below the heading.
+ *  @param actions makes elements for what can be done with a machine, by content hash */
+export function leaderboardParts(data, actions = () => []) {
+  const { cards, parts, tables } = data;
+  const [all, ...others] = tables;
   const lines = cards.filter(({ course }) => course.length).map(({ model, course }) => ({ name: model, points: course }));
   return [
-    section("Ranking", el("p", {}, "Each model designs machines for the same tasks. The notes below the chart say what a share is."), shareChart("Mean shares, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, words(note)))),
-    section("Families", heatMap(cards, parts), el("p", { class: "quiet" }, `${parts[1] ? `Large: ${wordsOf(parts[0])}; small: ${wordsOf(parts[1])}. ` : ""}Stronger colour means a greater share.`)),
+    section("Ranking", shareChart("Mean share over all items, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...all.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
+    section("Families", heatMap("Mean shares by family", "family", Object.keys(cards[0].families), cards, ({ families }, name) => familyCell(name, families[name], parts)),
+      el("p", { class: "quiet" }, `${parts[1] ? `Large: ${wordsOf(parts[0])}; small: ${wordsOf(parts[1])}. ` : ""}Stronger colour means a greater share.`)),
+    machinesSection(data, actions),
     lines.length ? section("Share over simulations", lineChart("Mean share of the best machine so far, by plain score", "", "simulations", lines)) : null,
-    section("How it ended", ...parts.map((part) => table(`Machines: ${wordsOf(part)}`, ["Model", ...Object.values(OUTCOMES)], outcomes(cards, part)))),
-    tableSection(all, "All numbers"), ...tables.slice(1).map((item) => el("details", {}, el("summary", {}, item.title), tableSection(item, item.title))),
+    section("How it ended", table("Number of machines by how their simulation ended", ["Model", "Machines of", ...Object.values(OUTCOMES)], cards.flatMap((card) => parts.map((part) => outcomes(card, part))), 2)),
+    tableSection({ ...all, notes: [] }, "All numbers"), ...others.map((item) => el("details", {}, el("summary", {}, item.title), compactTable(item.title, "", item.heads, item.columns, item.rows))),
   ].filter(Boolean);
+}
+
+/** The machines that count, by item and model: a share opens its machine. */
+function machinesSection({ cards, parts, machines, shapes, files }, actions) {
+  if (!Object.keys(machines).length) return null;
+  const player = new Player(shapes, files);
+  const told = el("p", { class: "actions" });
+  const choose = (button, { model }, { item, machine, share }) => {
+    player.show(machines[machine], `${item} · ${percent(share)} · ${model}`);
+    told.replaceChildren(...actions(machine));
+    for (const other of map.querySelectorAll("[aria-pressed=true]")) other.setAttribute("aria-pressed", "false");
+    button.setAttribute("aria-pressed", "true");
+  };
+  const cell = (card, name) => {
+    const found = card.items.find(({ item }) => item === name);
+    const button = el("button", { disabled: found.machine ? null : "", "aria-pressed": "false", "aria-label": `${name}, ${card.model}: ${percent(found.share)}`, click: () => choose(button, card, found) }, percent(found.share));
+    return shaded(el("td", { "data-family": card.model }, button), found.share);
+  };
+  const map = heatMap("Machines by item", "item", cards[0].items.map(({ item }) => item), cards, cell, true);
+  map.querySelector("button:enabled").click();
+  return section("Machines", el("p", {}, `The machine that counts for each item, of “${wordsOf(parts[0])}”. Select a share to see its machine as built.`), el("div", { class: "shown" }, player.element), told, map);
 }
 
 const ranked = ({ model, complete, total }, index, parts) => ({
@@ -37,19 +62,24 @@ const ranked = ({ model, complete, total }, index, parts) => ({
   bars: parts.map((part) => ({ name: wordsOf(part), value: total[part].mean, low: total[part].interval?.[0], high: total[part].interval?.[1] })),
 });
 
-/** A row for each model, a column for each family: every family, also where nothing was scored. */
-function heatMap(cards, parts) {
-  const families = Object.keys(cards[0].families);
-  return el("div", { class: "table", role: "region", tabindex: "0", "aria-label": "Families and models" }, el("table", { class: "heat shares" },
-    el("thead", {}, el("tr", {}, el("td", {}), ...families.map((name) => el("th", { scope: "col" }, name)))),
-    el("tbody", {}, ...cards.map(({ model, families: shares }) => el("tr", {}, el("th", { scope: "row" }, model), ...families.map((name) => heatCell(name, shares[name], parts)))))));
+/** Models against families or items, every one of them, also where nothing was scored; `turned` has a column for each model. */
+function heatMap(title, kind, names, cards, cell, turned = false) {
+  const head = (scope, text) => el("th", { scope }, text);
+  const models = cards.map(({ model }) => model);
+  const rows = turned ? names.map((name) => [name, cards.map((card) => cell(card, name))]) : cards.map((card) => [card.model, names.map((name) => cell(card, name))]);
+  return el("div", { class: "table", role: "region", tabindex: "0", "aria-label": title }, el("table", { class: turned ? "heat shares turned" : "heat shares" },
+    el("thead", {}, el("tr", {}, turned ? head("col", kind) : el("td", {}), ...(turned ? models : names).map((name) => head("col", name)))),
+    el("tbody", {}, ...rows.map(([name, cells]) => el("tr", {}, head("row", name), ...cells)))));
 }
 
-function heatCell(name, shares, [main, lesser]) {
-  const percent = (part) => (shares[part].mean === null ? "–" : `${formatNumber(Math.round(100 * shares[part].mean))} %`);
-  const cell = el("td", { "data-family": name }, el("b", {}, percent(main)), lesser ? el("small", {}, percent(lesser)) : "");
-  cell.style.setProperty("--share", `${Math.round(45 * Math.min(shares[main].mean ?? 0, 1))}%`);
+const percent = (share) => (share === null ? "–" : `${formatNumber(Math.round(100 * share))} %`);
+
+function shaded(cell, share) {
+  cell.style.setProperty("--share", `${Math.round(45 * Math.min(share ?? 0, 1))}%`);
   return cell;
 }
 
-const outcomes = (cards, part) => cards.map((card) => [card.model, ...Object.keys(OUTCOMES).map((name) => card.outcomes[part][name] ?? 0)]);
+const familyCell = (name, shares, [main, lesser]) =>
+  shaded(el("td", { "data-family": name }, el("b", {}, percent(shares[main].mean)), lesser ? el("small", {}, percent(shares[lesser].mean)) : ""), shares[main].mean);
+
+const outcomes = (card, part) => [card.model, wordsOf(part), ...Object.keys(OUTCOMES).map((name) => card.outcomes[part][name] ?? 0)];

@@ -53,14 +53,14 @@ const MOST_ROWS = 12; // of a table that is not folded
 const MOST_COLUMNS = 9; // most columns of numbers before a table is transposed
 
 export function tableSection({ heads, columns, rows, published, publishedTitle, notes, unit }, title) {
-  const measured = compactTable(title, unit ? `Scores in ${unit}` : "Measured", heads, columns, rows);
+  const measured = compactTable(title, unit ? `Scores in ${unit}` : published.length ? "Measured" : "", heads, columns, rows);
   return section(capitalize(title), rows.length > MOST_ROWS ? el("details", {}, el("summary", {}, `${rows.length} rows`), measured) : measured,
     published.length ? el("details", {}, el("summary", {}, capitalize(publishedTitle)), compactTable(title, "Published", heads, columns, published)) : null,
     ...notes.map((note) => el("p", { class: "quiet" }, note)));
 }
 
 /** A table with labels common to all rows in its caption, transposed if that makes it narrower. */
-function compactTable(title, caption, heads, columns, rows) {
+export function compactTable(title, caption, heads, columns, rows) {
   const count = heads.length;
   const same = (place) => rows.length > 1 && rows.every((row) => row[place] === rows[0][place]);
   const shared = heads.map((_, place) => place).filter(same);

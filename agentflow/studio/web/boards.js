@@ -45,16 +45,22 @@ export function goodFrom({ good, record, unit }) {
   return el("small", {}, `Good from ${withUnit(good, unit)}${record ? `, best known ${withUnit(record.verified ?? record.score, unit)}` : ""}.`);
 }
 
-export async function leaderboardPage() {
-  const [boards, { runs }] = await Promise.all([ask("/api/leaderboards"), ask("/api/start")]);
+/** One leaderboard: scorecards of other benchmarks have others. */
+export async function leaderboardPage({ board = 0 }) {
+  const [boards, { runs }, rows] = await Promise.all([ask("/api/leaderboards"), ask("/api/start"), ask("/api/runs")]);
   const command = (words, does) => el("li", {}, el("code", {}, `agentflow benchmark ${words} --out ${runs}`), el("p", {}, does));
   const none = el("section", {}, el("p", {}, "There is no scorecard in the folder ", el("code", {}, runs), ` yet. A scorecard, ${CARD}, tells how well one model designs machines: its scores on the same tasks as all other models. Each of these commands writes one:`),
     el("ul", {}, command("--lite", "The built-in designer on one task of each family: no model and no key is needed."),
       command("--model NAME --base-url URL", "A language model on all tasks, at any OpenAI-compatible endpoint."),
       command("--model NAME --base-url URL --lite", "The same with one task of each family. Only cards of the same tasks are compared.")),
     el("p", { class: "quiet" }, `If you have scorecards already, put each in a folder of its own: ${runs}/NAME/${CARD}.`));
-  return { elements: [el("main", { class: "alone" }, el("header", {}, el("h1", {}, boards.length > 1 ? "Leaderboards" : "Leaderboard"), el("p", { class: "lede" }, "Models side by side, on the fixed tasks of the benchmark.")),
-    ...(boards.length ? boards.flatMap((board) => [el("p", { class: "quiet" }, board.about), ...leaderboardParts(board)]) : [none]))] };
+  const shown = boards[board] ?? boards[0];
+  const name = ({ title, about }) => `${title}: ${about}`;
+  const others = boards.map((item, index) => el("a", { class: "button", href: address("leaderboard", { board: index }), "aria-current": item === shown ? "page" : null }, name(item)));
+  const runOf = (machine) => rows.filter((row) => row.machine === machine).slice(0, 1).map(({ run }) => el("a", { class: "button", href: address("run", { run }) }, "Its run, with films"));
+  return { elements: [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, shown?.title ?? "Leaderboard"), shown ? el("p", { class: "lede" }, shown.about) : ""),
+    others.length > 1 ? el("nav", { class: "picks", "aria-label": "Benchmarks" }, ...others) : "",
+    ...(shown ? leaderboardParts(shown, runOf) : [none]))] };
 }
 
 export async function resultsPage({ sweep }) {

@@ -128,6 +128,17 @@ def test_the_page_of_a_leaderboard_has_every_family_and_every_failure() -> None:
     assert (half["complete"], half["outcomes"]["refined"]) == (False, {"scored": 1, "missing": 1})
 
 
+def test_the_page_of_a_leaderboard_shows_the_machines_that_count() -> None:
+    data = leaderboard_data([read_card(SHIPPED / "procedural.json")])
+    assert data["title"].startswith("Benchmark version 2, pybullet ")
+    assert data["about"] == "1 model on 24 items, conditions 01c692fdb6b75f83"
+    items = data["cards"][0]["items"]
+    assert [items[0]["item"], round(items[0]["share"], 4)] == ["throwing-few-blocks", 0.2775]
+    assert {item["machine"] for item in items} == set(data["machines"])
+    [poor] = leaderboard_data([POOR])["cards"]
+    assert {item["machine"] for item in poor["items"]} == {None}
+
+
 def test_requirements_are_counted_where_items_have_some() -> None:
     keeps = scored(0.75).model_copy(update={"met": (1, 2)})
     card_of_both = card(
