@@ -51,8 +51,8 @@ ON_ITS_WAY = 0.02
 """How far a way along z+ may differ from a score to be what it measures: its share, and metres."""
 POLE, LEAST = 2.2, 0.08
 """Height of the flag where a score was earned, m, and its least share of a picture's height."""
-TIMES = 14
-"""Letters of the time of a moment in the height of its picture."""
+MOMENT_LETTERS = 16
+"""As `stills.LETTERS`, for a moment of a strip."""
 HELD = 2.0
 """Time for which a film shows at least what was earned, s."""
 SMOOTHING = 0.8
@@ -138,10 +138,8 @@ def save_strip(
         )
     )
     frames = _frames(machine, task, rollout, trace, cameras, ground, named=False)
-    lines = [
-        tiled(list(islice(frames, n)), n, (size[0], views[0].size[1]), framed=False) for n in rows
-    ]
-    tiled(lines, 1, size, framed=False).save(path, "PNG", optimize=True)
+    lines = [tiled(list(islice(frames, n)), n, (size[0], views[0].size[1])) for n in rows]
+    tiled(lines, 1, size).save(path, "PNG", optimize=True)
 
 
 def _rows(count: int, size: Size) -> list[int]:
@@ -223,6 +221,7 @@ def _frames(
     earned = float(trace.times[-1]) if landing is None else landing.time
     zero = 0.0 if landing is None or landing.start is None else landing.start
     words = _words(rollout)
+    name, letters = (f"{task.name}   ", LETTERS) if named else ("", MOMENT_LETTERS)
     card = f"Score {words}" if landing is None else f"{words} after {earned:.2f} s"
 
     def mark(index: int, picture: Image.Image, camera: Camera) -> None:
@@ -233,9 +232,8 @@ def _frames(
         if time >= earned - 1e-9:
             if landing is not None:
                 _draw_flag(picture, camera, landing.place)
-            _draw_card(picture, card)
-        name = f"{task.name}   " if named else ""
-        caption(picture, f"{name}{time:.1f} s", LETTERS if named else TIMES)
+            _draw_card(picture, card, letters)
+        caption(picture, f"{name}{time:.1f} s", letters)
 
     for index, camera in cameras.items():
         time = float(trace.times[index])
@@ -355,9 +353,9 @@ def _draw_flag(picture: Image.Image, camera: Camera, place: Vec3) -> None:
     pen.polygon(cloth, TRAIL)
 
 
-def _draw_card(picture: Image.Image, words: str) -> None:
-    """Draw a card with what was earned."""
-    pen, size = ImageDraw.Draw(picture), letter_size(picture, words, LETTERS)
+def _draw_card(picture: Image.Image, words: str, letters: int) -> None:
+    """Draw a card with what was earned, the picture as many letters high as given."""
+    pen, size = ImageDraw.Draw(picture), letter_size(picture, words, letters)
     font, corner = ImageFont.load_default(size=size), (picture.width - size, picture.height - size)
     left, upper, right, lower = pen.textbbox(corner, words, font=font, anchor="rb")
     box = (left - size / 2, upper - size / 2, right + size / 2, lower + size / 2)

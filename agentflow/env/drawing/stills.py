@@ -213,9 +213,7 @@ def _picture(
     return tiled(tiles, COLUMNS, size)
 
 
-def tiled(
-    tiles: Sequence[Image.Image], columns: int, size: Size | None = None, *, framed: bool = True
-) -> Image.Image:
+def tiled(tiles: Sequence[Image.Image], columns: int, size: Size | None = None) -> Image.Image:
     """Pictures of equal size as one of a size, by default that of all; a single one stays as it
     is."""
     if len(tiles) == 1:
@@ -224,8 +222,7 @@ def tiled(
     width, height = size or (columns * tiles[0].width, rows * tiles[0].height)
     whole = Image.new(tiles[0].mode, (width, height), "white")
     for index, tile in enumerate(tiles):
-        if framed:
-            ImageDraw.Draw(tile).rectangle((0, 0, tile.width - 1, tile.height - 1), outline=FRAME)
+        ImageDraw.Draw(tile).rectangle((0, 0, tile.width - 1, tile.height - 1), outline=FRAME)
         row, column = divmod(index, columns)
         whole.paste(tile, (column * width // columns, row * height // rows))
     return whole
