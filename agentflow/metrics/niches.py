@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import prod
 
@@ -19,20 +19,25 @@ class Elites:
     axes: tuple[RecordedAxis, ...]
     cells: dict[Cell, NicheEvent]
     """In order of the cells; of machines that score the same, the first."""
+    counts: Mapping[Cell, int]
+    """How many different machines fell into each cell."""
 
     @classmethod
     def of(cls, events: Iterable[RunEvent | Event]) -> Elites | None:
         """Merge the archives of all searches; None if no search kept one."""
         axes: tuple[RecordedAxis, ...] | None = None
         best: dict[Cell, NicheEvent] = {}
+        machines: dict[Cell, set[str]] = {}
         for event in events:
             if isinstance(event, ArchiveEvent):
                 axes = axes or event.axes
             elif isinstance(event, NicheEvent) and event.cell is not None:
+                machines.setdefault(event.cell, set()).add(event.machine)
                 known = best.get(event.cell)
                 if known is None or _rank(event) < _rank(known):
                     best[event.cell] = event
-        return None if axes is None else cls(axes, dict(sorted(best.items())))
+        counts = {cell: len(found) for cell, found in machines.items()}
+        return None if axes is None else cls(axes, dict(sorted(best.items())), counts)
 
     @property
     def size(self) -> int:

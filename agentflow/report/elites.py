@@ -24,6 +24,7 @@ def archive_of(events: Iterable[RunEvent | Event]) -> dict[str, Any] | None:
                 "cell": list(cell),
                 "machine": event.machine,
                 "score": event.score,
+                "count": elites.counts[cell],
                 "mechanism": event.mechanism,
             }
             for cell, event in elites.cells.items()

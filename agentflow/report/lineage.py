@@ -21,9 +21,10 @@ from agentflow.runs.events import (
     LocalTrialsEvent,
     NodeEvent,
     RunEvent,
+    RunStartEvent,
     ToolEvent,
 )
-from agentflow.runs.locations import STAGE_WORDS, Location
+from agentflow.runs.locations import Location, stage_words
 
 REFUSED, INVALID = "refused", "invalid"
 
@@ -110,6 +111,8 @@ class Lineage:
     """Builds the tree from the events in order."""
 
     nodes: dict[str, LineageNode] = field(default_factory=dict)
+    _model: str = ""
+    """What answered in the run."""
     _newest: dict[int, str] = field(default_factory=dict)
     """Trajectory -> the node that its next stage starts from."""
     _roots: dict[Location, str | None] = field(default_factory=dict)
@@ -152,6 +155,8 @@ class Lineage:
             self._add_edit(event)
         elif isinstance(event, ToolEvent):
             self._tools.add(event, self.nodes)
+        elif isinstance(event, RunStartEvent):
+            self._model = event.model
 
     def finish(self, machine: str | None) -> tuple[LineageNode, ...]:
         """All nodes, with the path to the result marked, or else to the best score."""
@@ -195,7 +200,7 @@ class Lineage:
             self.nodes[event.label] = LineageNode(
                 id=event.label,
                 parent=self._newest_at(location),
-                title=_title(location),
+                title=_title(location, self._model),
                 kind=INVALID,
                 problem=event.reason,
                 calls=tuple(self._calls.get(Location(trajectory=location.trajectory), ())),
@@ -221,8 +226,8 @@ class Lineage:
     def _add_node(self, event: NodeEvent) -> None:
         search = _search_of(event.location)
         parent, calls = self._node_id(search, event.parent), self._calls_of(search, event.made_by)
-        location = replace(event.location, round=event.round)
-        self._add_machine(event.location, event.machine, parent, calls, _title(location))
+        title = _title(replace(event.location, round=event.round), self._model)
+        self._add_machine(event.location, event.machine, parent, calls, title)
 
     def _add_edit(self, event: EditEvent) -> None:
         """A random edit; the next one starts from the last one that was kept."""
@@ -253,7 +258,7 @@ class Lineage:
         self.nodes[str(location)] = LineageNode(
             id=str(location),
             parent=parent,
-            title=title or _title(location),
+            title=title or _title(location, self._model),
             kind=location.name,
             machine=machine,
             score=known.score if known and valid else None,
@@ -278,8 +283,8 @@ def _search_of(location: Location) -> Location:
     return Location(location.name, trajectory=location.trajectory)
 
 
-def _title(location: Location) -> str:
-    stage = STAGE_WORDS.get(location.name, location.name).replace("first designs", "first design")
+def _title(location: Location, model: str) -> str:
+    stage = stage_words(location.name, model).replace("first designs", "first design")
     detail = f"round {location.round}" if location.round else stage
     detail += f", trial {location.try_ + 1}" if location.try_ else ""
     return f"trajectory {location.trajectory}, {detail}"

@@ -21,10 +21,11 @@ from agentflow.runs.events import (
     EvaluationEvent,
     NicheEvent,
     RunEvent,
+    RunStartEvent,
     ToolEvent,
     read_typed_events,
 )
-from agentflow.runs.locations import STAGE_WORDS, Location
+from agentflow.runs.locations import Location, stage_words
 from agentflow.runs.record import RunRecord
 from agentflow.runs.result import BUDGET, RunResult
 
@@ -62,6 +63,13 @@ class RunStory:
         return found
 
     @property
+    def _model(self) -> str:
+        """What answered; "" if that is not known yet."""
+        if self.result is not None:
+            return self.result.model
+        return next((e.model for e in self.events if isinstance(e, RunStartEvent)), "")
+
+    @property
     def _result_data(self) -> Mapping[str, Any]:
         """The result as data; empty for an unfinished run."""
         return {} if self.result is None else self.result.to_json()
@@ -87,7 +95,10 @@ class RunStory:
             "archive": archive_of(self.events),
             "front": self._result_data.get("front"),
             "makers": self._result_data.get("makers"),
-            "stages": [{**stage.data, "words": stage.location.words} for stage in record.stages],
+            "stages": [
+                {**stage.data, "words": stage_words(stage.location.name, self._model)}
+                for stage in record.stages
+            ],
             "validity": validity(attempts),
             "reasons": rejection_reasons(attempts),
             "usage": usage(read_calls(self.path), cost),
@@ -99,8 +110,7 @@ class RunStory:
 
     def _head(self, record: RunRecord, priced: bool) -> dict[str, Any]:
         config = self.document.get("config", {})
-        answered_by = self.result.model if self.result else (record.start and record.start.model)
-        model = answered_by or config.get("model", {}).get("name") or ""
+        model = self._model or config.get("model", {}).get("name") or ""
         return {
             "task": config.get("task", ""),
             "workflow": config.get("workflow", ""),
@@ -122,7 +132,7 @@ class RunStory:
         end = "; its budget was used up" * (self.result.stopped == BUDGET)
         if not self.result.valid:
             return (self.result.reason or "no valid machine was found") + end
-        stage = STAGE_WORDS.get(self.result.best_stage or "", "")
+        stage = self.result.best_stage and stage_words(self.result.best_stage, self._model)
         place = f" found in the stage of {stage}" if stage else ""
         if not self.result.score:
             return f"is the highest score of any machine; one{place} is shown{end}"

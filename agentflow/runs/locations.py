@@ -21,6 +21,8 @@ STAGE_WORDS: dict[str, str] = {
     FEEDBACK: "refinement with feedback",
 }
 """Stage -> what pages call it."""
+RANDOM_EDITS = "none (random edits)"
+"""Stands for the model of a run that asks none."""
 
 _PARTS = {
     "structure": "structure",
@@ -98,3 +100,9 @@ class Location:
     def has(self, part: str) -> bool:
         """Whether a number is given."""
         return bool(getattr(self, part) != getattr(Location, part))
+
+
+def stage_words(stage: str, model: str) -> str:
+    """What pages call a stage of a run: without a model, nothing is refined."""
+    words = Location(stage).words
+    return words.replace("refinement", "random edits") if model == RANDOM_EDITS else words

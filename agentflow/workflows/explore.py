@@ -11,7 +11,7 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.edits.random import random_edit
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, FirstAttempt
-from agentflow.runs.locations import FEEDBACK, INITIAL, Location
+from agentflow.runs.locations import FEEDBACK, INITIAL, RANDOM_EDITS, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.elites.archive import Archive, Cell
 from agentflow.search.elites.map_elites import map_elites
@@ -24,7 +24,7 @@ from agentflow.workflows.stages import designs
 from agentflow.workflows.stages.feedback import Revision, Trajectory
 from agentflow.workflows.stages.pooled import draw_revision
 from agentflow.workflows.stages.search_record import SearchRecorder
-from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
+from agentflow.workflows.workflow import Workflow
 
 
 class Emitters:

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 from agentflow.agents.designer import Placer, PlacerInput
 from agentflow.machine.brief import Brief
-from agentflow.runs.locations import INITIAL, Location
+from agentflow.runs.locations import INITIAL, RANDOM_EDITS, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.designs import candidate_of, draw_machine, simulate
-from agentflow.workflows.workflow import RANDOM_EDITS, Workflow, completes_machines
+from agentflow.workflows.workflow import Workflow, completes_machines
 
 MOST_PLACED = 10
 """Maximum number of blocks that a random placement adds: 1.5 times the longest solution."""

@@ -8,7 +8,7 @@ from agentflow.errors import UsageError
 from agentflow.machine.edits.random import random_edit
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, EditEvent, FirstAttempt
-from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL, Location
+from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL, RANDOM_EDITS, Location
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import SearchCost
 from agentflow.search.tree import is_better
@@ -16,7 +16,7 @@ from agentflow.workflows.base import Candidate, Stage, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.designs import draw_machine, simulate
-from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
+from agentflow.workflows.workflow import Workflow
 
 MAX_REPEATS = 20
 """Attempts to find an edit that leads to a new machine before a climb gives up."""

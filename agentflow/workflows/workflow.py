@@ -28,8 +28,6 @@ SWITCHES: Mapping[str, tuple[str, object]] = {
     "analyst": (Analyst.name, True),
 }
 """Setting -> the role that it switches, and a value with which the role is asked."""
-RANDOM_EDITS = "none (random edits)"
-"""Author of the baselines without a model."""
 
 
 def designs_machines(brief: Brief) -> bool:

@@ -313,14 +313,17 @@ def test_hostile_text_is_shown_and_executes_nothing(opened: webdriver.Chrome) ->
 
 def test_kinds_of_machines_open_their_films(opened: webdriver.Chrome) -> None:
     cells = opened.find_elements(By.CSS_SELECTOR, ".heat td button")
-    assert [cell.get_property("title") for cell in cells] == [f"{VISIBLE}: 0", f"{VISIBLE}: 12.50"]
+    assert [cell.get_property("title") for cell in cells] == [
+        f"{VISIBLE}: 0 m, 1 machine",
+        f"{VISIBLE}: 12.50 m, 1 machine",
+    ]
     names = opened.find_elements(By.CSS_SELECTOR, ".heat tfoot th")
     assert [name.get_property("textContent") for name in names] == [VISIBLE, "motors"]
     cells[0].click()
     until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0 m")
     card = find(opened, ".card")
     assert card.find_element(By.TAG_NAME, "span").get_property("textContent") == VISIBLE
-    assert card.text.startswith("12.50")
+    assert card.text.startswith("12.50 m")
     picture = card.find_element(By.TAG_NAME, "img")
     opened.execute_script("arguments[0].scrollIntoView()", picture)
     until(opened, lambda: picture.get_property("naturalWidth") == 320)

@@ -14,10 +14,11 @@ def test_axes_and_cells() -> None:
         {"name": "wheels", "cells": ["0", "1", "2", "3"]},
         {"name": "drive", "cells": ["springs", "motors"]},
     ]
-    assert [(item["cell"], item["machine"], item["score"]) for item in found["cells"]] == [
-        ([0, 0], "m20", 5.0),
-        ([1, 0], "m22", 1.0),
-        ([3, 1], "m11", 4.0),
+    keys = ("cell", "machine", "score", "count")
+    assert [tuple(item[key] for key in keys) for item in found["cells"]] == [
+        ([0, 0], "m20", 5.0, 2),
+        ([1, 0], "m22", 1.0, 1),
+        ([3, 1], "m11", 4.0, 2),
     ]
     assert (found["size"], found["coverage"], found["qd_score"]) == (8, 0.375, 10.0)
 

@@ -17,10 +17,11 @@ from agentflow.runs.events import (
     LocalTrialsEvent,
     NodeEvent,
     RunEvent,
+    RunStartEvent,
     ToolEvent,
     read_typed_events,
 )
-from agentflow.runs.locations import Location
+from agentflow.runs.locations import RANDOM_EDITS, Location
 from tests.metrics.events import attempt as asked
 from tests.metrics.events import evaluation
 
@@ -124,6 +125,19 @@ def test_random_edits_grow_from_the_last_that_was_kept() -> None:
         (f"{location}-3", f"{location}-1", "trajectory 1, round 3", 3.0, True),
     ]
     assert nodes[3].best
+
+
+def test_where_random_edits_design_nothing_is_refined() -> None:
+    titles = [
+        [node.title for node in Lineage.of([start, event]).finish(None)]
+        for event in [tried("blind_refinement/traj-1", "a", 1.0)]
+        for model in (RANDOM_EDITS, "a model")
+        for start in [RunStartEvent(Location("start"), "movement", "random-dsl", model)]
+    ]
+    assert titles == [
+        ["trajectory 1, random edits without simulation"],
+        ["trajectory 1, refinement without simulation"],
+    ]
 
 
 def test_what_the_computer_failed_at_has_no_score_and_is_not_best() -> None:

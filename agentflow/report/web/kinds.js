@@ -1,31 +1,31 @@
 // Kinds of machines: the archive of a search as heat maps, and the best machine of each mechanism class.
 
-import { el, section, formatNumber, revealHidden } from "./dom.js";
+import { el, section, formatNumber, revealHidden, withUnit } from "./dom.js";
 
 /** The section; `choose` is called with the content hash of a machine. Null if there is only one kind. */
-export function kindsSection({ archive, classes = [] }, choose) {
+export function kindsSection({ archive, classes = [], task: { unit } }, choose) {
   if (!archive && classes.length < 2) return null;
-  return section("Kinds of machines", ...(archive ? archiveParts(archive, choose) : []),
+  return section("Kinds of machines", ...(archive ? archiveParts(archive, unit, choose) : []),
     classes.length ? el("h3", {}, "Best machine of each mechanism class: what drives / what holds / how it releases") : null,
-    el("div", { class: "cards" }, ...classes.map((item) => classCard(item, choose))));
+    el("div", { class: "cards" }, ...classes.map((item) => classCard(item, unit, choose))));
 }
 
-function archiveParts({ axes, cells, size, coverage, qd_score }, choose) {
+function archiveParts({ axes, cells, size, coverage, qd_score }, unit, choose) {
   const best = Math.max(...cells.map(({ score }) => score), 0) || 1;
   const panels = axes[2] ? axes[2].cells.map((name, index) => [`${axes[2].name}: ${name}`, index]) : [["", null]];
   const shown = panels.map(([title, index]) => [title, cells.filter(({ cell }) => index === null || cell[2] === index)])
     .filter(([, found]) => found.length);
   return [
     el("p", {}, `${cells.length} of ${size} cells have a machine (${formatNumber(100 * coverage, 1)} %). The sum of their scores, the QD score, is ${formatNumber(qd_score)}.`),
-    el("div", { class: "heats" }, ...shown.map(([title, found]) => heatMap(title, axes, found, best, choose))),
+    el("div", { class: "heats" }, ...shown.map(([title, found]) => heatMap(title, axes, found, best, unit, choose))),
     el("p", { class: "quiet" }, "Each coloured cell is the best machine of its kind; stronger colour means a higher score. ",
-      "Numbers in cells are scores; those at the axes are lower bounds, or single whole numbers. Cells farther out are empty. Select a cell to see its machine.",
+      `In a cell, large: the score${unit && ` in ${unit}`} of that machine; small: how many machines fell into the cell. At the axes: lower bounds, or single whole numbers. Cells farther out are empty. Select a cell to see its machine.`,
       shown.length < panels.length ? ` Grids without a machine are left out: ${panels.length - shown.length} of ${panels.length}.` : ""),
   ];
 }
 
 /** One grid: the first axis across, the second upwards (a single row without one), as far as there are machines. */
-function heatMap(title, [across, up], cells, best, choose) {
+function heatMap(title, [across, up], cells, best, unit, choose) {
   const found = new Map(cells.map((item) => [item.cell.slice(0, 2).join(), item]));
   const [columns, rows] = [shownCells(across, cells, 0), up ? shownCells(up, cells, 1).reverse() : [["", undefined]]];
   return el("table", { class: "heat", "aria-label": revealHidden(title) || "Archive" },
@@ -33,7 +33,7 @@ function heatMap(title, [across, up], cells, best, choose) {
     el("tbody", {}, ...rows.map(([name, y], index) => el("tr", {},
       index || !up ? null : el("th", { class: "upwards", rowspan: rows.length }, up.name),
       el("th", { scope: "row" }, name),
-      ...columns.map(([, x]) => heatCell(found.get(y === undefined ? `${x}` : `${x},${y}`), best, choose))))),
+      ...columns.map(([, x]) => heatCell(found.get(y === undefined ? `${x}` : `${x},${y}`), best, unit, choose))))),
     el("tfoot", {},
       el("tr", {}, el("td", { colspan: up ? 2 : 1 }), ...columns.map(([name]) => el("th", { scope: "col" }, name))),
       el("tr", {}, el("td", { colspan: up ? 2 : 1 }), el("td", { colspan: columns.length }, across.name))));
@@ -46,18 +46,20 @@ function shownCells({ cells: names }, cells, axis) {
   return names.map((name, index) => [name, index]).slice(first, last + 1);
 }
 
-function heatCell(item, best, choose) {
+function heatCell(item, best, unit, choose) {
   if (!item) return el("td", {});
-  const text = revealHidden(`${item.mechanism ?? "unknown mechanism"}: ${formatNumber(item.score)}`);
-  const button = el("button", { title: text, "aria-label": text, click: () => choose(item.machine) }, formatNumber(item.score, 1));
+  const text = revealHidden(`${item.mechanism ?? "unknown mechanism"}: ${withUnit(item.score, unit)}, ${machines(item.count)}`);
+  const button = el("button", { title: text, "aria-label": text, click: () => choose(item.machine) }, formatNumber(item.score, 1), el("small", {}, `${item.count}`));
   button.style.setProperty("--share", `${Math.round(10 + 33 * Math.max(0, item.score / best))}%`);
   return el("td", {}, button);
 }
 
-function classCard({ mechanism, score, machine, count, picture }, choose) {
+const machines = (count) => (count === 1 ? "1 machine" : `${count} machines`);
+
+function classCard({ mechanism, score, machine, count, picture }, unit, choose) {
   return el("button", { class: "card", click: () => choose(machine) },
-    el("img", { src: picture, alt: "", loading: "lazy", width: 320, height: 240 }),
-    el("b", {}, formatNumber(score)),
+    el("img", { src: picture, alt: "", width: 320, height: 240 }),
+    el("b", {}, withUnit(score, unit)),
     el("span", {}, mechanism),
-    el("small", {}, count === 1 ? "1 machine" : `${count} machines`));
+    el("small", {}, machines(count)));
 }

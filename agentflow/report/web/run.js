@@ -100,7 +100,7 @@ export class RunView {
     const title = heading(node, this.data.task.unit);
     const coming = node.machine && this.film(node.machine);
     if (coming instanceof Promise && !(calm && this.player.film)) {
-      this.player.show(null, title, "Simulating …", this.still(node.machine));
+      this.player.show(null, title, this.growing ? "Simulating …" : "Simulating again, for the film …", this.still(node.machine));
       describe(this.chosen, node, title, null, this.calls, this.actions(node));
     }
     let found = null;

@@ -29,7 +29,7 @@ function verification({ score, low, high, holds, fails, fragile, scores }, unit)
 }
 
 export function legend() {
-  return el("p", { class: "quiet" }, "Each dot is a machine; a line leads to it from the one that it was edited from. Stronger colour means a higher score. ",
+  return el("p", { class: "quiet" }, "Each dot is a machine; a line leads to it from the one that it was edited from, and columns tell after how many edits. Stronger colour means a higher score. ",
     "Ring: something broke. Hollow: invalid. Cross: rejected edit. Arrow keys move the selection.");
 }
 

@@ -4,7 +4,7 @@
 import { formatNumber, svg } from "./dom.js";
 
 const ROW = 22;
-const TOP = 16;
+const TOP = 34; // above the first row: what columns are
 const EDGE = 14;
 const APART = 54; // of machines side by side
 
@@ -68,14 +68,15 @@ export class Tree {
     if (!width || width === this.width) return;
     this.width = width;
     this.arrange(Math.max(1, Math.floor((width - 2 * EDGE) / APART)));
-    this.column = Math.min(110, (width - 2 * EDGE - 44) / Math.max(this.deepest, 1));
+    this.column = Math.min(160, (width - 2 * EDGE - 44) / Math.max(this.deepest, 1));
     const height = TOP + this.rows * ROW;
     this.element.setAttribute("height", height);
     this.element.setAttribute("viewBox", `0 0 ${width} ${height}`);
     const focused = this.element.contains(document.activeElement);
     this.marks = new Map([...this.nodes.values()].map((node) => [node.id, this.mark(node)]));
     const links = [...this.nodes.values()].map((node) => this.link(node)).filter(Boolean);
-    this.element.replaceChildren(svg("g", { class: "links", "aria-hidden": "true" }, ...links), ...this.marks.values());
+    const heads = Array.from({ length: this.deepest && this.deepest + 1 }, (_, depth) => svg("text", { x: this.x({ depth }) - 6, y: 11 }, depth === 0 ? "first" : this.column < 60 ? `${depth}` : depth === 1 ? "1 edit" : `${depth} edits`));
+    this.element.replaceChildren(svg("g", { "aria-hidden": "true" }, ...heads), svg("g", { class: "links", "aria-hidden": "true" }, ...links), ...this.marks.values());
     this.select(this.selected ?? this.nodes.keys().next().value);
     this.element.parentElement.scrollTop = this.y(this.nodes.get(this.selected) ?? { row: 0 }) - this.element.parentElement.clientHeight / 2;
     if (focused) this.marks.get(this.selected).focus();

@@ -23,7 +23,7 @@ from agentflow.env.tasks.records import record_share
 from agentflow.errors import AgentflowError, RunError, UsageError
 from agentflow.runs import find_runs, read_document, state_of
 from agentflow.runs.events import EvaluationEvent, RunEvent, read_new_typed_events
-from agentflow.runs.locations import STAGE_WORDS
+from agentflow.runs.locations import stage_words
 from agentflow.runs.reading import CALLS, EVENTS, FILE_NAME, RESULT, Event
 from agentflow.runs.record import RunRecord
 from agentflow.studio.building.person_runs import PERSON
@@ -277,7 +277,7 @@ async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[N
             "problem": failing,
             "best": record.best,
             "machine": follower.best,
-            "stage": record.stage and STAGE_WORDS[record.stage.location.name],
+            "stage": record.stage and stage_words(record.stage.location.name, model or ""),
             "calls": record.calls,
             "refused": record.calls - record.valid_calls,
             "simulations": record.evaluations,
