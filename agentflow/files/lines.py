@@ -219,9 +219,7 @@ def parse_object(text: bytes) -> dict[str, Any] | None:
     Numbers that are not finite, or have hundreds of digits, are not JSON that agentflow writes.
     """
     try:
-        item = json.loads(
-            text, parse_float=_finite, parse_int=_whole, parse_constant=_refuse_constant
-        )
+        item = _DECODER.decode(text.decode(json.detect_encoding(text), "surrogatepass"))
     except (ValueError, RecursionError):
         return None
     return item if isinstance(item, dict) else None
@@ -246,3 +244,6 @@ def _whole(text: str) -> int:
 
 def _refuse_constant(name: str) -> float:
     raise ValueError(name)
+
+
+_DECODER = json.JSONDecoder(parse_float=_finite, parse_int=_whole, parse_constant=_refuse_constant)

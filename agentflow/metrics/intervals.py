@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -105,7 +106,11 @@ def bootstrap_clusters(groups: Iterable[Sequence[float]], seed: int = 0) -> Inte
     Returns:
         Ends in the unit of the values; None for fewer than two groups with values or without scipy.
     """
-    sums = [(sum(group), len(group)) for group in groups if group]
+    return _bootstrap(tuple((sum(group), len(group)) for group in groups if group), seed)
+
+
+@lru_cache(maxsize=1000)
+def _bootstrap(sums: tuple[tuple[float, int], ...], seed: int) -> Interval | None:
     stats = _stats() if len(sums) > 1 else None
     if stats is None:
         return None

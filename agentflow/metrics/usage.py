@@ -41,10 +41,15 @@ class Spent:
         """Prompt and completion tokens."""
         return self.prompt + self.completion
 
+    @classmethod
+    def total(cls, parts: Iterable[Spent]) -> Spent:
+        """The sum of one or more."""
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        sums: list[Any] = [None if None in column else sum(column) for column in columns]
+        return cls(*sums)
+
     def __add__(self, other: Spent) -> Spent:
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        sums: list[Any] = [None if None in pair else sum(pair) for pair in pairs]
-        return Spent(*sums)
+        return Spent.total((self, other))
 
 
 def spent_on(call: Mapping[str, Any], cost: Cost = no_price) -> Spent:
@@ -95,15 +100,16 @@ def summarize_usage(
     stage_of: Callable[[str, str], str] | None = None,
 ) -> UsageSummary:
     """Add up the lines of calls.jsonl, by stage if given `stage_of` (role, purpose -> stage)."""
-    total = Spent()
-    roles: dict[str, Spent] = {}
-    stages: dict[str, Spent] = {}
+    roles: dict[str, list[Spent]] = {}
+    stages: dict[str, list[Spent]] = {}
     for call in calls:
         spent = spent_on(call, cost)
         role = call["request"]["role"]
-        total += spent
-        roles[role] = roles.get(role, Spent()) + spent
+        roles.setdefault(role, []).append(spent)
         if stage_of is not None:
             stage = stage_of(role, Location.parse(call["request"]["label"]).purpose)
-            stages[stage] = stages.get(stage, Spent()) + spent
-    return UsageSummary(total, roles, stages)
+            stages.setdefault(stage, []).append(spent)
+    by_role, by_stage = (
+        {name: Spent.total(parts) for name, parts in found.items()} for found in (roles, stages)
+    )
+    return UsageSummary(sum(by_role.values(), Spent()), by_role, by_stage)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 StageName = Literal["initial", "blind_refinement", "env_feedback"]
@@ -67,6 +68,7 @@ class Location:
     """Number of a call of a tool in its stage."""
 
     @classmethod
+    @lru_cache(maxsize=20_000)
     def parse(cls, label: str) -> Location:
         """Read a label; everything before the numbered parts at its end is the name."""
         found = _LOCATION.fullmatch(label)

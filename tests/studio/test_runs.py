@@ -16,14 +16,19 @@ from typing import Any
 
 import httpx
 import pytest
+import yaml
 
 from agentflow.app.design.config import load_config
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.inspect.overview import run_details, run_list
+from agentflow.app.pages.sweeps import sweep_page_data
 from agentflow.cli import main
 from agentflow.runs import RunDirectory, read_events, state_of
+from agentflow.runs.reading import document_text
 from agentflow.studio.folder import RunFolder
-from agentflow.studio.watching.listing import Listing
+from agentflow.studio.watching.listing import Listing, usual_seconds
+from tests.app.sweeps.test_tables import sweep
+from tests.metrics.events import candidate
 from tests.studio.serving import Browser, studio
 
 RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
@@ -152,6 +157,31 @@ def test_scorecards_and_sweeps_have_their_pages(browser: Browser, runs: Path) ->
     assert (board["kind"], len(board["cards"])) == ("leaderboard", 1)
     for name in ("throwing", "..", "bench"):
         assert browser.client.get(f"/api/sweep?sweep={name}").status_code == 400
+
+
+def test_the_time_of_a_design_is_judged_by_the_last_ones_here(runs: Path) -> None:
+    document = yaml.safe_load((runs / "throwing" / "run.yaml").read_text())
+    del document["seal"]
+    document["began"] = datetime.now(timezone.utc).isoformat()
+    (runs / "throwing" / "run.yaml").write_text(document_text(document))
+    listing = Listing(RunFolder(runs))
+    [row] = listing.rows()
+    usual = usual_seconds(RunPlan.of_run(runs / "throwing", document))
+    assert listing.pace("throwing/3") == listing.pace("movement") == row["seconds"] / usual
+    assert Listing(RunFolder(runs / "none")).pace("throwing") >= 1
+
+
+def test_a_page_of_a_sweep_is_made_again_only_when_a_run_ends(tmp_path: Path) -> None:
+    path = sweep(tmp_path, {"seed-0": [candidate("initial", 1, 2.0)]}, seeds=[0, 1])
+    listing = Listing(RunFolder(tmp_path))
+    listing.rows()
+    before = listing.sweep(path)
+    assert listing.sweep(path) is before
+    assert before == sweep_page_data(path)
+    shutil.copytree(path / "runs" / "seed-0", path / "runs" / "seed-1")
+    after = listing.sweep(path)
+    assert [run["state"] for run in after["runs"]] == ["done", "done"]
+    assert after == sweep_page_data(path)
 
 
 def test_an_empty_folder_has_no_runs(tmp_path: Path) -> None:

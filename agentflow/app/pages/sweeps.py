@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from agentflow.app.sweeps.tables import (
     SweepResult,
     layout_table,
     read_sweep_result,
+    record_of,
     task_of,
 )
 from agentflow.app.sweeps.views import last_cell, variants
@@ -20,6 +21,7 @@ from agentflow.env.tasks.registry import known_unit
 from agentflow.machine import library, read_machine
 from agentflow.report.page import require_writable, write_page
 from agentflow.report.sweep import sweep_data
+from agentflow.runs.record import RunRecord
 
 PICTURE = (320, 240)
 """Width and height of the pictures of the best machines, in pixels."""
@@ -33,9 +35,12 @@ def sweep_report(path: Path, out: Path, **_: Any) -> Path:
     return out
 
 
-def sweep_page_data(path: Path, *, pictures: bool = False) -> dict[str, Any]:
-    """The data of the page of a sweep, finished or not; with `pictures` of the best machines."""
-    result = read_sweep_result(path)
+def sweep_page_data(
+    path: Path, known: Callable[[Path], RunRecord] = record_of, *, pictures: bool = False
+) -> dict[str, Any]:
+    """The data of the page of a sweep, finished or not; with `pictures` of the best machines.
+    `known` gives the record of a run."""
+    result = read_sweep_result(path, known)
     views = {name: make(result) for name, make in VIEWS.items() if name != LAYOUT}
     for name in (HUMAN, VERIFIED, MECHANISMS):
         if not any(row.values[-1] is not None for row in views[name].rows):

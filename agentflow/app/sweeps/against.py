@@ -96,7 +96,7 @@ def _read_runs(folder: Path) -> tables.SweepResult:
         for path, labels, config in zip(paths, _labels(configs), configs, strict=True)
     ]
     finished = tuple(
-        tables.finished_run(run, path)
+        tables.finished_run(run, path, tables.record_of(path))
         for run, path in zip(planned, paths, strict=True)
         if (path / RESULT).exists()
     )

@@ -42,7 +42,7 @@ class Estimate:
     verification: int
     """Most simulations to verify the finalists; not among the rollouts."""
     worker_seconds: float
-    """For all simulations."""
+    """For all simulations, if one finalist is verified; others are while they could still win."""
 
     def __add__(self, other: Estimate) -> Estimate:
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
@@ -79,7 +79,7 @@ def estimate(plan: RunPlan) -> Estimate:
         rollouts=rollouts,
         perturbation=rollouts * len(perturbed),
         verification=finalists * len(verified),
-        worker_seconds=(rollouts * (1 + sum(perturbed)) + finalists * sum(verified)) * seconds,
+        worker_seconds=(rollouts * (1 + sum(perturbed)) + sum(verified)) * seconds,
     )
 
 

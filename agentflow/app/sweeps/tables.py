@@ -93,8 +93,13 @@ def task_of(planned: SweepRun) -> str:
     return planned.labels.get("task", planned.config.task)
 
 
-def read_sweep_result(path: Path) -> SweepResult:
-    """Read the finished runs of a sweep.
+def record_of(path: Path) -> RunRecord:
+    """The record of a run, read from its events."""
+    return RunRecord.of(read_typed_events(path))
+
+
+def read_sweep_result(path: Path, known: Callable[[Path], RunRecord] = record_of) -> SweepResult:
+    """Read the finished runs of a sweep; `known` gives the record of a run.
 
     Raises:
         RunError: It is not a sweep directory, it or a run is damaged, no run is finished, or runs
@@ -106,7 +111,7 @@ def read_sweep_result(path: Path) -> SweepResult:
     for planned in every:
         run = path / RUNS / planned.name
         if (run / RESULT).exists():
-            done.append(finished_run(planned, run))
+            done.append(finished_run(planned, run, known(run)))
     if not done:
         raise RunError(
             f"no run of {path} is finished; run it with agentflow {sweep.command} "
@@ -116,11 +121,10 @@ def read_sweep_result(path: Path) -> SweepResult:
     return SweepResult(path, sweep, tuple(done), every, read_failures(path))
 
 
-def finished_run(planned: SweepRun, path: Path) -> FinishedRun:
-    """A finished run, which was planned as this one."""
+def finished_run(planned: SweepRun, path: Path, record: RunRecord) -> FinishedRun:
+    """A finished run with its record, which was planned as this one."""
     config = planned.config
     width = WORKFLOWS[config.workflow].adapt(config.settings).search.children
-    record = RunRecord.of(read_typed_events(path))
     full = _full_score(config.task, json.dumps(config.knobs, sort_keys=True))
     found = read_result(path)
     engine = found.engine or read_document(path).get("engine", "not recorded")

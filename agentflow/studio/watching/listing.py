@@ -4,27 +4,32 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 from collections.abc import AsyncIterator, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from math import inf
 from pathlib import Path
+from statistics import median
 from threading import Lock
-from time import monotonic
+from time import monotonic, time
 from typing import Any
 
 from agentflow.app.design.plan import RunPlan, task_of_run
 from agentflow.app.inspect.overview import run_row
+from agentflow.app.pages.sweeps import sweep_page_data
 from agentflow.app.sweeps.estimates import estimate
-from agentflow.app.sweeps.folder import is_sweep
+from agentflow.app.sweeps.folder import LOG, NAME, RUNS, is_sweep
+from agentflow.app.sweeps.tables import record_of
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_share
 from agentflow.errors import AgentflowError, RunError, UsageError
+from agentflow.llm.procedural import ProceduralClient
 from agentflow.runs import find_runs, read_document, state_of
 from agentflow.runs.events import EvaluationEvent, RunEvent, read_new_typed_events
 from agentflow.runs.locations import stage_words
-from agentflow.runs.reading import CALLS, EVENTS, FILE_NAME, RESULT, Event
+from agentflow.runs.reading import AGAIN, CALLS, EVENTS, FILE_NAME, RESULT, Event
 from agentflow.runs.record import RunRecord
 from agentflow.studio.building.person_runs import PERSON
 from agentflow.studio.folder import RunFolder
@@ -38,6 +43,9 @@ BY_HAND = "by hand"
 """What pages call the workflow of a person."""
 BATCH_S = 0.15
 """Seconds after which the runs read so far are shown."""
+DAY_S, START_S = 86_400.0, 1.5
+"""Seconds of a day, and until the workers of a run have started."""
+CORES = os.cpu_count() or 1
 QUIET = 20
 """Looks without news after which a comment keeps the connection alive."""
 News = Mapping[str, Any] | None
@@ -54,7 +62,8 @@ class Follower:
     """Seconds into the run at the last event."""
     best: str | None = None
     """Content hash of the machine with the highest score."""
-    _offset: int = 0
+    offset: int = 0
+    """Bytes of the events that were read."""
 
     def new_points(self) -> list[dict[str, float]]:
         """The scores that have been added: seconds into the run, calls, tokens, steps, score.
@@ -62,7 +71,7 @@ class Follower:
         Raises:
             RunError: The events are damaged.
         """
-        events, self._offset = read_new_typed_events(self.path, self._offset)
+        events, self.offset = read_new_typed_events(self.path, self.offset)
         return list(self._points(events))
 
     def _points(self, events: Iterable[RunEvent | Event]) -> Iterator[dict[str, float]]:
@@ -105,6 +114,8 @@ class Listing:
     def __init__(self, folder: RunFolder, designs: Designs | None = None) -> None:
         self._folder, self._designs = folder, designs
         self._known: dict[Path, _Known] = {}
+        self._sweeps: dict[Path, tuple[list[tuple[Path, int]], Row]] = {}
+        """Pages of sweeps, and the files that they were made from."""
         self._lock = Lock()
 
     def rows(self) -> list[Row]:
@@ -137,6 +148,45 @@ class Listing:
                 known[path], read = self._read(path), read + 1
             self._known = known
             return self._told(), len(changed) - read
+
+    def pace(self, task: str) -> float:
+        """How many times as long as `usual_seconds` a design takes on this computer now: the median
+        of today's last three of the built-in model, if there are any on the same kind of task; else
+        by how busy it is."""
+        today = [
+            (path, known)
+            for path, known in list(self._known.items())
+            if known.row["state"] == "done" and known.row["model"] == ProceduralClient.name
+            if known.begun and time() - known.begun < DAY_S
+        ]
+        family = task.partition("/")[0]
+        like = [item for item in today if item[1].row["task"].partition("/")[0] == family]
+        last = sorted(like or today, key=lambda item: item[1].begun or 0.0)[-3:]
+        found = []
+        for path, known in last:
+            with suppress(AgentflowError):
+                usual = usual_seconds(RunPlan.of_run(path, read_document(path)))
+                found.append(known.row["seconds"] / usual)
+        load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+        return median(found) if found else 1 + load / CORES
+
+    def record(self, path: Path) -> RunRecord:
+        """The record of a finished run: the list's, if it has read all events and none replaces
+        another, else read now."""
+        known, events = self._known.get(path), (path / EVENTS).read_bytes()
+        if known and known.follower.offset == len(events) and AGAIN not in events:
+            return known.follower.record
+        return record_of(path)
+
+    def sweep(self, path: Path) -> Row:
+        """The data of a sweep's page, which are kept until a run ends or fails."""
+        files = (path / NAME, path / LOG, *sorted((path / RUNS).glob(f"*/{RESULT}")))
+        now = [(file, file.stat().st_mtime_ns) for file in files if file.exists()]
+        before, data = self._sweeps.get(path, ([], {}))
+        if before != now:
+            data = sweep_page_data(path, self.record)
+            self._sweeps[path] = now, data
+        return data
 
     def _told(self) -> list[Row]:
         rows = {known.row["run"]: known.row for known in self._known.values()}
@@ -291,6 +341,11 @@ async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[N
             return
         told = now
         await asyncio.sleep(EVERY_S)
+
+
+def usual_seconds(plan: RunPlan) -> float:
+    """How long a run takes on an idle computer if its model answers at once."""
+    return START_S + estimate(plan).worker_seconds / min(plan.config.workers, CORES)
 
 
 def _planned(path: Path) -> Mapping[str, int]:

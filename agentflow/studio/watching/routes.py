@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from collections.abc import AsyncIterator, Mapping
 from functools import lru_cache
 from typing import Any, Literal
@@ -19,7 +18,6 @@ from agentflow.app.design.plan import task_of_run
 from agentflow.app.doctor import check_endpoint
 from agentflow.app.pages.compare import Comparison
 from agentflow.app.pages.runs import FINE, ReportedMachine, run_data
-from agentflow.app.pages.sweeps import sweep_page_data
 from agentflow.app.pages.tasks import LARGE, SMALL, level_data, level_picture
 from agentflow.app.sweeps.estimates import estimate
 from agentflow.app.tasks import list_tasks
@@ -49,6 +47,7 @@ from agentflow.studio.watching.listing import (
     as_stream,
     follow_list,
     follow_run,
+    usual_seconds,
 )
 
 SIZES = {"line": (112, 84), "card": (320, 240)}
@@ -185,7 +184,8 @@ class Watching:
         """About how much a design would need."""
         plan = await asyncio.to_thread(require_possible, form)
         found = estimate(plan)
-        seconds = found.worker_seconds / (plan.config.workers or os.cpu_count() or 1)
+        pace = await asyncio.to_thread(self._listing.pace, form.task)
+        seconds = usual_seconds(plan) * pace
         return {"calls": found.calls, "simulations": found.rollouts, "seconds": round(seconds)}
 
     async def connect(self, form: NewDesign) -> dict[str, Any]:
@@ -222,7 +222,7 @@ class Watching:
 
     async def sweep(self, given: OneSweep) -> dict[str, Any]:
         """The data of a sweep's page."""
-        return await asyncio.to_thread(sweep_page_data, self._folder.sweep(given.sweep))
+        return await asyncio.to_thread(self._listing.sweep, self._folder.sweep(given.sweep))
 
     async def leaderboards(self, _given: Nothing) -> list[dict[str, Any]]:
         """A leaderboard for each version of the benchmark that has scorecards in the folder."""

@@ -63,7 +63,7 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     if (!form.isConnected || !form.checkValidity()) return;
     try {
       const { calls, simulations, seconds } = await send("/api/designs/estimate", { ...read(form), ...fixed() });
-      const work = `up to ${formatNumber(simulations)} simulations (${spell(seconds)} if this computer does nothing else).`;
+      const work = `up to ${formatNumber(simulations)} simulations: ${spell(seconds)} on this computer, as busy as it is now.`;
       needs.textContent = (read(form).model ?? start.model) === BUILT_IN ? work.replace("up", "Up")
         : `About ${formatNumber(calls)} calls of the model, each as long as it takes to answer, and ${work}${read(form).calls ? "" : " Each call may cost money: Max calls, under Advanced, sets a limit."}`;
     } catch (error) {
@@ -76,12 +76,18 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     told.textContent = "";
     button.disabled = true;
     button.textContent = "Starting …";
+    const began = performance.now();
+    const tell = () => (needs.textContent = `Loading agentflow and the physics engine in a process of its own; the page of the run then opens … ${Math.round((performance.now() - began) / 1000)} s`);
+    const telling = setInterval(tell, 1000);
+    tell();
     try {
       const { run } = await send("/api/designs", { ...read(form), ...fixed() });
       begun(run);
     } catch (error) {
       told.textContent = error.message;
+      needs.textContent = "";
     } finally {
+      clearInterval(telling);
       button.disabled = false;
       button.textContent = given.machine ? "Refine this" : "Start";
     }
