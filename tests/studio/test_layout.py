@@ -81,6 +81,8 @@ def test_nothing_overlaps_or_is_cut_off(
         with on_phone(browser, width, height, dark=width == 820):
             open_page(browser, served, PAGES[page])
             until(browser, lambda: not browser.find_elements(By.CSS_SELECTOR, ".player.empty"))
+            if page == "runs":
+                until(browser, lambda: find(browser, "td.verified").is_displayed())
             found[width] = browser.execute_script(FAULTS)
     assert found == {width: [] for width, _ in WIDTHS}
     assert complaints(browser) == []
@@ -100,3 +102,6 @@ def test_on_a_phone_the_guide_covers_no_face_and_a_chosen_block_stays_in_sight(
         find(browser, ".palette [role=option]").click()
         idle(browser)
         assert browser.execute_script("return scrollY") == 0
+        until(browser, lambda: find(browser, ".here").text == "Click here")
+        place = find(browser, ".here").rect
+        assert other_top < place["y"] < place["y"] + place["height"] < other_bottom

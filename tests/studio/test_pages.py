@@ -214,6 +214,7 @@ def test_two_runs_are_shown_side_by_side_in_step(
     until(browser, lambda: len({clock.text for clock in clocks}) == 1)
     differ = browser.find_element(By.XPATH, "//button[text()='Mark differences']")
     assert differ.get_attribute("aria-pressed") == "true"
+    assert "Verified: " in find(browser, "main.compare").text
     assert browser.execute_script("return window.owned ?? null") is None
     assert complaints(browser) == []
 

@@ -26,10 +26,12 @@ export function comparePage(data, made = []) {
   else differ.disabled = true;
   return [
     el("main", { class: "alone compare" },
-      el("header", {}, el("p", { class: "kind" }, `agentflow comparison · seed ${data.seed} · ${data.engine}`), el("h1", {}, data.task), taskDetails(data.asked)),
+      el("header", {}, el("p", { class: "kind" }, `agentflow comparison · seed ${data.seed} · ${data.engine}`), el("h1", {}, data.task)),
       el("p", { class: "ahead" }, ahead(data.machines, data.asked.unit)),
-      el("p", { class: "actions" }, el("button", { class: "both", click: both }, "Play both"), differ),
+      data.verified ? el("p", { class: "quiet" }, `Verified: ${data.verified.join(" against ")}.`) : "",
+      el("p", { class: "actions" }, el("button", { class: "play both", click: both }, "Play both"), differ),
       el("div", { class: "pair" }, ...players.map((player) => player.element)),
+      taskDetails(data.asked),
       ...data.machines.flatMap(({ problems }, side) => problems.map((text) => problem(`${NAMES[side]} is not valid for ${data.task}: ${text}`))),
       section("Machines", table("Both machines", ["", ...NAMES], rows(data))),
       section("Blocks",

@@ -22,10 +22,10 @@ from agentflow.app.pages.sweeps import sweep_page_data
 from agentflow.app.sweeps.estimates import estimate
 from agentflow.app.sweeps.folder import LOG, NAME, RUNS, is_sweep
 from agentflow.app.sweeps.tables import record_of
+from agentflow.config.run import PROCEDURAL
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_share
 from agentflow.errors import AgentflowError, RunError, UsageError
-from agentflow.llm.procedural import ProceduralClient
 from agentflow.runs import find_runs, read_document, state_of
 from agentflow.runs.events import EvaluationEvent, RunEvent, read_new_typed_events
 from agentflow.runs.locations import stage_words
@@ -156,7 +156,7 @@ class Listing:
         today = [
             (path, known)
             for path, known in list(self._known.items())
-            if known.row["state"] == "done" and known.row["model"] == ProceduralClient.name
+            if known.row["state"] == "done" and str(known.row["model"]).startswith(PROCEDURAL)
             if known.begun and time() - known.begun < DAY_S
         ]
         family = task.partition("/")[0]

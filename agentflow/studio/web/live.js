@@ -12,8 +12,10 @@ const PAUSE = 1500; // least milliseconds between two readings of the record
 export async function livePage({ run }) {
   const films = new Map();
   const film = (machine) => {
-    if (!films.has(machine)) films.set(machine, ask("/api/machine", { run, machine }));
-    films.get(machine).catch(() => films.delete(machine));
+    if (!films.has(machine)) {
+      films.set(machine, ask("/api/machine", { run, machine }));
+      films.get(machine).then((found) => films.set(machine, found), () => films.delete(machine)); // shown at once the next time
+    }
     return films.get(machine);
   };
   let data;

@@ -1,7 +1,7 @@
 // The pages that compare runs: two machines side by side and in step, and the best scores of several runs.
 
 import { comparePage } from "../../report/web/compare.js";
-import { el, formatNumber, section, table, withUnit } from "../../report/web/dom.js";
+import { el, formatNumber, section, table, verifiedText, withUnit } from "../../report/web/dom.js";
 import { bestCharts } from "../../report/web/sections.js";
 import { address, ask } from "./api.js";
 import { pictureOf, shortName } from "./list.js";
@@ -9,6 +9,8 @@ import { pictureOf, shortName } from "./list.js";
 export async function pairPage({ a, b }) {
   const [data, ...runs] = await Promise.all([ask("/api/pair", { a, b }), ask("/api/run", { run: a }), ask("/api/run", { run: b })]);
   const players = [];
+  const told = ({ run: { verified } }) => (verified?.score ?? null) === null ? "none" : verifiedText(verified.score, verified.fragile, runs[0].task.unit);
+  if (runs.some(({ run }) => run.verified)) data.verified = runs.map(told);
   const [main] = comparePage(data, players);
   main.prepend(el("p", { class: "quiet" }, el("a", { href: "#runs" }, "Runs"), " / ",
     el("a", { href: address("run", { run: a }) }, `A: ${a}`), " / ", el("a", { href: address("run", { run: b }) }, `B: ${b}`)));

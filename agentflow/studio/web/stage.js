@@ -19,6 +19,7 @@ const RIM_LOOK = new THREE.MeshBasicMaterial({ color: new THREE.Color().setRGB(.
 const DRAG = 5; // pixels that a pointer moves before a click is a turn of the view
 const TURN = 0.12; // radians per press
 const PAUSE = 120; // milliseconds that a face is pointed at before the block is shown there
+const SWING = 700; // milliseconds in which the view turns by itself
 const REST = 300; // milliseconds without a frame after which nothing moves
 
 export class Stage {
@@ -31,7 +32,8 @@ export class Stage {
     this.gizmo = new Gizmo((way) => this.look(() => { this.eye.following = true; this.eye.way = way.clone(); }));
     this.tip = el("p", { class: "tip", hidden: "" });
     const button = (text, title, act) => el("button", { type: "button", title, click: act }, text);
-    this.element = el("div", { class: "view stage" }, this.canvas, this.gizmo.element, this.tip, el("div", { class: "views" },
+    this.here = el("p", { class: "here", hidden: "" }, "Click here");
+    this.element = el("div", { class: "view stage" }, this.canvas, this.gizmo.element, this.tip, this.here, el("div", { class: "views" },
       button("Fit", "The whole machine (0)", () => this.look(() => this.fit())), button("Course", "The level and the way ahead", () => this.look(() => this.eye.setWide(true))),
       button("Undo view", "The view before", () => this.views.length && this.restore())));
     this.views = []; // to go back to
@@ -55,7 +57,7 @@ export class Stage {
     this.sharpness = new Sharpness(this.picture, this.canvas, () => this.ask());
     editor.on(["state"], () => this.show());
     this.marks = new Marks(this.picture.scene);
-    editor.on(["spots"], () => { this.marks.show(this.sought); this.ask(); });
+    editor.on(["spots"], () => this.mark());
     editor.on(["point", "spots"], () => { this.marks.shade(editor.pointed); this.preview(); this.ask(); });
     editor.on(["choice"], () => { this.rim(); this.ask(); });
   }
@@ -71,7 +73,8 @@ export class Stage {
     const turned = this.sides && turnedTo(this.sides, this.eye.way);
     if (turned) {
       this.remember();
-      Object.assign(this.eye, { way: turned, following: true });
+      this.eye.following = true;
+      this.swing(turned);
     }
     this.sides = null;
     this.level.position.set(-state.middle[0], 0, state.middle[2]).add(this.level.down);
@@ -123,16 +126,41 @@ export class Stage {
     this.tip.style.top = `${Math.min(Math.max(y + this.canvas.clientHeight / 2 + 14, 8), this.canvas.clientHeight - 70)}px`;
   }
 
-  /** The faces to mark: those that a guide means, else all. */
-  get sought() {
+  /** Write above the face that a guide means that it is to be clicked. */
+  pointTo() {
+    const away = ({ block, face }) => this.marks.placeOf(block, face).distanceTo(this.picture.camera.position);
+    const [spot] = this.meant.sort((a, b) => away(a) - away(b));
+    this.here.hidden = !spot;
+    if (!spot) return;
+    const [x, y] = this.placeOf(spot.block, spot.face);
+    this.here.style.transform = `translate(calc(${x}px - 50%), calc(${y}px - 100% - 18px))`;
+  }
+
+  /** Mark the faces that a guide means, else all. */
+  mark() {
     const { spots, sought } = this.editor;
-    const meant = sought ? spots.filter(sought) : [];
-    return meant.length ? meant : spots;
+    this.meant = sought ? spots.filter(sought) : [];
+    this.marks.show(this.meant.length ? this.meant : spots);
+    this.ask();
   }
 
   /** When the next state shows, turn the camera if it sees no faces with these directions. */
   lookFor(sides) {
     this.sides = sides;
+  }
+
+  /** Turn the view slowly enough to be followed, unless somebody turns it. */
+  swing(to) {
+    const [from, begun, { down }] = [this.eye.way.clone(), performance.now(), this];
+    const step = (now) => {
+      if (this.down !== down || !this.film) return;
+      const share = matchMedia("(prefers-reduced-motion)").matches ? 1 : Math.min(1, Math.max(0, now - begun) / SWING);
+      this.eye.way = from.clone().lerp(to, share * share * (3 - 2 * share)).normalize();
+      this.eye.at(0);
+      this.ask();
+      if (share < 1) requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
   }
 
   /** Change the view in one step that can be undone. */
@@ -191,6 +219,7 @@ export class Stage {
     this.picture.pose(this.film, 0, false, this.eye.controls.target);
     this.picture.draw();
     this.gizmo.turn(this.picture.camera);
+    this.pointTo();
     this.canvas.dispatchEvent(new Event("frame"));
   }
 
@@ -242,7 +271,7 @@ export class Stage {
   }
 }
 
-const ASIDE = 0.55; // of the direction to the eye, along what it turns to
+const ASIDE = 0.4; // of the direction to the eye, along what it turns to: no farther than is needed
 const SEEN = 0.3; // least share of that direction along a face's normal
 
 /** The direction to the eye nearest to `way` from which the first of these sides is seen; null if one is already. */

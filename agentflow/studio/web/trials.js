@@ -97,7 +97,7 @@ export class Trials {
       if (editor.state.digest === trial.state.digest) this.showFilm();
       editor.record("watch");
       this.player.use(shapes, files);
-      await this.player.show(machine, `Trial ${trial.number} · ${trial.score === null ? trial.status : withUnit(trial.score, editor.start.unit)}`, machine.remark);
+      await this.player.show(machine, `Trial ${trial.number}`, machine.remark);
       this.player.play();
     } catch (error) {
       editor.say(error.message, true);
