@@ -36,11 +36,13 @@ def sweep_data(
     runs: Sequence[Mapping[str, Any]] = (),
     units: Mapping[str, str] | None = None,
     best: Mapping[tuple[str, str], Mapping[str, Any]] | None = None,
+    origins: Mapping[tuple[str, str], Sequence[str]] | None = None,
     *,
     zeros: bool = False,
 ) -> dict[str, Any]:
     """Everything that the page shows; `spreads` are scores by task and variant, `units` those of
-    tasks, `best` the best machines: run, score, and machine (content hash) or picture (URL).
+    tasks, `best` the best machines: run, score, and machine (content hash) or picture (URL),
+    `origins` the run of each score, the lowest score first.
 
     Columns of tables without any value but 0 are left out unless `zeros` keeps them.
     """
@@ -52,7 +54,7 @@ def sweep_data(
         "notes": shared,
         "spreads": [
             {
-                **_spread(task, name, scores),
+                **_spread(task, name, scores, (origins or {}).get((task, name), ())),
                 "unit": (units or {}).get(task, ""),
                 "best": (best or {}).get((task, name)),
             }
@@ -63,7 +65,7 @@ def sweep_data(
     }
 
 
-def _spread(task: str, name: str, scores: Scores) -> dict[str, Any]:
+def _spread(task: str, name: str, scores: Scores, runs: Sequence[str]) -> dict[str, Any]:
     interval = scores.mean_all_interval()
     ordered = sorted(scores.all)
     step = max(1, -(-len(ordered) // MOST_DOTS))
@@ -73,6 +75,7 @@ def _spread(task: str, name: str, scores: Scores) -> dict[str, Any]:
         "count": len(ordered),
         "invalid": scores.invalid,
         "values": ordered[::step],
+        "runs": runs[::step],
         "mean": scores.mean_all,
         "low": interval and interval.low,
         "high": interval and interval.high,

@@ -442,12 +442,16 @@ def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_pat
     failed = {"name": NASTY, "state": "failed", "score": None, "why": NASTY}
     best = {("throwing", NASTY): {"run": NASTY, "score": 2.0, "picture": "data:,"}}
     units = {"throwing": "m"}
-    data = sweep_data(NASTY, "about", spreads, [wide], [failed], units, best)
+    rows, runs = [failed, {**failed, "name": "r-1"}], {("throwing", NASTY): ["r-1", NASTY, NASTY]}
+    data = sweep_data(NASTY, "about", spreads, [wide], rows, units, best, runs)
     file = tmp_path / "sweep.html"
     file.write_text(whole_page("sweep", data), encoding="utf-8")
     complaints(browser)
     browser.get(file.as_uri())
     until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .dot")) == 3)
+    find(browser, ".chart").send_keys(Keys.HOME, Keys.ENTER)
+    assert find(browser, ".answer").text == "0 in r-1"
+    assert browser.execute_script("return getSelection().toString()").startswith("r-1")
     assert find(browser, "h1").get_property("textContent") == VISIBLE
     cells = [cell.text for cell in browser.find_elements(By.CSS_SELECTOR, "tbody td")]
     assert cells[:4] == ["b", "1.00", "c", "2.00"]  # one row of ten numbers is turned

@@ -51,7 +51,17 @@ def sweep_page_data(
     spreads = {key: last_cell(result, runs).scores for key, runs in groups.items()}
     found = {key: _best(runs, pictures) for key, runs in groups.items()}
     best = {key: one for key, one in found.items() if one}
-    return sweep_data(result.sweep.title, about, spreads, tables, _runs(result), units, best)
+    origins = {key: _origins(result, runs) for key, runs in groups.items()}
+    told = (tables, _runs(result), units, best, origins)
+    return sweep_data(result.sweep.title, about, spreads, *told)
+
+
+def _origins(result: SweepResult, runs: Sequence[FinishedRun]) -> list[str]:
+    """The run of each score of a group, the lowest score first."""
+    found = [
+        (score, run.planned.name) for run in runs for score in last_cell(result, [run]).scores.all
+    ]
+    return [name for _, name in sorted(found)]
 
 
 def _groups(result: SweepResult) -> dict[tuple[str, str], list[FinishedRun]]:

@@ -87,13 +87,15 @@ const NEAR = 0.6; // if all values exceed this share of the greatest, the axis d
 const [LETTER, SMALL] = [6.9, 5.8]; // width of a character of a name and of a number, pixels
 const PILE = [0, -4, 4, -8, 8]; // vertical offsets of dots that would overlap
 
-/** Values as dots over an axis, one row each, with mean and interval: {name, values, count, invalid, failed, mean, low, high};
- *  a dashed line at `mark`, if it is given: {value, name}. */
-export function intervalChart(title, axis, rows, mark) {
+/** Values as dots over an axis, one row each, with mean and interval: {name, values, runs, count, invalid, failed, mean, low, high};
+ *  a dashed line at `mark`, if it is given: {value, name}. A click on a dot, or Enter, gives its run to `pick`. */
+export function intervalChart(title, axis, rows, mark, pick = null) {
   const every = [...rows.flatMap((row) => [...row.values, row.low, row.high]), mark?.value].filter(Number.isFinite);
   const height = BOTTOM + 6 + BAND * rows.length;
-  return figure(title, (width) => {
+  let drawn = [];
+  const chart = figure(title, (width) => {
     const xs = scale(valueRange(every), [LEFT / 2, width - RIGHT]);
+    drawn = rows.flatMap(({ values, runs }, index) => stackDots(values.map(xs)).map(([x, off], place) => ({ x, y: 38 + BAND * index + off, item: runs?.[place], text: `${formatNumber(values[place])} in ${runs?.[place]}` })));
     const lines = ticks(xs.low, xs.high, 5).map((value) => svg("path", { class: "grid", d: `M${xs(value)} 4V${height - BOTTOM + 8}` }));
     const marks = rows.flatMap((row, index) => {
       const y = 38 + BAND * index;
@@ -114,6 +116,12 @@ export function intervalChart(title, axis, rows, mark) {
     if (Number.isFinite(mark?.value)) lines.push(svg("path", { class: "mark", d: line }, svg("title", {}, mark.name)));
     return [...lines, ...ticksBelow(xs, height - BOTTOM + 8, axis), ...marks];
   }, { height, rows: () => [["name", axis], ...rows.flatMap(({ name, values }) => values.map((value) => [name, value]))] });
+  if (pick) {
+    const picture = chart.querySelector("svg");
+    picture.classList.add("clickable");
+    chart.querySelector("figcaption").children[0].after(answering(picture, () => drawn, pick));
+  }
+  return chart;
 }
 
 /** Shares from 0 to 1.5 as bars with intervals: {name, bars: [{name, value, low, high}]}, all rows with the same bars. */

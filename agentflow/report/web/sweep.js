@@ -6,15 +6,24 @@ import { el, section, table, verifiedText, withUnit } from "./dom.js";
 /** @param linked makes an element of the name of a run, and of what is shown in its place
  *  @param still makes a picture of the best machine of a variant, {run, machine} */
 export function sweepPage(data, linked = (name, ...parts) => (parts.length ? el("div", { class: "card" }, ...parts) : name), still = ({ picture }) => picture && el("img", { src: picture, alt: "", width: 320, height: 240 })) {
-  return [
-    el("main", { class: "alone" },
+  const main = el("main", { class: "alone" },
       el("header", {}, el("p", { class: "kind" }, "agentflow sweep"), el("h1", {}, data.title), el("p", { class: "lede" }, data.about),
         ...data.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
-      data.spreads.length ? scoreDistributions(data.spreads) : null,
+      data.spreads.length ? scoreDistributions(data.spreads, (run) => openRun(main, run)) : null,
       bestMachines(data.spreads.filter(({ best }) => best), linked, still),
       ...data.tables.filter(({ columns }) => columns.length).map((item) => tableSection({ ...item, unit: unitOf(item, data.spreads) }, item.title === data.title ? "Results" : item.title)),
-      data.runs.length ? runsSection(data.runs, linked) : null),
-  ];
+      data.runs.length ? runsSection(data.runs, linked) : null);
+  return [main];
+}
+
+/** Follow the link of a run, or else show it in the list of runs. */
+function openRun(main, run) {
+  const cell = [...main.querySelectorAll("td:first-child")].find(({ textContent }) => textContent === run);
+  const link = cell.querySelector("a");
+  if (link) return link.click();
+  cell.closest("details").open = true;
+  cell.scrollIntoView({ block: "center" });
+  getSelection().selectAllChildren(cell.parentElement);
 }
 
 /** The unit of the scores in a table; "" if it has none, or if tasks differ in it. */
@@ -31,14 +40,14 @@ function bestMachines(rows, linked, still) {
 }
 
 /** One chart per task, because each task has its own unit. */
-function scoreDistributions(rows) {
+function scoreDistributions(rows, pick) {
   const tasks = [...new Set(rows.map((row) => row.task))].map((task) => rows.filter((row) => row.task === task));
   const known = rows.some((row) => Number.isFinite(row.low));
-  const about = `Each dot is a machine; invalid machines count as 0. Below: the mean${known ? " with its 95% bootstrap confidence interval" : ""}.`;
+  const about = `Each dot is a machine, and leads to its run; invalid machines count as 0. Below: the mean${known ? " with its 95% bootstrap confidence interval" : ""}.`;
   return section("Distribution of scores",
     ...tasks.map(answer),
     el("p", { class: "quiet" }, about),
-    ...tasks.map((found) => intervalChart(found[0].task, axisName("score", found[0].unit), found)));
+    ...tasks.map((found) => intervalChart(found[0].task, axisName("score", found[0].unit), found, null, found.some(({ runs }) => runs.length) ? pick : null)));
 }
 
 /** Which variant has the highest mean at a task, and whether the intervals tell it from the next. */

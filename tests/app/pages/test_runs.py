@@ -227,9 +227,9 @@ def test_a_sweep_is_reported_with_its_tables(
     assert capsys.readouterr() == (f"{path / 'report.html'}\n", "")
     data = data_of(path / "report.html")
     assert (data["kind"], data["title"]) == ("sweep", "Hand")
-    assert [(row["name"], row["values"]) for row in data["spreads"]] == [
-        ("chain", [2.0]),
-        ("mcts", [4.0]),
+    assert [(row["name"], row["values"], row["runs"]) for row in data["spreads"]] == [
+        ("chain", [2.0], ["chain.seed-0"]),
+        ("mcts", [4.0], ["mcts.seed-0"]),
     ]
     assert [table["title"] for table in data["tables"]] == [
         *("Hand", "scores", "usage", "verified scores")
