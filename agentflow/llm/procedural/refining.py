@@ -20,6 +20,7 @@ from agentflow.machine.edits.moves import random_control, with_random_program
 from agentflow.machine.geometry.balance import centre_of_mass, stands, support_polygon
 from agentflow.machine.numbers import numbers_of
 from agentflow.machine.tree import Control
+from agentflow.machine.validity import budget_problems
 
 BY_THEMSELVES = ("grabbers", "decouplers")
 """Groups that need no control: grabbers grip by themselves, and decouplers should hold at first."""
@@ -225,6 +226,9 @@ def _is_usable(prompt: PromptContent, script: list[str], failed: Set[str]) -> bo
     """Whether a script can be applied, has not failed before and locks no joint."""
     if {normalise(script), *(normalise([line]) for line in script)} & failed:
         return False
+    adds = [line for line in script if line.startswith("Add")]
+    if adds == script and budget_problems(len(prompt.machine) + len(adds), prompt.brief):
+        return False  # soon said of a full machine, which most changes add to
     outcome = apply_script(prompt.machine, "\n".join(script), prompt.brief)
     if not outcome.success or outcome.machine == prompt.machine:
         return False

@@ -19,7 +19,7 @@ from agentflow.machine.edits.moves import (
     with_random_program,
 )
 from agentflow.machine.tree import ROOT, Machine, Step
-from agentflow.machine.validity import check
+from agentflow.machine.validity import budget_problems, check
 
 MAX_TRIES = 1000
 """Maximum number of machines that `random_machine` starts before it gives up."""
@@ -127,8 +127,8 @@ def _grow(rng: Random, types: Sequence[int], brief: Brief | None, count: int) ->
 def _apply_if_valid(rng: Random, brief: Brief | None, move: Move) -> Machine | None:
     """The machine that a move makes; None if it is invalid."""
     edited = move(rng)
-    if edited is None:
-        return None
+    if edited is None or (brief and budget_problems(len(edited), brief)):
+        return None  # a full machine has thousands of additions, each soon refused
     report = check(edited, brief)
     return None if report.lasting_problems else report.machine
 
