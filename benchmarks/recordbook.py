@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +22,6 @@ from shelf import (
     scores_text,
 )
 
-from agentflow.config.run import load_document
-from agentflow.config.sweep import list_runs, read_sweep
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
@@ -32,9 +31,8 @@ from agentflow.env.verification import verify
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check as check_machine
 
-BENCHMARK = Path(__file__).parent.parent / "configs" / "benchmark.yaml"
-
-
+LARGE = r"large.language.model( \(recorded\))?"
+"""How results of recorded language models name them."""
 HEAD = """\
 # Fragile records
 
@@ -44,7 +42,7 @@ to see how far a record can be trusted, and where a sturdier machine is worth lo
 A machine is [fragile](../explanation/scores.md#fragile-machines) if its score holds in some \
 simulations of its verification but not in all. That is so for {of_levels} of the {levels} records \
 of levels, and for {of_items} of the {items} further ones of \
-[the benchmark](../how-to/benchmark.md); names tell the engine where it is not PyBullet. \
+levels with other knobs; names tell the engine where it is not PyBullet. \
 `python benchmarks/records.py page` writes this page.
 
 | record | verified score | holds in | scores where it fails |
@@ -102,19 +100,15 @@ class Target:
 
 
 def targets(engine: str = "") -> dict[str, Target]:
-    """All levels, then the items of the benchmark with changed knobs, by name of their file."""
+    """All levels, then the recorded levels with changed knobs, by name of their file."""
     levels = (
         Target(f"{get_task(name).family}-{get_task(name).level}", name, {}, engine=engine)
         for name in task_names()
     )
     found = {target.name: target for target in levels}
-    if BENCHMARK.exists():
-        for run in list_runs(read_sweep(load_document(BENCHMARK), str(BENCHMARK))):
-            name, config = run.labels["task"], run.config
-            # requirements that are only reported change no score
-            own = {k: v for k, v in config.knobs.items() if not k.startswith("requirements.")}
-            if own:
-                found[name] = Target(name, config.task, own, config.seed, engine)
+    for name, record in (machine_records() | machine_records(engine)).items():
+        if record.knobs:
+            found[name] = Target(name, record.task, record.knobs, record.seed, engine)
     return found
 
 
@@ -153,7 +147,7 @@ def recorded_machines(folders: Iterable[Path]) -> Iterator[Known]:
     for folder in folders:
         for file in sorted(folder.glob("**/machines/*.json")):
             run = json.loads((file.parent.parent / "result.json").read_text(encoding="utf-8"))
-            who = run["model"].replace("large-language-model", "strong language model (recorded)")
+            who = re.sub(LARGE, "strong language model (recorded)", run["model"])
             how = f"{who}, {run['workflow']} on {run['task']}"
             yield Known(load_file(file), run["task"].partition("/")[0], how)
 
