@@ -23,8 +23,8 @@ from gepa.optimize_anything import EngineConfig, GEPAConfig, ReflectionConfig, o
 import agentflow
 from agentflow.app.benchmark.plan import item_configs, plan_benchmark, read_items
 
-TRAIN = ("movement-two-turns", "movement-stones-and-pipe")
-UNSEEN = ("delivery-heavy-cargo", "delivery-beam-and-pipe")
+TRAIN = ("movement-1", "movement-2")
+UNSEEN = ("delivery-1", "delivery-2")
 SEED_ADVICE = "Think before you build."
 NEEDED = ("powered wheels", "four wheels", "no ballast")
 """What the stand-in needs to read, of which the best advice has all."""
@@ -70,7 +70,7 @@ class Items:
         self.answer, self.engine, self.evaluations = answer, engine, 0
 
     def evaluate(self, advice: str, example: str) -> tuple[float, dict]:
-        """What GEPA calls: the share of the best known machine, and what happened."""
+        """What GEPA calls: the share of the par, and what happened."""
         self.evaluations += 1
         config = self.configs[example]
         given = {"knobs": config.knobs, "engine": self.engine}

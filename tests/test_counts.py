@@ -64,7 +64,7 @@ def families() -> tuple[str, ...]:
 
 BENCHMARK = sweep("benchmark")
 ITEMS: dict[str, dict[str, Any]] = BENCHMARK["axes"]["task"]
-FIRST, REFINED = BENCHMARK["axes"]["part"]["first"], BENCHMARK["axes"]["part"]["refined"]
+FIRST, SEARCH = BENCHMARK["axes"]["part"]["first"], BENCHMARK["axes"]["part"]["search"]
 ITEMS_OF = Counter(get_task(item["task"]).family for item in ITEMS.values())
 EXTENDED = sum(block.extended for block in library().values())
 ENGINE_PAGE = page("validation.md")
@@ -113,13 +113,10 @@ NUMBERS: tuple[tuple[str, float], ...] = (
     (r"N \*items\*", len(ITEMS)),
     (r"N for each of \w+ families", max(ITEMS_OF.values())),
     (r"for each of N families", len(ITEMS_OF)),
-    (r"N items use the lowest score", len(BENCHMARK["benchmark"]["lowest"])),
     (r"N independent first replies", FIRST["trajectories"]),
-    (r"with N rounds of search and \w+ machines per", REFINED["search.rounds"]),
-    (r"rounds of search and N machines per", REFINED["search.width"]),
-    (r"N attempts of the workflow `placement`", FIRST["placements"]),
-    (r"second part takes the best of N\b", REFINED["placements"]),
-    (r"N items of jumping and lifting", ITEMS_OF["jumping"] + ITEMS_OF["lifting"]),
+    (r"at most N model calls and", SEARCH["model.budget.calls"]),
+    (r"model calls and N simulations", SEARCH["max_simulations"]),
+    (r"`placement`: N, 24, 24 and", FIRST["placements"]),
     # measures
     (r"N measures, by shape", len(Measures.__dataclass_fields__) - 1),
     (r"\| points \| N \|", POINTS),
@@ -197,8 +194,7 @@ def test_items_of_the_benchmark_are_listed() -> None:
     first = text.partition("\n## Scorecards")[0]
     shown = {cells[0]: cells[1] for cells in rows(first) if cells[0] in ITEMS}
     assert shown == {name: item["task"] for name, item in ITEMS.items()}
-    [without] = re.findall(r"three for each of eight families \(all but ([^)]+)\)", text)
-    assert set(re.split(r", | and ", without)) == set(families()) - set(ITEMS_OF)
+    assert set(ITEMS_OF) == set(families())
     assert len(set(ITEMS_OF.values())) == 1
 
 

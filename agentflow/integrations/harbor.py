@@ -15,7 +15,7 @@ from typing import Any
 
 import jinja2
 
-from agentflow.app.benchmark.plan import item_configs, plan_benchmark, read_items, share_of
+from agentflow.app.benchmark.plan import MOST, item_configs, plan_benchmark, read_items, share_of
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import choose_engine
 from agentflow.env.tasks.base import Task
@@ -91,9 +91,9 @@ def items_of_set(benchmark: Path) -> list[Item]:
     sweep = plan_benchmark(benchmark, (), {}).sweep
     items, configs = read_items(sweep), item_configs(sweep)
     return [
-        Item(name, config.task, config.knobs, config.engine, item.floor, item.full, item.most)
+        Item(name, config.task, config.knobs, config.engine, par.floor, par.par, MOST)
         for name, config in configs.items()
-        if (item := items[name])
+        if (par := items[name].par)
     ]
 
 

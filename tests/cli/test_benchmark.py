@@ -155,7 +155,7 @@ def test_a_leaderboard_opens_in_a_browser(
     board = tmp_path / "board.html"
     assert main(["leaderboard", *cards, "--html", str(board)]) == 0
     out = capsys.readouterr().out
-    assert out.startswith("Benchmark version 1, ")
+    assert out.startswith("Benchmark version 2, ")
     ranks = [line.split()[:2] for line in out.splitlines() if line[:1] in ("1", "2")]
     assert ranks == [["1", "procedural"], ["2", "none"]]
     assert out.endswith(f"{board}\n")

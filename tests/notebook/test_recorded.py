@@ -160,7 +160,7 @@ def test_a_scorecard_is_a_row_for_each_item() -> None:
     assert isinstance(card, agentflow.Card)
     found = card.to_frame()
     assert len(found) == len(card.content.items)
-    assert found.refined.mean() == pytest.approx(card.content.total["refined"].mean, abs=1e-5)
+    assert found.search.mean() == pytest.approx(card.content.total["search"].mean, abs=1e-5)
     assert repr(card).startswith("Card(")
     assert len(repr(card)) < 200
 

@@ -100,7 +100,7 @@ class _Attempt:
             return f"states the score {stated.score}, but did not end with one here: check again"
         if stated.score is None:
             return f"states no score, but has {score:g}"
-        share, whole = item.share(score), item.full - item.floor
+        share, whole = item.share(score), item.par.par - item.par.floor
         room = tolerance * abs(score) + 10.0**-DIGITS
         if abs(score - stated.score) > room or abs((stated.share or 0.0) - share) > room / whole:
             return (
@@ -164,7 +164,7 @@ def _attempts(card: Scorecard, path: Path, source: Path) -> list[_Attempt]:
         (run.labels[PART], run.labels[ITEM], run.config.seed): run.config for run in plan.runs
     }
     items = read_items(plan.sweep)
-    planned = [(n, i.task.name, i.knobs, i.full) for n, i in items.items()]
+    planned = [(n, i.task.name, i.knobs, i.par.par) for n, i in items.items()]
     if planned != [(i.item, i.task, i.knobs, i.full) for i in card.items]:
         raise RunError(f"{path} states what is not so: its items are not those of {source}")
     found = []

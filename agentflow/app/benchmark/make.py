@@ -1,17 +1,18 @@
 """New benchmarks: items drawn from a seed, each with what it takes to score nothing and all of it.
 
 An item's share begins at its *floor*, what random machines and edits reach, and is 1 at its *par*,
-what the built-in designer and its search reach with many simulations. Where the search reaches
-hardly more than the designer's first machines, or little at all, the par is the greatest possible
-score. An item is drawn again while first machines come near that as well, or there is
-none.
+what the built-in designer and its search reach with many simulations, or a machine that is known.
+Where they reach hardly more than the designer's first machines, or little at all, the par is the
+greatest possible score. An item is drawn again while first machines come near that as well, or
+there is none.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import asyncio
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import count, cycle, islice
 from pathlib import Path
 from random import Random
@@ -20,15 +21,20 @@ from uuid import UUID
 
 import yaml
 
+from agentflow.app.benchmark.plan import ITEM, PART, VERSION
 from agentflow.app.design.execution import best_machine
 from agentflow.app.design.run import design, resume
 from agentflow.config.run import PROCEDURAL, build_config, load_document, set_key
-from agentflow.config.shipped import find_config
 from agentflow.config.sweep import Par
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
+from agentflow.env.verification import verify_async
 from agentflow.errors import ConfigError, RunError, UsageError
 from agentflow.files.atomic import os_errors, write_output
 from agentflow.files.ranges import draw_numbers
+from agentflow.machine import Machine, library, read_machine
+from agentflow.machine.validity import check
 from agentflow.runs import Notify, RunResult
 from agentflow.workflows.registry import WORKFLOWS
 
@@ -42,6 +48,8 @@ FEWEST = 20
 """Fewest simulations that set a par."""
 DRAWS = 4
 """Most draws of an item; if none fits, the one whose first machines reach least counts."""
+VERIFIED = 3
+"""Known machines of an item that are verified: those with the best plain scores."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +90,7 @@ def make_benchmark(
     items: int = 33,
     simulations: int = 2000,
     workers: int = 2,
+    known: Path | None = None,
     say: Notify,
 ) -> NewSet:
     """Draw the items of a new benchmark and measure their floors and pars.
@@ -94,10 +103,12 @@ def make_benchmark(
         items: How many; they go round the families.
         simulations: Of the search that sets a par; those of several trials count as many.
         workers: Worker processes.
+        known: Folder of machines that may set pars as well, such as those of records.
         say: Receives a line for each item.
 
     Raises:
-        UsageError: The folder holds another benchmark, or cannot be written.
+        UsageError: The folder holds another benchmark, or cannot be written; there is no machine in
+            the folder of known ones.
         RunError: A verification failed, so that there is no floor or par.
         InterruptedRunError: Ctrl-C.
     """
@@ -105,26 +116,31 @@ def make_benchmark(
         (folder / MAKING).mkdir(parents=True, exist_ok=True)
         (folder / MACHINES).mkdir(exist_ok=True)
     _require_same(folder, {"seed": seed, "items": items, "simulations": simulations})
+    machines = _read_machines(known) if known else ()
     drawn: dict[str, _Drawn] = {}
     for name, template in islice(_templates(), items):
-        drawn[name] = _draw(folder, name, template, seed, simulations, workers)
+        drawn[name] = _draw(folder, name, template, seed, simulations, workers, machines)
         par = drawn[name].par
         say(f"{name}: floor {par.floor:g}, par {par.par:g}; {len(drawn)} of {items} items")
         if (machine := drawn[name].machine) is not None:
             with write_output(folder / MACHINES / f"{name}.json") as part:
                 part.write_text(machine, encoding="utf-8")
     pars = {name: item.par for name, item in drawn.items()}
-    document = load_document(find_config(Path("benchmark")))
-    document["title"] = f"Benchmark of seed {seed}"
-    document["about"] = "Single replies without feedback, and the best machines of runs with it."
-    document["base"] = {"engine": content()["engine"]}
-    tasks = {name: dict(item.changes) for name, item in drawn.items()}
-    document["axes"] = {"part": content()["parts"], "task": tasks}
-    document["benchmark"] = {
-        **document["benchmark"],
-        "lowest": [],
-        "canary": f"agentflow-benchmark {UUID(int=Random(f'{seed}/canary').getrandbits(128))}",
-        "pars": {name: par.model_dump() for name, par in pars.items()},
+    document = {
+        "title": f"Benchmark of seed {seed}",
+        "about": "Single replies without feedback, and the best machines of runs with it.",
+        "benchmark": {
+            "version": VERSION,
+            "canary": f"agentflow-benchmark {UUID(int=Random(f'{seed}/canary').getrandbits(128))}",
+            "pars": {name: par.model_dump() for name, par in pars.items()},
+        },
+        "base": {"engine": content()["engine"]},
+        "seeds": [0],
+        "axes": {
+            PART: content()["parts"],
+            ITEM: {name: dict(item.changes) for name, item in drawn.items()},
+        },
+        "table": {"metrics": ["share"]},
     }
     with write_output(folder / SET) as part:
         part.write_text(yaml.safe_dump(document, sort_keys=False, width=100), encoding="utf-8")
@@ -161,12 +177,30 @@ def _templates() -> Iterator[tuple[str, Mapping[str, Any]]]:
             yield f"{family}-{number}", next(templates)
 
 
+def _read_machines(folder: Path) -> tuple[Machine, ...]:
+    """All different machines in a folder, by file; raises UsageError if there is none."""
+    files = sorted(folder.rglob("*.json"))
+    read = (read_machine(file.read_text("utf-8"), tuple(library())).machine for file in files)
+    if machines := tuple(dict.fromkeys(machine for machine in read if machine)):
+        return machines
+    raise UsageError(
+        f"there is no machine in {folder}: name a directory with .json files of machines"
+    )
+
+
 def _draw(
-    folder: Path, name: str, template: Mapping[str, Any], seed: int, simulations: int, workers: int
+    folder: Path,
+    name: str,
+    template: Mapping[str, Any],
+    seed: int,
+    simulations: int,
+    workers: int,
+    known: Sequence[Machine] = (),
 ) -> _Drawn:
     """An item that is neither trivial nor impossible, or the best of the draws."""
     found: list[_Drawn] = []
-    for number, changes, greatest, trials in _draws(template, f"{seed}/{name}"):
+    for number, changes, task in _draws(template, f"{seed}/{name}"):
+        greatest, trials = task.brief.greatest, len(task.trials(0))
         scores, best = dict[str, float](), dict[str, str]()
         for solver, document in _documents(changes, seed, max(FEWEST, simulations // trials)):
             if solver == "par" and greatest and _share(scores, greatest) > TRIVIAL:
@@ -175,8 +209,12 @@ def _draw(
             scores[solver] = run.verified_score or 0.0
             if machine := best_machine(run):
                 best[solver] = machine.to_text()
+        if found_known := asyncio.run(_best_of(known, task, workers)):
+            scores["known"], best["known"] = found_known
         floor, solver = scores["floor"], max(scores, key=scores.__getitem__)
-        for par, reached_by in ((scores[solver], best.get(solver)), (greatest or 0.0, None)):
+        # without partial scores, an impossible item cannot be told from a hard one
+        possible = 0.0 if changes.get("workflow") else greatest or 0.0
+        for par, reached_by in ((scores[solver], best.get(solver)), (possible, None)):
             if par <= floor or par < LUCK * (greatest or 0.0):
                 continue
             share = _share(scores, par)
@@ -188,19 +226,29 @@ def _draw(
     return min(found, key=lambda item: item.reached)
 
 
+async def _best_of(
+    machines: Sequence[Machine], task: Task, workers: int
+) -> tuple[float, str] | None:
+    """Verified score and text of the best of the machines that are valid for a task, if any is."""
+    valid = [machine for machine in machines if check(machine, task.brief).task_valid]
+    async with RolloutPool(workers) as pool:
+        rollouts = await asyncio.gather(*(pool.run(machine, task) for machine in valid))
+        plain = {m: rollout.score or 0.0 for m, rollout in zip(valid, rollouts, strict=True)}
+        ranked = sorted(valid, key=plain.__getitem__, reverse=True)[:VERIFIED]
+        found = [await verify_async(m, task, partial(pool.run, m, task)) for m in ranked]
+    scored = [(v.score, m.to_text()) for m, v in zip(ranked, found, strict=True) if v.score]
+    return max(scored, default=None)
+
+
 def _share(scores: Mapping[str, float], par: float) -> float:
     """Share of a par that first machines reach; 1 if it is not above the floor."""
     floor = scores["floor"]
     return (scores["first"] - floor) / (par - floor) if par > floor else 1.0
 
 
-def _draws(
-    template: Mapping[str, Any], seed: str
-) -> Iterator[tuple[int, dict[str, Any], float | None, int]]:
-    """Numbered changes of an item, without those that make no task: a target over a hole, say.
-
-    With each, the greatest possible score, if there is one, and how many trials a simulation has.
-    """
+def _draws(template: Mapping[str, Any], seed: str) -> Iterator[tuple[int, dict[str, Any], Task]]:
+    """Numbered changes of an item with their tasks, without those that make none: a target over a
+    hole, say."""
     fitting = 0
     for number in range(10 * DRAWS):
         changes = draw_numbers(template, Random(f"{seed}/{number}"))
@@ -210,7 +258,7 @@ def _draws(
         except ConfigError:
             continue
         fitting += 1
-        yield number, changes, task.brief.greatest, len(task.trials(0))
+        yield number, changes, task
         if fitting == DRAWS:
             return
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +18,9 @@ from agentflow.app.design.trust import Approve, refuse
 from agentflow.app.sweeps.folder import is_sweep
 from agentflow.app.sweeps.plan import SweepPlan, plan_sweep
 from agentflow.config.run import DesignConfig, build_config
-from agentflow.config.sweep import BenchmarkSettings, SweepConfig, list_runs
+from agentflow.config.sweep import BenchmarkSettings, Par, SweepConfig, list_runs
 from agentflow.env.physics.engines import physics_conditions
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.records import full_score, record_of
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import ConfigError, UsageError
 from agentflow.files.documents import digest_of
@@ -35,7 +33,7 @@ CALLS = "model.budget.calls"
 VERSION = 2
 """The greatest version of a benchmark that is known."""
 MOST = 1.5
-"""Greatest share of an item with a par."""
+"""Greatest share, so that no item outweighs the others."""
 
 
 def plan_benchmark(
@@ -107,18 +105,12 @@ class Item:
     knobs: Mapping[str, Any]
     lowest: bool
     """Whether the lowest score of the verification counts, not the median."""
-    full: float
-    """Score that a share of 1 stands for."""
-    floor: float
-    """Score that a share of 0 stands for."""
-    most: float
-    """Greatest share, so that no item outweighs the others."""
-    basis: tuple[float, ...]
-    """What its shares rest on: all that two cards must agree on."""
+    par: Par
+    """Its floor and par: the scores that shares of 0 and 1 stand for."""
 
     def share(self, score: float) -> float:
         """What a score counts for."""
-        return share_of(score, self.floor, self.full, self.most)
+        return share_of(score, self.par.floor, self.par.par, MOST)
 
 
 def share_of(score: float, floor: float, full: float, most: float) -> float:
@@ -127,29 +119,17 @@ def share_of(score: float, floor: float, full: float, most: float) -> float:
 
 
 def read_items(sweep: SweepConfig) -> dict[str, Item]:
-    """The items by name; raises ConfigError if one has nothing to compare with."""
+    """The items by name; raises ConfigError if one has no floor and par, or cannot be built."""
     found, settings = {}, benchmark_of(sweep)
     for name, config in item_configs(sweep).items():
-        lowest = name in settings.lowest
         try:
             task = get_task(config.task, config.knobs)
         except ConfigError as error:
             raise ConfigError(f"the item {name} cannot be built: {error}") from None
-        if settings.pars:
-            par = settings.pars.get(name)
-            if par is None or par.par <= par.floor:
-                raise ConfigError(f"benchmark.pars: {name} needs a par above its floor")
-            basis, most = (par.floor, par.par), MOST
-            floor, full = basis
-        else:
-            record, above = record_of(task), full_score(task, lowest)
-            if record is None or above is None:
-                raise ConfigError(
-                    f"the item {name} has no record above 0 to compare with; find one with: "
-                    f"python benchmarks/records.py find {name}"
-                )
-            floor, full, most, basis = 0.0, above, inf, (record.verified, record.low)
-        found[name] = Item(task, dict(config.knobs), lowest, full, floor, most, basis)
+        par = settings.pars.get(name)
+        if par is None or par.par <= par.floor:
+            raise ConfigError(f"benchmark.pars: {name} needs a par above its floor")
+        found[name] = Item(task, dict(config.knobs), name in settings.lowest, par)
     return found
 
 
@@ -163,8 +143,7 @@ def conditions(sweep: SweepConfig) -> dict[str, Any]:
         "plan": settings.plan,
         **physics_conditions(build_config(sweep.base).engine),
         "prompts": PromptSet().digest,
-        "records": digest_of({name: [*item.basis] for name, item in items}),
-        **({"pars": True} if settings.pars else {}),  # left out, so that older cards compare
+        "pars": digest_of({name: item.par.model_dump() for name, item in items}),
     }
 
 

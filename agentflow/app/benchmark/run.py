@@ -130,7 +130,7 @@ def _result(
         family=item.task.family,
         task=item.task.name,
         knobs=dict(item.knobs),
-        full=item.full,
+        full=item.par.par,
         parts=parts,
     )
 

@@ -95,6 +95,7 @@ def new_benchmark(
     items: Annotated[int, typer.Option(min=1, max=1100)] = 33,
     simulations: Annotated[int, typer.Option(min=1)] = 2000,
     workers: options.Workers = 2,
+    machines: Path | None = None,
     as_json: options.Json = False,
 ) -> None:
     """Draw a benchmark that nobody has seen: set.yaml, for agentflow benchmark.
@@ -107,6 +108,7 @@ def new_benchmark(
         out: Directory of the benchmark; it can be continued.
         items: Number of items; they go round the families.
         simulations: Simulations of the search that sets an item's par.
+        machines: Directory of machines that may set pars as well, such as records.
     """
     from agentflow.app.benchmark.make import make_benchmark
 
@@ -116,6 +118,7 @@ def new_benchmark(
         items=items,
         simulations=simulations,
         workers=workers,
+        known=machines,
         say=lambda line: print(f"agentflow: {escape_controls(line)}", file=sys.stderr),
     )
     if as_json:

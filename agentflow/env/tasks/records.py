@@ -2,8 +2,8 @@
 
 Their machines solve what models are measured with, so the package has none of them: they are in the
 folder `records` of the repository. `benchmarks/records.py` finds machines and writes `records.json`
-from them. Some levels also have records with changed knobs: those of the benchmark's items. Other
-engines than that of these records have their own, in a folder and a file with their name.
+from them. Some levels also have records with changed knobs. Other engines than that of these have
+their own, in a folder and a file with their name.
 """
 
 import json
@@ -120,20 +120,13 @@ def record_of(task: Task) -> TaskRecord | None:
     return next((item for item in _records_on(task.engine) if _fits(item, task)), None)
 
 
-def full_score(task: Task, lowest: bool = False) -> float | None:
-    """The score that a share of 1 stands for: the greatest possible one, or that of the record.
-
-    Args:
-        task: The task.
-        lowest: Take the lowest score of the record's verification in place of the median.
-
-    Returns:
-        None if there is neither, or if it is not above 0.
-    """
+def full_score(task: Task) -> float | None:
+    """The score that a share of 1 stands for: the greatest possible one, or that of the record;
+    None if there is neither, or if it is not above 0."""
     if task.brief.greatest is not None:
         return task.brief.greatest
     found = record_of(task)
-    return (found.low if lowest else found.verified) or None if found else None
+    return found.verified or None if found else None
 
 
 def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None:

@@ -11,7 +11,13 @@ const OUTCOMES = {
   unverified: "Not verified", stopped: "Budget used up", missing: "Missing",
 };
 
-const WORDS = { first: "one reply, no feedback", refined: "refined with feedback" };
+const WORDS = {
+  first: "one reply, no feedback",
+  refined: "refined with feedback",
+  search: "search with feedback",
+  agent: "agent with tools",
+  long: "long search",
+};
 /** What a part of the benchmark is called. */
 const wordsOf = (part) => WORDS[part] ?? part;
 

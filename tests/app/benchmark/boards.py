@@ -9,7 +9,10 @@ import yaml
 
 SMALL: dict[str, Any] = {
     "title": "Small",
-    "benchmark": {"version": 1},
+    "benchmark": {
+        "version": 2,
+        "pars": {"gearing-1": {"floor": 0.0, "par": 1.0}, "gearing-2": {"floor": 0.0, "par": 1.0}},
+    },
     "base": {},
     "axes": {
         "part": {
@@ -39,6 +42,9 @@ SMALL: dict[str, Any] = {
     "table": {"metrics": ["share"]},
 }
 """Two items of one family."""
+
+
+PARS = SMALL["benchmark"]["pars"]
 
 
 def write(folder: Path, **changes: Any) -> Path:

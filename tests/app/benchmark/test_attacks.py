@@ -35,7 +35,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks import records
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.registry import FAMILIES
+from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.env.verification import verify_async
 from agentflow.errors import AgentflowError, RunError
 from agentflow.files.documents import sealed
@@ -151,8 +151,8 @@ def test_an_honest_card_has_its_scores(folder: Path) -> None:
 
 def test_cards_without_machines_are_read_and_not_checkable(tmp_path: Path) -> None:
     card = read_card(SHIPPED / "procedural.json")
-    best = card.items[0].parts["refined"][0].model_copy(update={"machine": ""})
-    bare = {"parts": {"first": (), "refined": (best,)}}
+    best = card.items[0].parts["search"][0].model_copy(update={"machine": ""})
+    bare = {"parts": {"first": (), "search": (best,)}}
     old = card.model_copy(update={"items": (card.items[0].model_copy(update=bare),)})
     write_card(tmp_path / "card.json", old)
     (told,) = check(tmp_path / "card.json", ROOT / "configs" / "benchmark.yaml")
@@ -226,7 +226,7 @@ def test_forged_cards_are_refused(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_cards_of_an_easier_benchmark_are_refused(folder: Path, tmp_path: Path) -> None:
-    other = write(tmp_path, benchmark={"version": 1, "lowest": ["gearing-1"]})
+    other = write(tmp_path, benchmark={**SMALL["benchmark"], "lowest": ["gearing-1"]})
     with pytest.raises(AgentflowError, match=r"cannot be checked with .*: its plan is "):
         check(folder / "small" / "card.json", other)
 
@@ -243,7 +243,7 @@ def test_a_patched_package_makes_cards_that_are_refused(
         )
         write_card(folder / "small" / "card.json", make_card(read_sweep_result(folder / "small")))
     with pytest.raises(
-        RunError, match=r"states the score 9 and the share 9\.0, but has 1 and 1\.0"
+        RunError, match=r"states the score 9 and the share 1\.5, but has 1 and 1\.0"
     ):
         check(folder / "small" / "card.json", folder / "small.yaml")
 
@@ -266,7 +266,8 @@ def test_writing_into_runs_is_seen(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_a_record_with_one_block_moved_is_named(tmp_path: Path) -> None:
-    source = write(tmp_path, axes=THROW)
+    pars = {"few": {"floor": 0.0, "par": 90.0}}
+    source = write(tmp_path, axes=THROW, benchmark={"version": 2, "pars": pars})
     copied = moved(RECORDS["throwing-few-blocks"].machine)
     write_card(tmp_path / "card.json", answered(source, copied))
     (tmp_path / "machines").mkdir()
@@ -307,12 +308,12 @@ async def test_a_check_that_a_busy_computer_cut_short_does_not_call_a_card_wrong
 
 def moved(machine: Machine) -> Machine:
     """The machine with one block on another face where it still scores."""
-    task = read_items(plan_benchmark(ROOT / "configs" / "benchmark.yaml", (), {}).sweep)
+    task = get_task("throwing", {"blocks.max": 20})
     for step in reversed(machine.steps):
         for face in range(6):
             steps = [replace(s, face_id=face) if s == step else s for s in machine.steps]
             other = Machine(tuple(steps), machine.controls, machine.controllers)
-            if other != machine and simulate(other, task["throwing-few-blocks"].task).score:
+            if other != machine and simulate(other, task).score:
                 return other
     raise AssertionError("no block can be moved")
 

@@ -130,10 +130,10 @@ def test_the_page_of_a_leaderboard_has_every_family_and_every_failure() -> None:
 
 def test_the_page_of_a_leaderboard_shows_the_machines_that_count() -> None:
     data = leaderboard_data([read_card(SHIPPED / "procedural.json")])
-    assert data["title"].startswith("Benchmark version 2, pybullet ")
-    assert data["about"] == "1 model on 24 items, conditions 01c692fdb6b75f83"
+    assert data["title"].startswith("Benchmark version 2, mujoco ")
+    assert data["about"].startswith("1 model on 33 items, conditions ")
     items = data["cards"][0]["items"]
-    assert [items[0]["item"], round(items[0]["share"], 4)] == ["throwing-few-blocks", 0.2775]
+    assert [items[0]["item"], round(items[0]["share"], 4)] == ["throwing-1", 0.1097]
     assert {item["machine"] for item in items} == set(data["machines"])
     [poor] = leaderboard_data([POOR])["cards"]
     assert {item["machine"] for item in poor["items"]} == {None}
@@ -331,7 +331,7 @@ def test_the_shipped_cards_are_complete_and_of_all_items() -> None:
     assert random.model == "none (random edits)"
     assert procedural.complete
     assert random.complete
-    assert [len(family) for family in (procedural.families, procedural.items)] == [8, 24]
+    assert [len(family) for family in (procedural.families, procedural.items)] == [11, 33]
 
 
 def test_the_card_of_the_recorded_language_model_is_labelled_and_of_all_families() -> None:

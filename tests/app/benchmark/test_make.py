@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import inf
+import asyncio
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,18 +15,20 @@ from agentflow.app.benchmark.card import read_card
 from agentflow.app.benchmark.plan import Item
 from agentflow.cli import main
 from agentflow.config.run import load_document
-from agentflow.config.sweep import read_sweep
+from agentflow.config.sweep import Par, read_sweep
 from agentflow.env.tasks.registry import FAMILIES, get_task
+from agentflow.env.verification import verify
 from agentflow.errors import RunError, UsageError
 from agentflow.files.ranges import ends_of
+from agentflow.machine.validity import check
 from tests.loops import for_each
+
+ROOT = Path(__file__).parents[3]
 
 
 def test_shares_begin_at_the_floor_and_end_at_one_and_a_half() -> None:
-    item = Item(get_task("throwing"), {}, False, 30.0, 10.0, 1.5, (10.0, 30.0))
+    item = Item(get_task("throwing"), {}, False, Par(floor=10.0, par=30.0))
     assert [item.share(score) for score in (0.0, 10.0, 20.0, 30.0, 99.0)] == [0, 0, 0.5, 1, 1.5]
-    record = Item(get_task("throwing"), {}, False, 30.0, 0.0, inf, (30.0, 29.0))
-    assert record.share(60.0) == 2.0
 
 
 @for_each(sorted(make.content()["items"]))
@@ -107,6 +110,43 @@ def test_an_item_that_first_machines_solve_is_drawn_again_without_a_search(
     assert (item.par.par, item.reached) == (10.0, 0.9)
     assert len(runs) == 2 * make.DRAWS
     assert not [name for name in runs if name.endswith("par")]
+
+
+def test_a_known_machine_can_set_the_par(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def best_of(*_given: object) -> tuple[float, str]:
+        return 60.0, "[known]"
+
+    template = make.content()["items"]["throwing"][0]
+    _scores(monkeypatch, floor=0.0, first=10.0, par=40.0)
+    monkeypatch.setattr(make, "_best_of", best_of)
+    item = make._draw(tmp_path, "throwing-1", template, 0, 8, 1)
+    assert (item.par.par, item.machine) == (60.0, "[known]")
+
+
+def test_gears_that_nobody_found_are_drawn_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They may be impossible: a gear train turns its targets or does not."""
+    _scores(monkeypatch, floor=0.0, first=0.0, par=0.0)
+    template = make.content()["items"]["gearing"][0]
+    with pytest.raises(UsageError, match="nothing in 4 draws scored more than random machines"):
+        make._draw(tmp_path, "gearing-1", template, 0, 8, 1)
+
+
+def test_the_best_of_known_machines_is_verified(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="there is no machine in"):
+        make._read_machines(tmp_path)
+    for name in ("plain_car", "mast_car", "published_throw"):
+        shutil.copy(ROOT / "tests" / "machines" / f"{name}.json", tmp_path)
+    machines = make._read_machines(tmp_path)
+    assert len(machines) == 3
+    task = get_task("movement/3")
+    found = asyncio.run(make._best_of(machines, task, 1))
+    scores = [verify(m, task).score or 0 for m in machines if check(m, task.brief).task_valid]
+    assert scores
+    assert found is not None
+    assert found[0] == max(scores)
+    assert asyncio.run(make._best_of(machines, get_task("gearing"), 1)) is None
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from agentflow.app.benchmark.plan import conditions, plan_benchmark
 from agentflow.config.run import DesignConfig
 from agentflow.errors import AgentflowError
 from agentflow.workflows.registry import WORKFLOWS
-from tests.app.benchmark.boards import SMALL, write
+from tests.app.benchmark.boards import PARS, SMALL, write
 
 
 def test_every_item_is_done_in_both_parts(tmp_path: Path) -> None:
@@ -33,7 +33,7 @@ def test_lite_keeps_the_first_item_of_each_family_and_is_another_plan(tmp_path: 
         for key, value in conditions(whole.sweep).items()
         if conditions(lite.sweep)[key] != value
     }
-    assert differing == {"lite", "plan", "records"}
+    assert differing == {"lite", "plan", "pars"}
 
 
 def test_without_a_model_the_plan_is_the_same(tmp_path: Path) -> None:
@@ -59,7 +59,10 @@ def test_without_a_model_the_plan_is_the_same(tmp_path: Path) -> None:
             {"base": {"settings": {"known_lessons": ["+1 Log: +2.00"]}}},
             "known_lessons: a benchmark shows no lessons of other runs",
         ),
-        ({"benchmark": {"version": 1, "lowest": ["x"]}}, "lowest: there is no item x"),
+        (
+            {"benchmark": {"version": 2, "pars": PARS, "lowest": ["x"]}},
+            "lowest: there is no item x",
+        ),
         (
             {"axes": {"task": SMALL["axes"]["task"]}},
             "a benchmark has the axis part, which begins wi",
@@ -78,8 +81,8 @@ def test_without_a_model_the_plan_is_the_same(tmp_path: Path) -> None:
             "axes.task.a: name the level with task",
         ),
         (
-            {"axes": {**SMALL["axes"], "task": {"a": {"task": "throwing", "window": 4}}}},
-            "the item a has no record above 0 to compare with; find one with: python benchma",
+            {"benchmark": {"version": 2, "pars": {"gearing-1": PARS["gearing-1"]}}},
+            "benchmark.pars: gearing-2 needs a par above its floor",
         ),
     ],
 )
@@ -110,7 +113,11 @@ def test_parts_and_seeds_are_chosen_without_another_plan(tmp_path: Path) -> None
 def test_all_parts_of_a_new_benchmark_can_be_planned(tmp_path: Path, random: bool) -> None:
     """With the budgets that the documentation names."""
     parts = content()["parts"]
-    file = write(tmp_path, axes={"part": parts, "task": {"a": {"task": "throwing"}}})
+    file = write(
+        tmp_path,
+        axes={"part": parts, "task": {"a": {"task": "throwing"}}},
+        benchmark={"version": 2, "pars": {"a": {"floor": 0.0, "par": 50.0}}},
+    )
     plan = plan_benchmark(file, (), {}, parts=[*parts], random=random)
     found = {run.labels["part"]: run.config for run in plan.runs}
     most = {name: config.settings.max_simulations for name, config in found.items()}
