@@ -1,6 +1,6 @@
 """How time and memory grow with blocks, machines, runs and workers.
 
-    python benchmarks/growth.py [--lines 100000] [--rollouts 1000] [--runs 1000] [--out FILE]
+    python benchmarks/growth.py [--lines 1000000] [--rollouts 1000] [--runs 10000] [--out FILE]
 
 Every point is CPU time; that of commands is of a fresh process, which starts in a quarter of a
 second. Writes docs/results/growth.md and the picture in it.
@@ -31,7 +31,7 @@ from agentflow.machine.edits.random import random_machine
 
 PAGE = ROOT / "docs" / "results" / "growth.md"
 RUN = ROOT / "runs" / "recorded-throwing"
-BLOCKS = 10, 20, 40, 80, 200
+BLOCKS = 10, 20, 40, 80, 200, 400
 WORKERS = 1, 2, 4, 8, 16
 LONGEST = 5.0
 """s of CPU time: an engine that takes longer for a machine gets no larger ones."""
@@ -167,9 +167,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--lines", type=int, default=100_000, help="most lines that are checked")
+    parser.add_argument("--lines", type=int, default=1_000_000, help="most lines that are checked")
     parser.add_argument("--rollouts", type=int, default=1000, help="most machines simulated")
-    parser.add_argument("--runs", type=int, default=1000, help="most runs listed")
+    parser.add_argument("--runs", type=int, default=10_000, help="most runs listed")
     parser.add_argument("--pool", type=int, default=200, help="machines simulated in each pool")
     parser.add_argument("--out", type=Path, default=PAGE)
     given = parser.parse_args()

@@ -63,7 +63,10 @@ def estimate(plan: RunPlan) -> Estimate:
     config = plan.config
     workflow = WORKFLOWS[config.workflow]
     settings = workflow.adapt(config.settings)
-    calls = workflow.calls_on(settings, plan.task.brief)
+    calls, most = workflow.calls_on(settings, plan.task.brief), config.model.budget.calls
+    total, money = sum(calls.values()), _total_money(config, calls)
+    share = 1.0 if most is None or total <= most else most / total
+    tokens = [sum(count * ROLES[r].tokens[i] for r, count in calls.items()) for i in (0, 1)]
     rollouts = workflow.rollouts(settings) + workflow.retries(settings, plan.task.brief)
     rollouts = min(rollouts, settings.max_simulations or rollouts)
     verified = _rates(most_variations_of(plan.task)) if config.verify else []
@@ -72,10 +75,10 @@ def estimate(plan: RunPlan) -> Estimate:
     perturbed = [] if settings.objective == "score" else _rates(PERTURBATIONS)
     seconds = len(plan.task.trials(config.seed)) * ROLLOUT_SECONDS * plan.task.window / WINDOW
     return Estimate(
-        calls=sum(calls.values()),
-        prompt_tokens=sum(count * ROLES[role].tokens[0] for role, count in calls.items()),
-        completion_tokens=sum(count * ROLES[role].tokens[1] for role, count in calls.items()),
-        money=_total_money(config, calls),
+        calls=round(share * total),
+        prompt_tokens=round(share * tokens[0]),
+        completion_tokens=round(share * tokens[1]),
+        money=None if money is None else share * money,
         rollouts=rollouts,
         perturbation=rollouts * len(perturbed),
         verification=finalists * len(verified),

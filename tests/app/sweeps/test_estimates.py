@@ -58,6 +58,7 @@ def test_token_estimates_match_the_recorded_run() -> None:
         ({"settings": {"search": {"rounds": 0}}}, 1 + 32 + 8 + 8, 16),
         ({"workflow": "iterative"}, 40 + 68 + 68, 176),
         ({"workflow": "iterative", "settings": {"search": MCTS}}, 8 + 8 + 40 + 168, 176),
+        ({"workflow": "iterative", "model": {"budget": {"calls": 24}}}, 24, 176),
         ({"workflow": "single"}, 8 + 40, 48),
         ({"workflow": "random-dsl"}, 0, 24),
         ({"workflow": "random-dsl", "settings": {"max_simulations": 100}}, 0, 100),
