@@ -16,9 +16,9 @@ that a command that was stopped loses nothing and can be run again.
 `update` verifies each record again and compares it with the other known machines of its family:
 reference machines, other records, and the machines of recorded runs in the given folders. `find`
 runs hill climbing from the record for some seconds; a step that scores more counts only if its
-verified score is higher, too. Without a record, it starts from another machine of the family,
-adapted to the budget and the block types. `check` simulates the records and fails
-if a score differs from the file. `list` prints the records, and `page` writes which are fragile to
+verified score is higher, too. Without a record, `find` starts from another machine of the family,
+adapted to the budget and the block types. `check` simulates the records and fails if a score
+differs from the file. `list` prints the records, and `page` writes which are fragile to
 docs/results/records.md. `scores` writes the scores of all into the package, as `update` and `find`
 do. `--engine mujoco` means the records of another engine, in a folder with its name, which `update`
 compares with all others as well; `page` has them all.

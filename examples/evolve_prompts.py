@@ -4,7 +4,7 @@
     python examples/evolve_prompts.py --model NAME --base-url URL
 
 The candidate is a text that ends the designer's system prompt. An evaluation is one reply to one
-item; its share of the best known machine counts. Items for training and unseen ones are of other
+item; its share of the par counts. Items for training and unseen ones are of other
 families. Without `--model`, a stand-in answers whose best advice is known: the more of what it
 needs it reads in the advice, the better is the car that it builds. It shows that the loop works,
 and nothing about models.
@@ -101,7 +101,7 @@ def main() -> None:
     parser.add_argument("--model")
     parser.add_argument("--base-url", default="https://api.openai.com/v1")
     parser.add_argument("--evaluations", type=int, default=30)
-    parser.add_argument("--engine", default="auto")
+    parser.add_argument("--engine", default="mujoco")
     given = parser.parse_args()
     model = Endpoint(given.model, given.base_url) if given.model else None
     items = Items(model or stand_in, given.engine)

@@ -67,7 +67,9 @@ class Par(BaseModel, frozen=True, extra="forbid"):
     """What the shares of an item are counted from and to."""
 
     floor: float = Field(allow_inf_nan=False, description="score of random machines: share 0")
-    par: float = Field(allow_inf_nan=False, description="score of a long search: share 1")
+    par: float = Field(
+        allow_inf_nan=False, description="score of a long search or of a known machine: share 1"
+    )
 
 
 class BenchmarkSettings(BaseModel, frozen=True, extra="forbid"):
@@ -77,9 +79,7 @@ class BenchmarkSettings(BaseModel, frozen=True, extra="forbid"):
     lowest: tuple[str, ...] = Field(
         (), description="items that count with the lowest score of the verification, not the median"
     )
-    pars: dict[str, Par] = Field(
-        {}, description="floor and par of each item; without any, shares are of records"
-    )
+    pars: dict[str, Par] = Field({}, description="floor and par of each item")
     canary: str = Field("", description="a text by which copies of the items are found")
     lite: bool = Field(False, description="whether only the first item of each family is left")
     plan: str = Field("", description="hash of items and parts; filled in when a run begins")

@@ -106,15 +106,16 @@ def bootstrap_clusters(groups: Iterable[Sequence[float]], seed: int = 0) -> Inte
     Returns:
         Ends in the unit of the values; None for fewer than two groups with values or without scipy.
     """
-    return _bootstrap(tuple((sum(group), len(group)) for group in groups if group), seed)
+    sums = tuple((sum(group), len(group)) for group in groups if group)
+    return _bootstrap(sums, seed) if len(sums) > 1 and _stats() else None
 
 
-@lru_cache(maxsize=1000)
+@lru_cache(maxsize=200)
 def _bootstrap(sums: tuple[tuple[float, int], ...], seed: int) -> Interval | None:
-    stats = _stats() if len(sums) > 1 else None
-    if stats is None:
-        return None
     import numpy as np
+
+    stats = _stats()
+    assert stats is not None
 
     totals, counts = np.asarray(sums, dtype=np.float64).T
     found = stats.bootstrap(

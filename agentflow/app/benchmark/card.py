@@ -40,7 +40,7 @@ class _Part(BaseModel, frozen=True, extra="forbid"):
 
 
 class Mean(_Part):
-    """A mean share of the full score, with its 95 % bootstrap interval."""
+    """A mean share, with its 95 % bootstrap interval."""
 
     mean: Number | None
     """None if nothing counts."""
@@ -73,7 +73,7 @@ class CountedMachine(_Part):
     outcome: Outcome
     score: Number | None
     share: Number | None
-    """Of the full score; None unless the outcome counts."""
+    """From floor to par; None unless the outcome counts."""
     reason: str = ""
     """Why there is no score."""
     fragile: bool | None = None
@@ -98,7 +98,8 @@ class ItemResult(_Part):
     task: str
     knobs: dict[str, Any]
     full: Number
-    """Score that a share of 1 stands for: the greatest possible one, or that of the record."""
+    """Score that a share of 1 stands for: the par; in cards of the first benchmark, the greatest
+    possible score or that of the record."""
     parts: dict[str, tuple[CountedMachine, ...]]
     """First replies, with plain scores; of other parts the best machine of each seed, with its
     verified score."""

@@ -32,8 +32,9 @@ from agentflow.app.benchmark.run import make_card
 from agentflow.app.sweeps.tables import read_sweep_result
 from agentflow.config.run import DesignConfig
 from agentflow.diversity.topology import tree_edit_distance, tree_hash
+from agentflow.env.physics.registry import ENGINES
 from agentflow.env.pool.pool import Pool, RolloutPool
-from agentflow.env.tasks.records import read_records, record_machine
+from agentflow.env.tasks.records import TaskRecord, read_records, record_machine
 from agentflow.env.verification import verify_async
 from agentflow.errors import RunError, UsageError
 from agentflow.extras import install, is_installed
@@ -240,7 +241,7 @@ def _copies(card: Scorecard, attempts: Sequence[_Attempt], source: Path) -> Iter
         f"the par {file.stem}": read_machine(file.read_text("utf-8"), blocks).machine
         for file in sorted((source.parent / MACHINES).glob("*.json"))
     }
-    recorded = {f"the record {name}": record_machine(name) for name in read_records()}
+    recorded = {f"the record {name}": record_machine(name) for name in _records()}
     known = {name: machine for name, machine in (recorded | pars).items() if machine}
     near = f"at most {NEAR} edits" if _measures_trees() else f"no edits ({install('diversity')})"
     lacking = sum(machine is None for machine in recorded.values())
@@ -257,6 +258,16 @@ def _copies(card: Scorecard, attempts: Sequence[_Attempt], source: Path) -> Iter
     yield from sorted(told)
 
 
+def _records() -> dict[str, TaskRecord]:
+    """The records of all engines by name: of other engines, those with a tree of their own."""
+    found = dict[str, TaskRecord]()
+    for engine in ("", *ENGINES):
+        known = {record.tree for record in found.values()}
+        own = read_records(engine).values()
+        found |= {record.name: record for record in own if not engine or record.tree not in known}
+    return found
+
+
 def _measures_trees() -> bool:
     return is_installed("apted")
 
@@ -267,7 +278,7 @@ def _like(machine: Machine, known: Mapping[str, Machine]) -> Iterator[tuple[str,
         yield from ((name, 0) for name, other in known.items() if other == machine)
         return
     tree, types = tree_hash(machine), Counter(step.type for step in machine)
-    others = {f"the record {name}": record.tree for name, record in read_records().items()}
+    others = {f"the record {name}": record.tree for name, record in _records().items()}
     yield from ((name, 0) for name, theirs in others.items() if theirs == tree)
     for name, other in known.items():
         differing = Counter(step.type for step in other)

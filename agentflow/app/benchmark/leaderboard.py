@@ -18,9 +18,10 @@ OF_RECORDS = (
     "Shares are scores divided by the greatest possible score of the item or, if there is none, "
     "by the record"
 )
+"""Of cards of the first benchmark."""
 OF_PARS = (
-    "Shares are 0 at an item's floor and 1 at its par, what random machines and a long search of "
-    "the built-in designer reach, and never above 1.5"
+    "Shares are 0 at an item's floor and 1 at its par, what random machines reach, and what a long "
+    "search of the built-in designer or a known machine reaches, and never above 1.5"
 )
 ABOUT = (
     "{of}, averaged over items; an invalid machine counts as 0. {parts}Intervals are bootstrap "

@@ -4,7 +4,7 @@ An item's share begins at its *floor*, what random machines and edits reach, and
 what the built-in designer and its search reach with many simulations, or a machine that is known.
 Where they reach hardly more than the designer's first machines, or little at all, the par is the
 greatest possible score. An item is drawn again while first machines come near that as well, or
-there is none.
+there is none; gears are drawn again as well, since they turn their targets or do not.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class NewSet:
     near: tuple[str, ...]
     """Items whose par the designer's first machines come near, whatever was drawn."""
     unsolved: tuple[str, ...]
-    """Items whose par is the greatest possible score, as the search found little or nothing."""
+    """Items whose par is the greatest possible score, as little or nothing was found."""
 
     def to_json(self) -> dict[str, Any]:
         """As JSON data."""
@@ -80,7 +80,7 @@ class _Drawn:
     reached: float
     """Share of the par that first machines reach."""
     machine: str | None
-    """One that reaches the par; None if the search found none."""
+    """One that reaches the par; None if none does."""
 
 
 def make_benchmark(
@@ -112,11 +112,12 @@ def make_benchmark(
         RunError: A verification failed, so that there is no floor or par.
         InterruptedRunError: Ctrl-C.
     """
+    machines = _read_machines(known) if known else ()
     with os_errors(f"cannot write {folder}"):
         (folder / MAKING).mkdir(parents=True, exist_ok=True)
         (folder / MACHINES).mkdir(exist_ok=True)
-    _require_same(folder, {"seed": seed, "items": items, "simulations": simulations})
-    machines = _read_machines(known) if known else ()
+    plan = {"seed": seed, "items": items, "simulations": simulations}
+    _require_same(folder, {**plan, "machines": str(known or "")})
     drawn: dict[str, _Drawn] = {}
     for name, template in islice(_templates(), items):
         drawn[name] = _draw(folder, name, template, seed, simulations, workers, machines)
@@ -149,7 +150,7 @@ def make_benchmark(
     return NewSet(folder / SET, folder / MACHINES, pars, near, unsolved)
 
 
-def _require_same(folder: Path, plan: Mapping[str, int]) -> None:
+def _require_same(folder: Path, plan: Mapping[str, Any]) -> None:
     """Note what the folder is for, or raise UsageError if it is for something else."""
     file = folder / MAKING / "plan.yaml"
     if not file.exists():
@@ -179,8 +180,10 @@ def _templates() -> Iterator[tuple[str, Mapping[str, Any]]]:
 
 def _read_machines(folder: Path) -> tuple[Machine, ...]:
     """All different machines in a folder, by file; raises UsageError if there is none."""
-    files = sorted(folder.rglob("*.json"))
-    read = (read_machine(file.read_text("utf-8"), tuple(library())).machine for file in files)
+    with os_errors(f"cannot read {folder}"):
+        files = (file for file in sorted(folder.rglob("*.json")) if file.is_file())
+        texts = [file.read_text("utf-8", "replace") for file in files]
+    read = (read_machine(text, tuple(library())).machine for text in texts)
     if machines := tuple(dict.fromkeys(machine for machine in read if machine)):
         return machines
     raise UsageError(
@@ -209,10 +212,10 @@ def _draw(
             scores[solver] = run.verified_score or 0.0
             if machine := best_machine(run):
                 best[solver] = machine.to_text()
-        if found_known := asyncio.run(_best_of(known, task, workers)):
-            scores["known"], best["known"] = found_known
+        if reached := asyncio.run(_best_of(known, task, workers)):
+            scores["known"], best["known"] = reached
         floor, solver = scores["floor"], max(scores, key=scores.__getitem__)
-        # without partial scores, an impossible item cannot be told from a hard one
+        # without partial scores, an impossible item looks like a hard one
         possible = 0.0 if changes.get("workflow") else greatest or 0.0
         for par, reached_by in ((scores[solver], best.get(solver)), (possible, None)):
             if par <= floor or par < LUCK * (greatest or 0.0):
@@ -222,20 +225,29 @@ def _draw(
             if share <= TRIVIAL:
                 return found[-1]
     if not found:
-        raise UsageError(f"{name}: nothing in {DRAWS} draws scored more than random machines")
+        raise UsageError(
+            f"{name}: nothing in {DRAWS} draws scored more than random machines: choose another "
+            "seed, or more simulations, and another folder"
+        )
     return min(found, key=lambda item: item.reached)
 
 
 async def _best_of(
     machines: Sequence[Machine], task: Task, workers: int
 ) -> tuple[float, str] | None:
-    """Verified score and text of the best of the machines that are valid for a task, if any is."""
+    """Verified score and text of the best of the machines that are valid for a task, if one scores;
+    with the random seed of a benchmark's runs, 0."""
     valid = [machine for machine in machines if check(machine, task.brief).task_valid]
+    if not valid:
+        return None
     async with RolloutPool(workers) as pool:
         rollouts = await asyncio.gather(*(pool.run(machine, task) for machine in valid))
         plain = {m: rollout.score or 0.0 for m, rollout in zip(valid, rollouts, strict=True)}
-        ranked = sorted(valid, key=plain.__getitem__, reverse=True)[:VERIFIED]
+        scoring = [machine for machine in valid if plain[machine] > 0.0]
+        ranked = sorted(scoring, key=plain.__getitem__, reverse=True)[:VERIFIED]
         found = [await verify_async(m, task, partial(pool.run, m, task)) for m in ranked]
+    if any(one.score is None for one in found):
+        raise RunError(f"{task.name}: a simulation of a known machine failed: continue")
     scored = [(v.score, m.to_text()) for m, v in zip(ranked, found, strict=True) if v.score]
     return max(scored, default=None)
 

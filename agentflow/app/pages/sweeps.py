@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,9 +59,9 @@ def sweep_page_data(
 
 def _origins(result: SweepResult, runs: Sequence[FinishedRun]) -> list[str]:
     """The run of each score of a group, the lowest score first."""
-    found = [
-        (score, run.planned.name) for run in runs for score in last_cell(result, [run]).scores.all
-    ]
+    cell = last_cell(result, runs)
+    each = ((run.planned.name, replace(cell, runs=(run.numbers,))) for run in runs)
+    found = [(score, name) for name, own in each for score in own.scores.all]
     return [name for _, name in sorted(found)]
 
 

@@ -42,7 +42,7 @@ class Estimate:
     verification: int
     """Most simulations to verify the finalists; not among the rollouts."""
     worker_seconds: float
-    """For all simulations, if one finalist is verified; others are while they could still win."""
+    """For all simulations, with one finalist verified: others are only if they could still win."""
 
     def __add__(self, other: Estimate) -> Estimate:
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)

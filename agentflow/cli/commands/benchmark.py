@@ -37,8 +37,7 @@ def benchmark(
 ) -> None:
     """Measure a model on fixed tasks and write a scorecard, card.json.
 
-    Scores are given as shares of the greatest possible score of each task or, if there is none, of
-    the score of the best known machine; in a new benchmark, from floor to par.
+    Scores are given as shares: 0 at an item's floor, what random machines reach, and 1 at its par.
     `agentflow leaderboard` compares scorecards.
 
     Args:
@@ -101,8 +100,8 @@ def new_benchmark(
     """Draw a benchmark that nobody has seen: set.yaml, for agentflow benchmark.
 
     An item's share is 0 at its floor, the score of random machines, and 1 at its par, the score of
-    the built-in designer and its search. Machines that reach the pars are kept apart: do not
-    publish them. The same command continues what was stopped.
+    the built-in designer and its search, or of a known machine. Machines that reach the pars are
+    kept apart: do not publish them. The same command continues what was stopped.
 
     Args:
         out: Directory of the benchmark; it can be continued.

@@ -161,7 +161,7 @@ def letter_size(picture: Image.Image, text: str, letters: int) -> int:
     pixels."""
     size = max(12, picture.height // letters)
     wide = ImageFont.load_default(size=size).getlength(text) + 2 * size
-    return min(size, int(size * picture.width / wide))
+    return max(1, min(size, int(size * picture.width / wide)))
 
 
 def content_of(picture: Image.Image) -> bytes:

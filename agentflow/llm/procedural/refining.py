@@ -228,7 +228,7 @@ def _is_usable(prompt: PromptContent, script: list[str], failed: Set[str]) -> bo
         return False
     adds = [line for line in script if line.startswith("Add")]
     if adds == script and budget_problems(len(prompt.machine) + len(adds), prompt.brief):
-        return False  # soon said of a full machine, which most changes add to
+        return False  # quick to tell: most changes add blocks, and a full machine takes none
     outcome = apply_script(prompt.machine, "\n".join(script), prompt.brief)
     if not outcome.success or outcome.machine == prompt.machine:
         return False

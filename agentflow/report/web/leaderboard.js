@@ -27,7 +27,7 @@ export function leaderboardPage(data) {
 
 /** Everything below the heading.
  *  @param actions makes elements for what can be done with a machine, by content hash */
-export function leaderboardParts(data, actions = () => []) {
+export function leaderboardParts(data, actions = () => [], players = []) {
   const { cards, parts, tables } = data;
   const [all, ...others] = tables;
   const lines = cards.filter(({ course }) => course.length).map(({ model, course }) => ({ name: model, points: course }));
@@ -35,7 +35,7 @@ export function leaderboardParts(data, actions = () => []) {
     section("Ranking", shareChart("Mean share over all items, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...all.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
     section("Families", heatMap("Mean shares by family", "family", Object.keys(cards[0].families), cards, ({ families }, name) => familyCell(name, families[name], parts)),
       el("p", { class: "quiet" }, `${parts[1] ? `Large: ${wordsOf(parts[0])}; small: ${wordsOf(parts[1])}. ` : ""}Stronger colour means a greater share.`)),
-    machinesSection(data, actions),
+    machinesSection(data, actions, players),
     lines.length ? section("Share over simulations", lineChart("Mean share of the best machine so far, by plain score", "", "simulations", lines)) : null,
     section("How it ended", table("Number of machines by how their simulation ended", ["Model", "Machines of", ...Object.values(OUTCOMES)], cards.flatMap((card) => parts.map((part) => outcomes(card, part))), 2)),
     tableSection({ ...all, notes: [] }, "All numbers"), ...others.map((item) => el("details", {}, el("summary", {}, item.title), compactTable(item.title, "", item.heads, item.columns, item.rows))),
@@ -43,9 +43,10 @@ export function leaderboardParts(data, actions = () => []) {
 }
 
 /** The machines that count, by item and model: a share opens its machine. */
-function machinesSection({ cards, parts, machines, shapes, files }, actions) {
+function machinesSection({ cards, parts, machines, shapes, files }, actions, players) {
   if (!Object.keys(machines).length) return null;
   const player = new Player(shapes, files);
+  players.push(player);
   const told = el("p", { class: "actions" });
   const choose = (button, { model }, { item, machine, share }) => {
     player.show(machines[machine], `${item} · ${percent(share)} · ${model}`);

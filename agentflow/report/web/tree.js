@@ -75,7 +75,8 @@ export class Tree {
     const focused = this.element.contains(document.activeElement);
     this.marks = new Map([...this.nodes.values()].map((node) => [node.id, this.mark(node)]));
     const links = [...this.nodes.values()].map((node) => this.link(node)).filter(Boolean);
-    const heads = Array.from({ length: this.deepest && this.deepest + 1 }, (_, depth) => svg("text", { x: this.x({ depth }) - 6, y: 11 }, depth === 0 ? "first" : this.column < 60 ? `${depth}` : depth === 1 ? "1 edit" : `${depth} edits`));
+    const every = Math.ceil(26 / this.column);
+    const heads = Array.from({ length: this.deepest && Math.floor(this.deepest / every) + 1 }, (_, index) => index * every).map((depth) => svg("text", { x: this.x({ depth }) - 6, y: 11 }, depth === 0 ? "first" : this.column < 60 ? `${depth}` : depth === 1 ? "1 edit" : `${depth} edits`));
     this.element.replaceChildren(svg("g", { "aria-hidden": "true" }, ...heads), svg("g", { class: "links", "aria-hidden": "true" }, ...links), ...this.marks.values());
     this.select(this.selected ?? this.nodes.keys().next().value);
     this.element.parentElement.scrollTop = this.y(this.nodes.get(this.selected) ?? { row: 0 }) - this.element.parentElement.clientHeight / 2;

@@ -114,7 +114,7 @@ class Listing:
     def __init__(self, folder: RunFolder, designs: Designs | None = None) -> None:
         self._folder, self._designs = folder, designs
         self._known: dict[Path, _Known] = {}
-        self._sweeps: dict[Path, tuple[list[tuple[Path, int]], Row]] = {}
+        self._sweeps: dict[Path, tuple[list[tuple[Path, float]], Row]] = {}
         """Pages of sweeps, and the files that they were made from."""
         self._lock = Lock()
 
@@ -157,7 +157,7 @@ class Listing:
             (path, known)
             for path, known in list(self._known.items())
             if known.row["state"] == "done" and str(known.row["model"]).startswith(PROCEDURAL)
-            if known.begun and time() - known.begun < DAY_S
+            if known.begun and not known.row["sweep"] and time() - known.begun < DAY_S
         ]
         family = task.partition("/")[0]
         like = [item for item in today if item[1].row["task"].partition("/")[0] == family]
@@ -173,15 +173,17 @@ class Listing:
     def record(self, path: Path) -> RunRecord:
         """The record of a finished run: the list's, if it has read all events and none replaces
         another, else read now."""
-        known, events = self._known.get(path), (path / EVENTS).read_bytes()
-        if known and known.follower.offset == len(events) and AGAIN not in events:
-            return known.follower.record
+        known = self._known.get(path)
+        with suppress(OSError):  # deleted meanwhile
+            events = (path / EVENTS).read_bytes()
+            if known and known.follower.offset == len(events) and AGAIN not in events:
+                return known.follower.record
         return record_of(path)
 
     def sweep(self, path: Path) -> Row:
         """The data of a sweep's page, which are kept until a run ends or fails."""
         files = (path / NAME, path / LOG, *sorted((path / RUNS).glob(f"*/{RESULT}")))
-        now = [(file, file.stat().st_mtime_ns) for file in files if file.exists()]
+        now = [(file, _last_change(file)) for file in files]
         before, data = self._sweeps.get(path, ([], {}))
         if before != now:
             data = sweep_page_data(path, self.record)

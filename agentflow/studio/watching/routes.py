@@ -225,7 +225,7 @@ class Watching:
         return await asyncio.to_thread(self._listing.sweep, self._folder.sweep(given.sweep))
 
     async def leaderboards(self, _given: Nothing) -> list[dict[str, Any]]:
-        """A leaderboard for each version of the benchmark that has scorecards in the folder."""
+        """A leaderboard for each benchmark that has scorecards in the folder."""
         return await asyncio.to_thread(lambda: [*map(leaderboard_data, self._folder.cards())])
 
     async def follow(self, request: Request) -> Response:

@@ -58,9 +58,10 @@ export async function leaderboardPage({ board = 0 }) {
   const name = ({ title, about }) => `${title}: ${about}`;
   const others = boards.map((item, index) => el("a", { class: "button", href: address("leaderboard", { board: index }), "aria-current": item === shown ? "page" : null }, name(item)));
   const runOf = (machine) => rows.filter((row) => row.machine === machine).slice(0, 1).map(({ run }) => el("a", { class: "button", href: address("run", { run }) }, "Its run, with films"));
-  return { elements: [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, shown?.title ?? "Leaderboard"), shown ? el("p", { class: "lede" }, shown.about) : ""),
+  const players = [];
+  return { close: () => players.forEach((player) => player.close()), elements: [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, shown?.title ?? "Leaderboard"), shown ? el("p", { class: "lede" }, shown.about) : ""),
     others.length > 1 ? el("nav", { class: "picks", "aria-label": "Benchmarks" }, ...others) : "",
-    ...(shown ? leaderboardParts(shown, runOf) : [none]))] };
+    ...(shown ? leaderboardParts(shown, runOf, players) : [none]))] };
 }
 
 export async function resultsPage({ sweep }) {

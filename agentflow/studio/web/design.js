@@ -63,7 +63,7 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     if (!form.isConnected || !form.checkValidity()) return;
     try {
       const { calls, simulations, seconds } = await send("/api/designs/estimate", { ...read(form), ...fixed() });
-      const work = `up to ${formatNumber(simulations)} simulations: ${spell(seconds)} on this computer, as busy as it is now.`;
+      const work = `up to ${formatNumber(simulations)} simulations: ${spell(seconds)} on this computer.`;
       needs.textContent = (read(form).model ?? start.model) === BUILT_IN ? work.replace("up", "Up")
         : `About ${formatNumber(calls)} calls of the model, each as long as it takes to answer, and ${work}${read(form).calls ? "" : " Each call may cost money: Max calls, under Advanced, sets a limit."}`;
     } catch (error) {
@@ -77,17 +77,18 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     button.disabled = true;
     button.textContent = "Starting …";
     const began = performance.now();
-    const tell = () => (needs.textContent = `Loading agentflow and the physics engine in a process of its own; the page of the run then opens … ${Math.round((performance.now() - began) / 1000)} s`);
+    needs.textContent = "Loading agentflow and the physics engine in a process of its own; the page of the run then opens.";
+    const tell = () => (button.textContent = `Starting … ${Math.round((performance.now() - began) / 1000)} s`);
     const telling = setInterval(tell, 1000);
-    tell();
     try {
       const { run } = await send("/api/designs", { ...read(form), ...fixed() });
       begun(run);
     } catch (error) {
       told.textContent = error.message;
-      needs.textContent = "";
     } finally {
       clearInterval(telling);
+      needs.textContent = "";
+      later();
       button.disabled = false;
       button.textContent = given.machine ? "Refine this" : "Start";
     }

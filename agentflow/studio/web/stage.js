@@ -130,9 +130,8 @@ export class Stage {
   pointTo() {
     const away = ({ block, face }) => this.marks.placeOf(block, face).distanceTo(this.picture.camera.position);
     const [spot] = this.meant.sort((a, b) => away(a) - away(b));
-    this.here.hidden = !spot;
-    if (!spot) return;
-    const [x, y] = this.placeOf(spot.block, spot.face);
+    const [x, y] = spot ? this.placeOf(spot.block, spot.face) : [0, 0];
+    this.here.hidden = !spot || Math.abs(x) > this.canvas.clientWidth / 2 || Math.abs(y) > this.canvas.clientHeight / 2;
     this.here.style.transform = `translate(calc(${x}px - 50%), calc(${y}px - 100% - 18px))`;
   }
 
@@ -151,9 +150,9 @@ export class Stage {
 
   /** Turn the view slowly enough to be followed, unless somebody turns it. */
   swing(to) {
-    const [from, begun, { down }] = [this.eye.way.clone(), performance.now(), this];
+    const [from, begun, own] = [this.eye.way.clone(), performance.now(), (this.turning = {})];
     const step = (now) => {
-      if (this.down !== down || !this.film) return;
+      if (this.turning !== own || !this.film) return;
       const share = matchMedia("(prefers-reduced-motion)").matches ? 1 : Math.min(1, Math.max(0, now - begun) / SWING);
       this.eye.way = from.clone().lerp(to, share * share * (3 - 2 * share)).normalize();
       this.eye.at(0);
@@ -177,10 +176,12 @@ export class Stage {
   }
 
   remember() {
+    this.turning = null;
     if (this.eye.way) this.views.push(this.eye.view());
   }
 
   restore() {
+    this.turning = null;
     this.eye.restore(this.views.pop());
     this.ask();
   }

@@ -119,7 +119,7 @@ def answered(source: Path, machine: Machine) -> Scorecard:
             family=item.task.family,
             task=item.task.name,
             knobs=item.knobs,
-            full=item.full,
+            full=item.par.par,
             parts={
                 "first": (first, first),
                 "refined": (counted(found.score, found.holding.fragile),),
