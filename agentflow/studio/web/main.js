@@ -42,6 +42,7 @@ async function open() {
   if (number !== asked) return made.close?.();
   close = () => made.close?.();
   document.body.replaceChildren(bar, ...made.elements.filter(Boolean));
+  scrollTo(0, 0); // else a page begins where the one before was
   document.body.dataset.ready = page;
 }
 
