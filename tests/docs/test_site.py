@@ -193,10 +193,10 @@ def test_a_picture_of_the_gallery_opens_its_machine(site: Path, browser: webdriv
     assert [card.text.partition(" ")[0] for card in cards] == list(LEVELS)
     cards[1].click()
     until(browser, "return document.body.dataset.ready === 'gallery'")
-    pressed = "document.querySelector('.card[aria-pressed=true] span').textContent"
-    assert browser.execute_script(f"return {pressed}") == "throwing/3"
+    shown = "document.querySelector('.chosen h2').textContent.split(' ')[0]"
+    assert browser.execute_script(f"return {shown}") == "throwing/3"
     browser.execute_script("location.hash = 'gearing'")
-    until(browser, f"return {pressed} === 'gearing'")
+    until(browser, f"return {shown} === 'gearing'")
     assert complaints(browser) == []
 
 

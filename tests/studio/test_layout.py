@@ -31,7 +31,19 @@ PAGES = {
     "task": "tasks?task=throwing/4",
     "leaderboard": "leaderboard",
 }
-SHARED = {"card", "cards", "facts", "files", "pair", "player", "problem", "quiet", "said", "task"}
+SHARED = {
+    "card",
+    "cards",
+    "facts",
+    "files",
+    "pair",
+    "picks",
+    "player",
+    "problem",
+    "quiet",
+    "said",
+    "task",
+}
 """Names of classes that both style sheets use on purpose."""
 FAULTS = """
 const faults = [], nav = document.querySelector("nav").getBoundingClientRect();
