@@ -173,11 +173,12 @@ def main() -> None:
     parser.add_argument("--pool", type=int, default=200, help="machines simulated in each pool")
     parser.add_argument("--out", type=Path, default=PAGE)
     given = parser.parse_args()
+    # blocks come last: a process that starts others counts as their memory what it had itself
     found = {
-        "blocks": [*_tell(blocks())],
         "machines": [*_tell(machines(given.lines, given.rollouts))],
         "runs": [*_tell(runs(given.runs))],
         "workers": [*_tell(workers(given.pool))],
+        "blocks": [*_tell(blocks())],
     }
     picture = given.out.parent.parent / "pictures" / "growth.svg"
     draw(found, picture if given.out == PAGE else given.out.with_suffix(".svg"))
