@@ -20,8 +20,8 @@ OF_RECORDS = (
 )
 """Of cards of the first benchmark."""
 OF_PARS = (
-    "Shares are 0 at an item's floor and 1 at its par, what random machines reach, and what a long "
-    "search of the built-in designer or a known machine reaches, and never above 1.5"
+    "Shares are 0 at an item's floor and 1 at its par, and at most 1.5 (floor: what random "
+    "machines reach; par: what a long search of the built-in designer, or a known machine, reaches)"
 )
 ABOUT = (
     "{of}, averaged over items; an invalid machine counts as 0. {parts}Intervals are bootstrap "

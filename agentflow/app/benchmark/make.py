@@ -156,11 +156,14 @@ def _require_same(folder: Path, plan: Mapping[str, Any]) -> None:
     if not file.exists():
         with write_output(file) as part:
             part.write_text(yaml.safe_dump(dict(plan)), encoding="utf-8")
-    for name, value in load_document(file).items():
-        if plan.get(name) != value:
+    earlier = load_document(file)
+    for name, value in plan.items():
+        if (before := earlier.get(name, "")) != value:
+            known = f"with {name} {before}: continue it with --{name} {before}"
+            none = f"without --{name}: continue it without"
             raise UsageError(
-                f"{folder} is being made with {name} {value}: continue it with --{name} {value}, "
-                "or choose another folder"
+                f"{folder} is being made {known if before != '' else none}, or choose another "
+                "folder"
             )
 
 
@@ -242,12 +245,15 @@ async def _best_of(
         return None
     async with RolloutPool(workers) as pool:
         rollouts = await asyncio.gather(*(pool.run(machine, task) for machine in valid))
-        plain = {m: rollout.score or 0.0 for m, rollout in zip(valid, rollouts, strict=True)}
-        scoring = [machine for machine in valid if plain[machine] > 0.0]
-        ranked = sorted(scoring, key=plain.__getitem__, reverse=True)[:VERIFIED]
+        plain = {m: rollout.score for m, rollout in zip(valid, rollouts, strict=True)}
+        scoring = [machine for machine in valid if plain[machine]]
+        ranked = sorted(scoring, key=lambda machine: plain[machine] or 0.0, reverse=True)[:VERIFIED]
         found = [await verify_async(m, task, partial(pool.run, m, task)) for m in ranked]
-    if any(one.score is None for one in found):
-        raise RunError(f"{task.name}: a simulation of a known machine failed: continue")
+    if None in plain.values() or any(one.score is None for one in found):
+        raise RunError(
+            f"{task.name}: a simulation of a known machine timed out or crashed, so there is no "
+            "par; give the same command again"
+        )
     scored = [(v.score, m.to_text()) for m, v in zip(ranked, found, strict=True) if v.score]
     return max(scored, default=None)
 

@@ -37,7 +37,8 @@ def benchmark(
 ) -> None:
     """Measure a model on fixed tasks and write a scorecard, card.json.
 
-    Scores are given as shares: 0 at an item's floor, what random machines reach, and 1 at its par.
+    Scores are given as shares: 0 at an item's floor, which random machines reach, and 1 at its par,
+    which a long search of the built-in designer or a known machine reaches.
     `agentflow leaderboard` compares scorecards.
 
     Args:

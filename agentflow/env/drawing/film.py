@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
@@ -93,7 +93,7 @@ def save_film(
     trace = rollout.trace.even
     landing = landing_of(machine, rollout)
     cameras = _cameras(trace, tracked_block(machine), View(back=SIDE, size=size), landing)
-    frames = list(_frames(machine, task, rollout, trace, dict(enumerate(cameras)), ground))
+    frames = list(_frames(machine, task, rollout, trace, enumerate(cameras), ground))
     shown = 0.0 if landing is None else float(trace.times[-1]) - landing.time
     frames += frames[-1:] * ceil(max(0.0, HELD - shown) / frame_interval(trace))
     save = save_mp4 if path.suffix == ".mp4" else _save_gif
@@ -130,14 +130,9 @@ def save_strip(
     middle, most = fit(np.concatenate(points), min(views, key=lambda view: view.size[0]))
     if most <= STANDING * away:  # the camera stands still, as in one picture
         fits, away = [(middle, most)] * count, most
-    cameras = dict(
-        zip(
-            wanted,
-            (camera_at(at, away, view) for (at, _), view in zip(fits, views, strict=True)),
-            strict=True,
-        )
-    )
-    frames = _frames(machine, task, rollout, trace, cameras, ground, named=False)
+    cameras = (camera_at(at, away, view) for (at, _), view in zip(fits, views, strict=True))
+    moments = zip(wanted, cameras, strict=True)
+    frames = _frames(machine, task, rollout, trace, moments, ground, named=False)
     lines = [tiled(list(islice(frames, n)), n, (size[0], views[0].size[1])) for n in rows]
     tiled(lines, 1, size).save(path, "PNG", optimize=True)
 
@@ -208,13 +203,13 @@ def _frames(
     task: Task,
     rollout: Rollout,
     trace: Trace,
-    cameras: Mapping[int, Camera],
+    cameras: Iterable[tuple[int, Camera]],
     ground: Ground = SCREEN,
     *,
     named: bool = True,
 ) -> Iterator[Image.Image]:
-    """One picture per sample of an evenly sampled trace that has a camera; `named` tells whether
-    each has the name of the task."""
+    """One picture for each index of a sample of an evenly sampled trace, with its camera; `named`
+    tells whether each has the name of the task."""
     assert rollout.scene is not None
     tracked, machine_solids = tracked_block(machine), MachineSolids(machine)
     landing = landing_of(machine, rollout)
@@ -235,7 +230,7 @@ def _frames(
             _draw_card(picture, card, letters)
         caption(picture, f"{name}{time:.1f} s", letters)
 
-    for index, camera in cameras.items():
+    for index, camera in cameras:
         time = float(trace.times[index])
         broken = {item.block for item in rollout.broken if item.time <= time}
         over = time >= earned - 1e-9

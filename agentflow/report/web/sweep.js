@@ -19,6 +19,7 @@ export function sweepPage(data, linked = (name, ...parts) => (parts.length ? el(
 /** Follow the link of a run, or else show it in the list of runs. */
 function openRun(main, run) {
   const cell = [...main.querySelectorAll("td:first-child")].find(({ textContent }) => textContent === run);
+  if (!cell) return; // a name that a page shows otherwise
   const link = cell.querySelector("a");
   if (link) return link.click();
   cell.closest("details").open = true;

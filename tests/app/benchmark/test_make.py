@@ -149,6 +149,18 @@ def test_the_best_of_known_machines_is_verified(tmp_path: Path) -> None:
     assert asyncio.run(make._best_of(machines, get_task("gearing"), 1)) is None
 
 
+def test_a_known_machine_whose_simulation_crashed_sets_no_par(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def crashed(*_given: object, **_named: object) -> SimpleNamespace:
+        return SimpleNamespace(score=None)
+
+    monkeypatch.setattr(make.RolloutPool, "run", crashed)
+    car = make._read_machines(ROOT / "tests" / "machines" / "movement")[:1]
+    with pytest.raises(RunError, match="a simulation of a known machine timed out or crashed"):
+        asyncio.run(make._best_of(car, get_task("movement"), 1))
+
+
 @pytest.mark.slow
 def test_a_new_benchmark_is_continued_and_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -174,6 +186,9 @@ def test_a_new_benchmark_is_continued_and_run(
     assert (out / "set.yaml").read_bytes() == content
     with pytest.raises(UsageError, match="is being made with seed 0: continue it with --seed 0"):
         make.make_benchmark(out, seed=1, items=2, simulations=8, say=print)
+    known = ROOT / "tests" / "machines"
+    with pytest.raises(UsageError, match="is being made without --machines: continue it without"):
+        make.make_benchmark(out, items=2, simulations=8, known=known, say=print)
 
     assert main(["benchmark", str(out / "set.yaml"), "--out", str(tmp_path), "--quiet"]) == 0
     card = read_card(next(tmp_path.glob("set*/card.json")))

@@ -44,7 +44,7 @@ def frames_of(
     assert rollout.trace is not None
     view = View(back=SIDE, size=size)
     cameras = film._cameras(rollout.trace, film.tracked_block(machine), view)
-    return list(film._frames(machine, task, rollout, rollout.trace, dict(enumerate(cameras))))
+    return list(film._frames(machine, task, rollout, rollout.trace, enumerate(cameras)))
 
 
 def reds(rollout: Rollout) -> list[int]:
@@ -90,7 +90,7 @@ def test_sixty_frames_a_second_last_as_long_as_they_should(tmp_path: Path) -> No
 
 
 def test_a_score_is_told_with_a_flag_once_it_is_earned_and_in_the_last_moment_of_a_strip(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     task, rollout = drive()
     landing = film.landing_of(CAR, rollout)
@@ -104,6 +104,10 @@ def test_a_score_is_told_with_a_flag_once_it_is_earned_and_in_the_last_moment_of
     lower = np.split(strip[45:], 3, axis=1)
     cards = [(tile == 255).all(axis=2).sum() > 200 for tile in lower]
     assert cards == [False, False, True]
+    monkeypatch.setattr(film, "_sample_of", lambda *_: 1)  # earned before there are as many samples
+    film.save_strip(CAR, task, rollout, tmp_path / "soon.png", size=(360, 90), count=3)
+    with Image.open(tmp_path / "soon.png") as soon:
+        assert soon.size == (360, 90)
     assert film.landing_of(CAR, replace(rollout, score=0.0)) is None
     touched = replace(rollout, events=(RolloutEvent(0.4, "landing"),))
     assert film.landing_of(CAR, touched) == landing  # what is measured at the end is earned there
