@@ -6,21 +6,16 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from agentflow.errors import UnknownNameError
 from agentflow.machine.blocks.types import (
-    DIRECTIONS,
     Blade,
     BlockType,
     Color,
-    Connector,
     Face,
     Flame,
-    JointKind,
     JointType,
-    ShapeKind,
-    Switch,
     plate_type,
 )
 from agentflow.machine.geometry.vectors import Vec3
@@ -36,7 +31,6 @@ STEERING = frozenset({13, 28})
 TORCH, WATER_CANNON = 47, 56
 LATER = frozenset({TORCH, WATER_CANNON})
 """Extended types that came after the first runs were recorded, which must not change by them."""
-FLAGS = ("non_static", "non_stable", "powered_wheel")
 
 
 class Library(Mapping[int, BlockType]):
@@ -105,78 +99,27 @@ def _plain(name: str) -> str:
 
 @cache
 def library() -> Library:
-    """The block library that ships with the package, read on first use."""
-    text = Path(__file__).with_name("blocks.json").read_text(encoding="utf-8")
-    return load_library(json.loads(text))
+    """The block library that ships with the package, read on first use.
 
-
-def load_library(document: dict[str, Any]) -> Library:
-    """Build a library from the content of blocks.json.
-
-    Args:
-        document: `colors`, the colour of each category, and `blocks`, one entry per type. An entry
-            has the fields of `BlockType`, with `size_xyz` for the size, `set` ("core" or
-            "extended") and `flags` (names of the fields that are true).
-
-    Raises:
-        ValueError: An entry is wrong; the message names the type and the field.
+    An entry of blocks.json has the fields of `BlockType`, with `size_xyz` for the size, `set`
+    ("core" or "extended") and `flags`, the names of the fields that are true; `colors` has the
+    colour of each category.
     """
-    types: dict[int, BlockType] = {}
-    for entry in document["blocks"]:
-        block = _block_type(entry, document["colors"])
-        if block.type in types:
-            raise ValueError(f"block type {block.type} is defined twice")
-        types[block.type] = block
-    pairs = {key: block.counterpart for key, block in types.items() if block.counterpart}
-    for key, other in pairs.items():
-        if pairs.get(other) != key:
-            raise ValueError(f"block types {key} and {other}: counterparts must name each other")
-    return Library(types)
+    text = Path(__file__).with_name("blocks.json").read_text(encoding="utf-8")
+    document = json.loads(text)
+    types = (_block_type(entry, document["colors"]) for entry in document["blocks"])
+    return Library({block.type: block for block in types})
 
 
 def _block_type(entry: dict[str, Any], colors: dict[str, Color]) -> BlockType:
-    try:
-        fields = {key: _READ[key](value) if key in _READ else value for key, value in entry.items()}
-        size, flags = fields.pop("size_xyz", None), fields.pop("flags")
-        fields |= {flag: flag in flags for flag in FLAGS}
-        block = BlockType(
-            size=size,
-            color=tuple(fields.pop("color", colors[entry["category"]])),
-            extended=fields.pop("set") == "extended",
-            **fields,
-        )
-        unknown = set(flags) - set(FLAGS)
-    except (KeyError, TypeError) as error:
-        raise ValueError(
-            f"block type {entry.get('type')}: wrong or missing field {error}"
-        ) from None
-    for fault in (*(f"unknown flag {flag}" for flag in unknown), *_faults(block)):
-        raise ValueError(f"block type {block.label}: {fault}")
-    return block
-
-
-def _faults(block: BlockType) -> Iterator[str]:
-    joint = block.joint
-    for what, value, allowed in (
-        ("shape", block.shape, get_args(ShapeKind)),
-        ("connector", block.connector, (None, *get_args(Connector))),
-        ("grip_direction", block.grip_direction, (None, *DIRECTIONS)),
-        ("push", block.push, tuple(DIRECTIONS)),
-        ("joint kind", joint.kind, get_args(JointKind)),
-        ("joint axis", joint.axis, tuple(DIRECTIONS)),
-        ("joint switch", joint.switch, get_args(Switch)),
-        ("motor_sense", joint.motor_sense, (1, -1)),
-    ):
-        if value not in allowed:
-            yield f"{what} is {value!r}; expected one of {', '.join(map(str, allowed))}"
-    if block.linear != (block.size is None):
-        yield "two-ended blocks must have no size, and all others must have one"
-    if [face.id for face in block.faces] != list(range(len(block.faces))):
-        yield "face ids must be 0, 1, 2, ..."
-    if any(face.direction not in DIRECTIONS for face in block.faces):
-        yield f"face directions must be among {', '.join(DIRECTIONS)}"
-    if block.mass <= 0:
-        yield "mass must be positive"
+    fields = {key: _READ[key](value) if key in _READ else value for key, value in entry.items()}
+    fields |= dict.fromkeys(fields.pop("flags"), True)
+    return BlockType(
+        size=fields.pop("size_xyz", None),
+        color=tuple(fields.pop("color", colors[entry["category"]])),
+        extended=fields.pop("set") == "extended",
+        **fields,
+    )
 
 
 def _vec3(values: list[float]) -> Vec3:
