@@ -31,7 +31,6 @@ class Limits:
     """Latest end of a machine's own controls, in seconds since t = 0; None: it may have none. The
     digest of a brief leaves it out, as its schedule says the same."""
     senses: bool = field(default=False, repr=False)
-    """Whether it may have controllers as well."""
     trials: int = field(default=1, repr=False)
     """Rollouts of a design: after each but the last, its controls alone may be revised, and the
     best one counts."""
@@ -56,7 +55,6 @@ class Brief:
     required: Mapping[int, int] = field(default_factory=dict)
     """Block type -> exact number of such blocks in a complete machine."""
     limits: Limits = Limits()
-    """How large a machine may be."""
     given: Machine = LONE_ROOT
     """The unchanged beginning of every machine; may use types that `blocks` does not allow."""
     greatest: float | None = None

@@ -11,7 +11,6 @@ from agentflow.machine.problems import Problem, block_label, comma_list
 from agentflow.machine.tree import Control, Machine, Step, shorten
 
 MAX_CONTROLS = 64
-"""Most entries of a control program."""
 GROUPS: tuple[Group, ...] = get_args(Group)
 REST_LEVELS: Mapping[Group, float] = {"grabbers": 1.0}
 """Level of a group while no control drives it, if it is not 0: grabbers grip by themselves."""
@@ -153,7 +152,8 @@ def entry_problems(number: int, control: Control, steps: Iterable[Step]) -> Iter
         yield from _block_problems(named, control.target, types, driven)
     elif control.target not in driven.values():
         message = f"{named}: the machine has no {control.target.replace('_', ' ')}"
-        yield Problem("control_group", (), f"{message}; its groups: {_groups_text(driven)}")
+        there = comma_list(group for group in GROUPS if group in driven.values())
+        yield Problem("control_group", (), f"{message}; its groups: {there}")
     if control.at < 0 or control.lasts <= 0:
         message = (
             f"{named} begins at {shorten(control.at)} s and lasts {shorten(control.lasts)} s; it "
@@ -177,10 +177,6 @@ def _block_problems(
             what = block_label(block, types[block])
             message = f"{named}: nothing drives {what}; the driven blocks are {comma_list(driven)}"
             yield Problem("control_block", (block,), message)
-
-
-def _groups_text(driven: Mapping[int, Group]) -> str:
-    return comma_list(group for group in GROUPS if group in driven.values())
 
 
 def window_problems(

@@ -16,15 +16,13 @@ _SHOWN = 40
 
 
 class NumberAt(NamedTuple):
-    """One number of controllers."""
+    """One number of controllers, and between which bounds it may be."""
 
     path: str
     """Keys and indices, joined by dots: `laws.steer.p`, `laws.climb.points.0.1`."""
     value: float
     low: float
-    """Least value that it may have."""
     high: float
-    """Greatest value that it may have."""
 
 
 def numbers_of(controllers: Controllers) -> tuple[NumberAt, ...]:

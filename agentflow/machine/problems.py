@@ -33,7 +33,6 @@ class RefusedEdit(UsageError):
 
 
 REQUIRED_COUNT = "required_count"
-"""Code of a machine with a wrong number of blocks of a required type."""
 LATER_RULES = frozenset({"too_many_blocks", "duplicate_connection"})
 """Codes of rules that did not exist when older runs were recorded; their machines may break them.
 """
@@ -98,13 +97,11 @@ def face_problem(block_id: int, block_type: int, face_id: int) -> str | None:
     if block_type not in library():
         return None
     kind = library()[block_type]
-    count = len(kind.faces)
+    count, label = len(kind.faces), block_label(block_id, block_type)
     if 0 <= face_id < count:
-        if face_id not in kind.closed:
-            return None
-        place = f"face {face_id} of {block_label(block_id, block_type)}"
-        return f"{place} is over a hole; nothing can be attached to it"
+        hole = f"face {face_id} of {label} is over a hole; nothing can be attached to it"
+        return hole if face_id in kind.closed else None
     if count == 0:
-        return f"{block_label(block_id, block_type)} has no faces; nothing can be attached to it"
+        return f"{label} has no faces; nothing can be attached to it"
     faces = "its only face is 0" if count == 1 else f"its faces are 0 to {count - 1}"
-    return f"{block_label(block_id, block_type)} has no face {short_repr(face_id)}; {faces}"
+    return f"{label} has no face {short_repr(face_id)}; {faces}"

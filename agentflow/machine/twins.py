@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from typing import Any
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
@@ -45,11 +46,8 @@ def tree_key(machine: Machine) -> str:
         for item in machine.controls
     ]
     laws: list[object] = []
-    if machine.controllers:  # the ids of the blocks that they name stay
-        laws = [
-            machine.controllers.to_json(),
-            [keys[b] for b in sorted(machine.controllers.blocks)],
-        ]
+    if (sensed := machine.controllers) is not None:  # the ids of the blocks that they name stay
+        laws = [sensed.to_json(), [keys[block] for block in sorted(sensed.blocks)]]
     return _hash([sorted(keys.values()), controls, *laws])
 
 
@@ -72,13 +70,12 @@ def mirrored(machine: Machine) -> Machine | None:
     steps: list[Step] = []
     for step in machine:
         placed[step.id] = place_step(step, placed)
-        ends = [
+        faces = [
             mirrored_face(placed[parent], face, images[parent]) for parent, face in step.attachments
         ]
-        faces = [end for end in ends if end is not None]
-        if len(faces) < len(ends):
+        if None in faces:
             return None
-        fields = zip(("face_id", "face_id_b"), faces, strict=False)
-        steps.append(replace(step, **dict(fields)))
+        fields: dict[str, Any] = dict(zip(("face_id", "face_id_b"), faces, strict=False))
+        steps.append(replace(step, **fields))
         images[step.id] = place_step(steps[-1], images)
     return replace(machine, steps=tuple(steps))

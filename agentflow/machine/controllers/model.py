@@ -83,7 +83,6 @@ class Sensor(Part):
     kind: SensorKind
     block: Block = 0
     axis: str | None = Field(None, max_length=2)
-    """One of those of its quantity."""
 
     @property
     def quantity(self) -> Quantity:
@@ -201,7 +200,6 @@ class Leave(Part):
     above: Number | None = None
     below: Number | None = None
     to: Name
-    """The next state."""
 
     @model_validator(mode="after")
     def _compares_once(self) -> Leave:

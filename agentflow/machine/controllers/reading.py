@@ -18,7 +18,6 @@ FORM = (
     '{"sensors": {"h": {"kind": "height"}}, "laws": {"lift": {"kind": "pd", "sensor": "h", '
     '"target": 5, "p": 0.5}}, "outputs": [{"group": "thrusters", "law": "lift"}]}'
 )
-"""An example, for messages."""
 LONGER = FORM.replace('t"}}', 't"}, "ahead": {"kind": "distance", "block": 0, "axis": "z+"}}')
 """The example with a sensor that needs an axis, for designers."""
 LAW_KINDS: tuple[str, ...] = tuple(
@@ -69,29 +68,20 @@ def _tell(fault: Any) -> str:
         for at, part in enumerate(place)
         if not (part == "[key]" or (at == 2 and place[0] == "laws" and part in kinds))
     ]
-    context = {
-        key: short_repr(value) if isinstance(value, str) and key == "tag" else value
-        for key, value in fault.get("ctx", {}).items()
-    }
-    if fault["type"] == "too_long":
-        context["count"] = len(fault["input"])
-    words = _WORDS.get(fault["type"], "")
-    if fault["type"] == "value_error":
-        said = fault["msg"].removeprefix("Value error, ")
-        return f"controllers: {_where(path)}: {said}"
-    if not words:
-        what = short_repr(fault["input"])
-        return f"controllers: {_where(path)} is {what}; write the whole like {FORM}"
-    if fault["type"].startswith(("missing", "extra", "too_", "union")):
-        return f"controllers: {_where(path)} {words.format(**context)}"
-    return (
-        f"controllers: {_where(path)} is {short_repr(fault['input'])}; it {words.format(**context)}"
-    )
-
-
-def _where(path: list[str]) -> str:
     shown = ".".join(part if len(part) <= 40 else f"{part[:40]}..." for part in path)
-    return shown or "the whole"
+    where, kind = f"controllers: {shown or 'the whole'}", fault["type"]
+    if kind == "value_error":
+        return f"{where}: {fault['msg'].removeprefix('Value error, ')}"
+    what, context = f"{where} is {short_repr(fault['input'])}", {**fault.get("ctx", {})}
+    if kind not in _WORDS:
+        return f"{what}; write the whole like {FORM}"
+    if kind == "too_long":
+        context["count"] = len(fault["input"])
+    if "tag" in context:
+        context["tag"] = short_repr(context["tag"])
+    words = _WORDS[kind].format(**context)
+    told = kind.startswith(("missing", "extra", "too_", "union"))
+    return f"{where} {words}" if told else f"{what}; it {words}"
 
 
 def controller_problems(controllers: Controllers | None, steps: Iterable[Step]) -> list[Problem]:

@@ -127,13 +127,12 @@ class Mending:
         draft = Draft(self.machine, self.brief)
         try:
             chosen = change(draft)
-            for problem in (*self._surplus(draft), *_problems(draft)):
+            for problem in (*self._surplus(draft), *draft.problems, *draft.crowding):
                 if (problem.code, problem.blocks) not in self._known:
                     raise RefusedEdit(problem.code, problem.message)
         except RefusedEdit as refused:
-            raise RefusedEdit(
-                refused.code, refused.reason.partition("; free faces of")[0]
-            ) from None
+            reason, _, _ = refused.reason.partition("; free faces of")
+            raise RefusedEdit(refused.code, reason) from None
         machine, ids = draft.finish()
         return machine, ids.get(chosen, 0)
 
@@ -179,9 +178,8 @@ class Mending:
         step = self.machine[block]
         if not step.two_ended and block != 0:
             free = place(self.machine).free_faces(step.parent)
-            after = [face for face in free if face > step.face_id]
-            before = [face for face in free if face < step.face_id]
-            yield from ((step.parent, face) for face in (*after, *before))
+            for face in sorted(free, key=lambda face: (face < step.face_id, face)):
+                yield step.parent, face
 
     def _surplus(self, draft: Draft) -> Iterator[Problem]:
         """More blocks of a type than the task requires, and than there were."""
@@ -193,11 +191,8 @@ class Mending:
     @cached_property
     def _known(self) -> set[tuple[str, tuple[int, ...]]]:
         """The problems that the machine has already."""
-        return {(each.code, each.blocks) for each in _problems(Draft(self.machine, self.brief))}
-
-
-def _problems(draft: Draft) -> list[Problem]:
-    return draft.problems + draft.crowding
+        draft = Draft(self.machine, self.brief)
+        return {(each.code, each.blocks) for each in (*draft.problems, *draft.crowding)}
 
 
 def _images(placed: Mapping[int, Placed]) -> dict[int, int]:
@@ -251,7 +246,10 @@ def cross(machine: Machine, donor: Machine, rng: Random, brief: Brief | None = N
         UsageError: None of `MAX_TRIES` pairs fits.
     """
     given = 1 if brief is None else len(brief.given)
-    places, parts = list(_parts(machine, given)), list(_parts(donor, given))
+    # Parts begin with standard blocks that are not given.
+    places, parts = (
+        [step for step in each.steps[given:] if not step.two_ended] for each in (machine, donor)
+    )
     for _ in range(MAX_TRIES if places and parts else 0):
         crossed = _graft(machine, rng.choice(places), donor, rng.choice(parts))
         if crossed in (machine, donor):
@@ -260,11 +258,6 @@ def cross(machine: Machine, donor: Machine, rng: Random, brief: Brief | None = N
         if report.task_valid and report.machine is not None:
             return report.machine
     raise UsageError("no part of the donor fits in place of a part of this machine")
-
-
-def _parts(machine: Machine, given: int) -> Iterator[Step]:
-    """The blocks that parts begin with: standard blocks that are not given."""
-    return (step for step in machine.steps[given:] if not step.two_ended)
 
 
 def _graft(machine: Machine, place: Step, donor: Machine, part: Step) -> Machine:

@@ -20,17 +20,14 @@ CONTROL_GRAMMAR = (
     "Uncontrol [number]",
     "Set [number] at [s] for [s] level [level]",
 )
-"""Those for machines with control programs."""
 CONTROLLER_GRAMMAR = (
     "Controllers [JSON on one line, or none]",
     "Set [path of a number, such as laws.NAME.p] [number]",
 )
-"""Those for machines with controllers."""
 NAMING = (
     "an Add line may end in 'as NAME', and later lines may use the name in place of an id; "
     "names consist of letters, digits and underscores"
 )
-"""How blocks are named, as shown to models."""
 
 Ref = int | str
 """A block: its id, or the name that an earlier line of the script gives it, in lower case."""
@@ -116,7 +113,6 @@ class Mirror:
     """Adds the mirror image of a block and of what it carries, or of all blocks of a side."""
 
     what: Ref | Side
-    """A block, or the side that is copied."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +135,6 @@ class SetControl:
     number: int
     """Its place in the program of the given machine, from 0."""
     values: tuple[tuple[Quantity, float], ...]
-    """The new numbers; those that are not named stay."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +142,6 @@ class RemoveControl:
     """Removes an entry of the control program."""
 
     number: int
-    """Its place in the program of the given machine, from 0."""
 
 
 @dataclass(frozen=True)

@@ -37,11 +37,9 @@ def renumbering(
 def _gone(machine: Machine, block: int, id_map: Mapping[int, int | None]) -> Text:
     """A removed block by its type, and by its place if what it was attached to is still there."""
     step = machine[block]
-    name = library()[step.type].name
-    text: Text = ()
+    name, text = library()[step.type].name, tuple[Ref, ...]()
     for parent, face in step.attachments:
-        now = id_map.get(parent)
-        if now is None:
+        if (now := id_map.get(parent)) is None:
             return (f"{name} (gone)",)
         text = (*text, " and " if text else f"{name} (gone from ", now, f" in {face}")
     return (*text, ")")

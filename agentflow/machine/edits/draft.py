@@ -58,8 +58,7 @@ class Draft:
     def attach(self, kind: int, ends: Sequence[End]) -> Step:
         """Add a block on one face, or between two."""
         two_ended = len(ends) == 2
-        fault = type_problem(kind, self._allowed, two_ended=two_ended)
-        if fault is not None:
+        if fault := type_problem(kind, self._allowed, two_ended=two_ended):
             raise RefusedEdit(*fault)
         for end in ends:
             self._require_face(end)
@@ -98,13 +97,9 @@ class Draft:
         if not moved.two_ended:
             what = f"{block_label(block, moved.type)} has no end {end}"
             raise RefusedEdit("two_ended", f"{what}: write Move without 'end {end}'")
-        parent, face = to
-        if end == "a":
-            new = replace(moved, parent=parent, face_id=face)
-        else:
-            new = replace(moved, parent_b=parent, face_id_b=face)
         self._require_new_place(moved, moved.attachments["ab".index(end)], to)
-        self._reattach(new, parent)
+        fields = ("parent", "face_id") if end == "a" else ("parent_b", "face_id_b")
+        self._reattach(replace(moved, **dict(zip(fields, to, strict=True))), to[0])
 
     def _require_new_place(self, moved: Step, place: End, to: End) -> None:
         parent, face = to
@@ -134,8 +129,7 @@ class Draft:
         there is none.
         """
         old = self.editable(block, "replaced")
-        fault = type_problem(kind, self._allowed, two_ended=old.two_ended)
-        if fault is not None:
+        if fault := type_problem(kind, self._allowed, two_ended=old.two_ended):
             raise RefusedEdit(*fault)
         if kind == old.type:
             label = block_label(block, kind)
@@ -152,12 +146,12 @@ class Draft:
                 said += [] if new == step else [_moved_faces(block, step, new)]
                 self.steps[step.id] = new
         self.steps[block] = replace(old, type=kind)
-        group, before = library()[kind].group, library()[old.type].group
+        group = library()[kind].group
         if group is None:
             named = self.program.naming(block)
             said += [f"control {number} no longer names it" for number in named]
             self.program.forget(block)
-        if group != before:
+        if group != library()[old.type].group:
             self.program.require_groups(block, self.steps.values())
         self._require_controllers(block)
         return "; ".join(said)
@@ -187,13 +181,10 @@ class Draft:
         for two_ended, step, number, face in attached:
             free = [pair for pair in found[step.id, number] if two_ended or pair[1] not in taken]
             if not free:
-                word = here[face].direction
-                label = block_label(step.id, step.type)
-                reason = (
-                    f"{label} is on face {face} ({word}) of block {old.id}, and {there.label} has "
-                    f"no free face {word}: move or remove block {step.id} first"
-                )
-                raise RefusedEdit("face_not_found", reason)
+                word, label = here[face].direction, block_label(step.id, step.type)
+                where = f"{label} is on face {face} ({word}) of block {old.id}"
+                how = f"no free face {word}: move or remove block {step.id} first"
+                raise RefusedEdit("face_not_found", f"{where}, and {there.label} has {how}")
             kept[step.id, number] = min(free)[1]
             if not two_ended:
                 taken.add(kept[step.id, number])
@@ -286,8 +277,7 @@ class Draft:
 
     def _require_face(self, end: End) -> None:
         parent, face = end
-        fault = face_problem(parent, self.steps[parent].type, face)
-        if fault is not None:
+        if fault := face_problem(parent, self.steps[parent].type, face):
             raise RefusedEdit("face_not_found", fault)
 
     def _require_free(self, end: End) -> None:

@@ -8,6 +8,7 @@ are, since baselines draw them.
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from random import Random
 
 from agentflow.errors import UsageError
@@ -15,7 +16,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.changes import add_images
 from agentflow.machine.edits.draft import Draft, End
-from agentflow.machine.edits.moves import Kinds, Move, free_faces, with_entries
+from agentflow.machine.edits.moves import Kinds, Move, faces_of, free_faces, with_entries
 from agentflow.machine.edits.random import draw_legal, kinds_of_moves
 from agentflow.machine.problems import RefusedEdit
 from agentflow.machine.tree import Machine, Step, renumber
@@ -82,10 +83,10 @@ def insertions(machine: Machine, types: Sequence[int]) -> list[Move]:
     ]
 
 
-def _insert(machine: Machine, step: Step, kind: int, face: int, rng: Random) -> Machine:  # noqa: ARG001
+def _insert(machine: Machine, step: Step, kind: int, face: int, rng: Random) -> Machine:
     new = Step(len(machine), kind, step.parent, step.face_id)
     moved = replace(step, parent=new.id, face_id=face)
-    return _rebuilt(machine, {step.id: (new, moved)})
+    return _rebuilt(machine, {step.id: (new, moved)}, rng)
 
 
 def omissions(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
@@ -95,7 +96,7 @@ def omissions(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: AR
         carried = [other for other in machine if step.id in other.parents]
         if not step.two_ended and len(carried) == 1 and not carried[0].two_ended:
             moved = replace(carried[0], parent=step.parent, face_id=step.face_id)
-            moves.append(partial(_replaced, machine, {step.id: (), moved.id: (moved,)}))
+            moves.append(partial(_rebuilt, machine, {step.id: (), moved.id: (moved,)}))
     return moves
 
 
@@ -128,7 +129,11 @@ def retypings(machine: Machine, types: Sequence[int]) -> list[Move]:
     """Every type of the machine in favour of another one, in all its blocks."""
     present = sorted({step.type for step in machine.steps[1:]})
     return [
-        partial(_replaced, machine, _retyped(machine, old, new))
+        partial(
+            _rebuilt,
+            machine,
+            {step.id: (replace(step, type=new),) for step in machine if step.type == old},
+        )
         for old in present
         if machine.count(old) > 1
         for new in types
@@ -136,23 +141,18 @@ def retypings(machine: Machine, types: Sequence[int]) -> list[Move]:
     ]
 
 
-def _retyped(machine: Machine, old: int, new: int) -> dict[int, tuple[Step, ...]]:
-    return {step.id: (replace(step, type=new),) for step in machine if step.type == old}
-
-
 def end_moves(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
     """Either end of every two-ended block on every face of the earlier blocks."""
     moves: list[Move] = []
     for step in machine:
         if step.two_ended:
-            for other in machine.steps[: step.id]:
-                for face in library()[other.type].open_faces:
-                    for moved in (
-                        replace(step, parent=other.id, face_id=face),
-                        replace(step, parent_b=other.id, face_id_b=face),
-                    ):
-                        if moved.parent != moved.parent_b and moved != step:
-                            moves.append(partial(_replaced, machine, {step.id: (moved,)}))
+            for other, face in faces_of(machine.steps[: step.id]):
+                for moved in (
+                    replace(step, parent=other, face_id=face),
+                    replace(step, parent_b=other, face_id_b=face),
+                ):
+                    if moved.parent != moved.parent_b and moved != step:
+                        moves.append(partial(_rebuilt, machine, {step.id: (moved,)}))
     return moves
 
 
@@ -160,21 +160,16 @@ def nudges(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG00
     """Begin, duration or level of every control, a little more or less."""
     moves: list[Move] = []
     for number, control in enumerate(machine.controls):
-        for factor in NUDGES:
-            for name in ("at", "lasts", "level"):
-                value = round(getattr(control, name) * factor, 2)
-                if name == "level":
-                    value = max(-1.0, min(1.0, value))
-                changed = replace(control, **{name: value})
-                moves.append(partial(with_entries, machine, number, (changed,)))
+        for factor, name in product(NUDGES, ("at", "lasts", "level")):
+            value = round(getattr(control, name) * factor, 2)
+            if name == "level":
+                value = max(-1.0, min(1.0, value))
+            changed = replace(control, **{name: value})
+            moves.append(partial(with_entries, machine, number, (changed,)))
     return moves
 
 
-def _replaced(machine: Machine, by: dict[int, tuple[Step, ...]], rng: Random) -> Machine:  # noqa: ARG001
-    return _rebuilt(machine, by)
-
-
-def _rebuilt(machine: Machine, by: dict[int, tuple[Step, ...]]) -> Machine:
+def _rebuilt(machine: Machine, by: dict[int, tuple[Step, ...]], rng: Random) -> Machine:  # noqa: ARG001
     """The machine with other steps in place of some, in building order."""
     steps = (new for step in machine for new in by.get(step.id, (step,)))
     return renumber(steps, machine.controls, machine.controllers)[0]

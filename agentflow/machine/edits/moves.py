@@ -1,6 +1,6 @@
 """Moves: every change that one step can make to a machine or its control program, legal or not."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from random import Random
@@ -23,7 +23,7 @@ def additions(machine: Machine, types: Sequence[int]) -> list[Move]:
 
     The second end of a two-ended block is on a random face of another block.
     """
-    faces, free = list(_faces(machine)), free_faces(machine)
+    faces, free = list(faces_of(machine)), free_faces(machine)
     return [
         partial(_add, machine, kind, *end)
         for kind in types
@@ -34,7 +34,7 @@ def additions(machine: Machine, types: Sequence[int]) -> list[Move]:
 def _add(machine: Machine, kind: int, parent: int, face_id: int, rng: Random) -> Machine | None:
     step = Step(len(machine), kind, parent, face_id)
     if library()[kind].linear:
-        ends = [end for end in _faces(machine) if end[0] != parent]
+        ends = [end for end in faces_of(machine) if end[0] != parent]
         if not ends:
             return None
         parent_b, face_b = rng.choice(ends)
@@ -117,15 +117,15 @@ MOVES: Kinds = {
 programs are from `control_moves`."""
 
 
-def _faces(machine: Machine) -> Iterator[tuple[int, int]]:
-    """(block id, face id) of all open faces."""
-    return ((step.id, face) for step in machine for face in library()[step.type].open_faces)
+def faces_of(steps: Iterable[Step]) -> Iterator[tuple[int, int]]:
+    """(block id, face id) of all open faces of these blocks."""
+    return ((step.id, face) for step in steps for face in library()[step.type].open_faces)
 
 
 def free_faces(machine: Machine) -> list[tuple[int, int]]:
     """(block id, face id) of all open faces without a standard block."""
     taken = {(step.parent, step.face_id) for step in machine if not step.two_ended}
-    return [end for end in _faces(machine) if end not in taken]
+    return [end for end in faces_of(machine) if end not in taken]
 
 
 def _reattached_steps(machine: Machine) -> Iterator[Step]:
@@ -174,9 +174,8 @@ def _added(window: float, machine: Machine, rng: Random) -> Machine | None:
 
 
 def _changed(window: float, machine: Machine, number: int, rng: Random) -> Machine:
-    return with_entries(
-        machine, number, (_timed(machine.controls[number].target, window, rng),), rng
-    )
+    entry = _timed(machine.controls[number].target, window, rng)
+    return with_entries(machine, number, (entry,), rng)
 
 
 def with_entries(
@@ -195,10 +194,10 @@ def control_moves(window: float) -> Kinds:
     return {
         "control": lambda machine, _types: [partial(_added, window, machine)],
         "uncontrol": lambda machine, _types: [
-            partial(with_entries, machine, number, ()) for number in range(len(machine.controls))
+            partial(with_entries, machine, n, ()) for n in range(len(machine.controls))
         ],
         "retime": lambda machine, _types: [
-            partial(_changed, window, machine, number) for number in range(len(machine.controls))
+            partial(_changed, window, machine, n) for n in range(len(machine.controls))
         ],
     }
 

@@ -41,9 +41,8 @@ class Program:
             steps: The machine as it is now.
             window: Latest end of a control, s; None: any.
         """
-        target = target if isinstance(target, str) else tuple(dict.fromkeys(target))
-        numbers = map(to_precision, (command.at, command.lasts, command.level))
-        control = Control(target, *numbers)
+        once = target if isinstance(target, str) else tuple(dict.fromkeys(target))
+        control = Control(once, *map(to_precision, (command.at, command.lasts, command.level)))
         if len(self._entries) >= MAX_CONTROLS:
             reason = f"a machine can have at most {MAX_CONTROLS} controls: Uncontrol others first"
             raise RefusedEdit("too_many_controls", reason)
@@ -93,11 +92,8 @@ class Program:
     def _require_entry(
         self, number: int, control: Control, steps: Collection[Step], window: float | None
     ) -> None:
-        problems = [
-            *entry_problems(number, control, steps),
-            *window_problem(number, control, window),
-        ]
-        for problem in problems[:1]:
+        ends = window_problem(number, control, window)
+        for problem in (*entry_problems(number, control, steps), *ends):
             raise RefusedEdit(problem.code, problem.message)
 
     def _require_given(self, number: int) -> None:

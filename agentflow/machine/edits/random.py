@@ -18,7 +18,7 @@ from agentflow.machine.edits.moves import (
     control_moves,
     with_random_program,
 )
-from agentflow.machine.tree import ROOT, Machine, Step
+from agentflow.machine.tree import ROOT, Machine
 from agentflow.machine.validity import budget_problems, check
 
 MAX_TRIES = 1000
@@ -225,10 +225,10 @@ def _locate(before: Machine, after: Machine) -> Neighbour:
         return Neighbour(after, None, ())
     if len(after) > len(before):
         return Neighbour(after, None, after.steps[-1].attachments)
-    pairs = zip(before.steps, after.steps, strict=False)
-    changed = next((old for old, new in pairs if _content(old) != _content(new)), before.steps[-1])
+    differing = (
+        old
+        for old, new in zip(before, after, strict=False)
+        if (old.type, old.attachments) != (new.type, new.attachments)
+    )
+    changed = next(differing, before.steps[-1])
     return Neighbour(after, changed.id, changed.attachments)
-
-
-def _content(step: Step) -> tuple[int, tuple[tuple[int, int], ...]]:
-    return step.type, step.attachments

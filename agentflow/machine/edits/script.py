@@ -39,7 +39,6 @@ from agentflow.machine.problems import Problem, RefusedEdit, comma_list
 from agentflow.machine.tree import Machine, shorten
 
 MAX_NAME = 32
-"""Most characters of a name."""
 _WORDS = frozenset({"add", "remove", "move", "to", "in", "as", "end", "replace", "with", "mirror"})
 """Words of the commands, which cannot be names."""
 _EXAMPLE = "Add 63 to 3 in 0 as a"
@@ -96,7 +95,6 @@ class StepVerdict:
     """The outcome of one line of a script."""
 
     text: str
-    """The line as written."""
     verdict: Literal["Success", "Error", "Unverified"]
     code: str = ""
     """Kind of error, or `no_change` for an empty script; "" if there is nothing to say."""
@@ -170,7 +168,10 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
             True, (StepVerdict("", "Success", "no_change", NO_CHANGE),), machine, same
         )
     if len(lines) > MAX_COMMANDS:
-        return EditOutcome(False, (_too_long(len(lines)),), machine, same)
+        count = f"the script has {len(lines)} commands; the maximum is {MAX_COMMANDS}"
+        reason = f"{count}: send fewer, or a whole machine"
+        long = StepVerdict("", "Error", "too_many_commands", reason)
+        return EditOutcome(False, (long,), machine, same)
     commands = [read_command(line) for line in lines]
     work = _Application(Draft(machine, brief), commands)
     verdicts: list[StepVerdict] = []
@@ -183,21 +184,6 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
             return EditOutcome(False, tuple(verdicts), machine, same)
         verdicts.append(StepVerdict(line, "Success", reason=changed))
     return EditOutcome(True, tuple(verdicts), *work.finish())
-
-
-def _too_long(count: int) -> StepVerdict:
-    reason = (
-        f"the script has {count} commands; the maximum is {MAX_COMMANDS}: send fewer, or a whole "
-        "machine"
-    )
-    return StepVerdict("", "Error", "too_many_commands", reason)
-
-
-def _bad_format(*more: str) -> RefusedEdit:
-    """The refusal of a line that is not a command; `more` are the commands besides those for
-    all."""
-    commands = "; ".join((*GRAMMAR, *more))
-    return RefusedEdit("bad_format", f"not a command; the commands are: {commands}; {NAMING}")
 
 
 class _Application:
@@ -214,8 +200,10 @@ class _Application:
         Raises `RefusedEdit` if it cannot be applied.
         """
         if command is None:
-            more = CONTROL_GRAMMAR if self._draft.brief and self._controlled else ()
-            raise _bad_format(*more, *(CONTROLLER_GRAMMAR if self._draft.limits.senses else ()))
+            controls = CONTROL_GRAMMAR if self._draft.brief and self._controlled else ()
+            senses = CONTROLLER_GRAMMAR if self._draft.limits.senses else ()
+            known = f"the commands are: {'; '.join((*GRAMMAR, *controls, *senses))}; {NAMING}"
+            raise RefusedEdit("bad_format", f"not a command; {known}")
         if isinstance(command, WriteControllers | SetNumber):
             if self._draft.brief and not self._draft.limits.senses:
                 raise RefusedEdit("controllers_not_allowed", f"{NOT_SENSED}; remove the line")
@@ -231,14 +219,17 @@ class _Application:
         return changed
 
     def _change(self, command: Remove | Move | Replace | Mirror) -> str:
-        if isinstance(command, Remove):
-            return self._remove(command)
         if isinstance(command, Move):
             return self._move(command)
+        if isinstance(command, Mirror):
+            return self._mirror(command)
         if isinstance(command, Replace):
             block = self._find(command.block, "block", "replaced")
             return self._draft.retype(block, command.type)
-        return self._mirror(command)
+        block = self._find(command.block, "block", "removed")
+        self._draft.detach(block)
+        self._draft.program.require_groups(block, self._draft.steps.values())
+        return ""
 
     def finish(self) -> tuple[Machine, dict[int, int | None], dict[str, int | None]]:
         """The renumbered machine, and the maps from original ids and from names to its ids."""
@@ -257,12 +248,6 @@ class _Application:
         self._require_space(f"with {library()[command.type].name} as new block {label}: ")
         return ""
 
-    def _remove(self, command: Remove) -> str:
-        block = self._find(command.block, "block", "removed")
-        self._draft.detach(block)
-        self._draft.program.require_groups(block, self._draft.steps.values())
-        return ""
-
     def _mirror(self, command: Mirror) -> str:
         what = command.what
         if what not in ("x+", "x-"):
@@ -278,9 +263,8 @@ class _Application:
         if not command.end:
             self._draft.movable(block)
         to = self._end(command.parent, command.face)
-        parent = to[0]
-        if block <= parent < self._draft.original:
-            reason = f"new parent {parent} does not come before block {block}"
+        if block <= to[0] < self._draft.original:
+            reason = f"new parent {to[0]} does not come before block {block}"
             rule = "a parent must have a smaller id or be added by this script"
             raise RefusedEdit("parent_not_earlier", f"{reason}; {rule}")
         if command.end:
@@ -290,7 +274,7 @@ class _Application:
         return ""
 
     def _end(self, ref: Ref, face: Face) -> End:
-        parent = self._parent(ref)
+        parent = self._find(ref, "parent", "used as a parent")
         return parent, face if isinstance(face, int) else self._draft.face_towards(parent, face)
 
     @property
@@ -354,9 +338,6 @@ class _Application:
         words = "_".join(map(str, target))
         named = len(target) == 1 and target[0] in self._names.given
         return next((group for group in GROUPS if group == words and not named), None)
-
-    def _parent(self, ref: Ref) -> int:
-        return self._find(ref, "parent", "used as a parent")
 
     def _find(self, ref: Ref, what: str, use: str) -> int:
         """The id of a block that is still there; `what` begins the codes of refusals."""

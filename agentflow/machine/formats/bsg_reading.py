@@ -87,7 +87,6 @@ class _Reader:
     allowed: Collection[int]
     root: LocatedBlock | None = None
     others: list[LocatedBlock] = field(default_factory=list)
-    """All blocks except the root."""
     notes: list[str] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
     loose: list[Problem] = field(default_factory=list)
@@ -133,11 +132,10 @@ class _Reader:
         rotation = (x, y, z, w)
         position = _point(block.find("./Transform/Position"), "xyz", "Position")
         scale = block.find("./Transform/Scale")
-        if scale is not None:
-            factors = _point(scale, "xyz", "Scale")
-            if any(abs(factor - 1) > SCALE_TOLERANCE for factor in factors):
-                size = " x ".join(f"{factor:g}" for factor in factors)
-                raise RefusedEdit("scale", f"it is scaled to {size}; blocks cannot be scaled here")
+        factors = () if scale is None else _point(scale, "xyz", "Scale")
+        if any(abs(factor - 1) > SCALE_TOLERANCE for factor in factors):
+            size = " x ".join(f"{factor:g}" for factor in factors)
+            raise RefusedEdit("scale", f"it is scaled to {size}; blocks cannot be scaled here")
         if not library()[kind].linear:
             return LocatedBlock(index, kind, position, rotation)
         end = block.find(f"./Data/Vector3[@key='{END}']")
@@ -150,15 +148,13 @@ class _Reader:
     def _type(self, block: Element) -> int:
         text = (block.get("id") or "").strip()
         if not (text.isascii() and text.isdigit() and len(text) < 10):
-            raise RefusedEdit(
-                "not_a_number", f"its id is {short_repr(text)}, expected a block type"
-            )
+            reason = f"its id is {short_repr(text)}, expected a block type"
+            raise RefusedEdit("not_a_number", reason)
         kind = int(text)
         if kind == STARTING_BLOCK and self.root is None:
             return kind
         two_ended = kind in library() and library()[kind].linear
-        fault = type_problem(kind, self.allowed, two_ended=two_ended)
-        if fault is not None:
+        if fault := type_problem(kind, self.allowed, two_ended=two_ended):
             raise RefusedEdit(*fault)
         return kind
 
@@ -185,9 +181,8 @@ def _numbers(element: Element | None, names: str, what: str) -> list[float]:
         except ValueError:
             number = math.nan
         if not abs(number) <= MAX_COORDINATE:
-            raise RefusedEdit(
-                "not_a_number", f"{name} of its {what} is {short_repr(text)}, {_EXPECTED}"
-            )
+            reason = f"{name} of its {what} is {short_repr(text)}, {_EXPECTED}"
+            raise RefusedEdit("not_a_number", reason)
         numbers.append(number)
     return numbers
 

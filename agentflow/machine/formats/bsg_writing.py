@@ -34,7 +34,6 @@ class Binding:
     keys: tuple[str, str]
     """For levels above 0 and below; of grabbers, the second one opens them. `NO_KEY` for none."""
     held: tuple[Spans, Spans]
-    """When each is held."""
 
     def __str__(self) -> str:
         """What a player does."""

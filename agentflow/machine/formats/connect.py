@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import product
 from typing import NamedTuple
 
 from agentflow.machine.formats.parse import Reading
@@ -59,9 +60,7 @@ class _Face(NamedTuple):
 def facing_of(rotation: Quat) -> str | None:
     """The orientation within 1 degree of a quaternion, by name; None if there is none."""
     length = math.sqrt(sum(part * part for part in rotation))
-    if not length:
-        return None
-    for name, facing in FACINGS.items():
+    for name, facing in FACINGS.items() if length else ():
         agreement = abs(sum(a * b for a, b in zip(rotation, facing.quaternion, strict=True)))
         if agreement >= _CLOSEST * length:
             return name
@@ -84,9 +83,7 @@ def connect(
     """
     connector = _Connector(blocks[0].position)
     if facing_of(blocks[0].rotation) != "z+":
-        message = (
-            f"block {blocks[0].index} (Starting Block) is rotated; its rotation must be 0, 0, 0, 1"
-        )
+        message = f"{blocks[0].label} is rotated; its rotation must be 0, 0, 0, 1"
         connector.loose.append(Problem("rotation", (blocks[0].index,), message))
     connector.place(replace(ROOT, id=blocks[0].index))
     for block in blocks[1:]:
@@ -164,14 +161,11 @@ class _Connector:
 
     def _faces_near(self, at: Vec3) -> list[_Face]:
         """All faces that may be within the tolerance."""
-        x, y, z = (
-            range(
-                math.floor((part - _REACH + _HALF) / _CELL),
-                math.floor((part + _REACH + _HALF) / _CELL) + 1,
-            )
-            for part in at
+        low, high = (
+            [math.floor((part + away + _HALF) / _CELL) for part in at] for away in (-_REACH, _REACH)
         )
-        return [face for i in x for j in y for k in z for face in self.faces.get((i, j, k), ())]
+        cells = product(*(range(a, b + 1) for a, b in zip(low, high, strict=True)))
+        return [face for i, j, k in cells for face in self.faces.get((i, j, k), ())]
 
     def _no_parent(self, block: LocatedBlock, point: Vec3, facing: str | None) -> Problem:
         that = f" that faces {facing}" if facing else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from agentflow.machine.formats.parse import (
     Reading,
     driving_problems,
     find_document,
+    not_an_object,
     read_whole_number,
 )
 from agentflow.machine.geometry.placement import place
@@ -114,10 +116,7 @@ def _read_block(
 ) -> LocatedBlock | None:
     """Read one item of the list; add a problem and return None if it is not a block."""
     if not isinstance(item, dict):
-        message = (
-            f"item {index} of the machine's list is {short_repr(item)}; expected an object with "
-        )
-        problems.append(Problem("not_an_object", (index,), message + comma_list(_KEYS)))
+        problems.append(not_an_object(item, index, _KEYS))
         return None
     kind = item.get("type", MISSING)
     if type(kind) is not int:
@@ -167,10 +166,7 @@ def _numbers(
 def _number(value: object) -> float | None:
     """The value as a coordinate; None if it is not a number within limits."""
     if isinstance(value, str) and len(value) < 40:
-        try:
+        with suppress(ValueError):
             value = float(value)
-        except ValueError:
-            return None
-    if type(value) is not float and type(value) is not int:
-        return None
-    return float(value) if abs(value) <= MAX_COORDINATE else None
+    known = type(value) in (int, float) and abs(value) <= MAX_COORDINATE  # type: ignore[arg-type]
+    return float(value) if known else None  # type: ignore[arg-type]

@@ -80,11 +80,8 @@ class Document(NamedTuple):
     """The JSON data of a machine in any form."""
 
     blocks: list[object]
-    """Its list of blocks."""
     controls: object = None
-    """What is under `controls`; None if it has none."""
     controllers: object = None
-    """What is under `controllers`; None if it has none."""
     notes: tuple[str, ...] = ()
     repaired: bool = False
     fault: Problem | None = None
@@ -138,18 +135,15 @@ def find_document(source: object, form: str) -> Document:
         notes = (f"the machine: ignored {comma_list(extra[:8])}",) if extra else ()
         controls, controllers = source.get("controls"), source.get("controllers")
         source = source["blocks"]
-    code = message = ""
-    if not isinstance(source, list):
-        code = "not_a_list"
-        message = f"the machine is {short_repr(source)}; write it as {form}"
-    elif not source:
+    if isinstance(source, list) and 0 < len(source) <= MAX_BLOCKS:
+        return Document(source, controls, controllers, notes, repaired)
+    code, message = "not_a_list", f"the machine is {short_repr(source)}; write it as {form}"
+    if source == []:
         code, message = "empty", f"the machine is an empty list; write it as {form}"
-    elif len(source) > MAX_BLOCKS:
+    elif isinstance(source, list):
         code = "too_many_blocks"
         message = f"the machine has {len(source)} blocks; the maximum is {MAX_BLOCKS}"
-    if code or not isinstance(source, list):
-        return Document([], repaired=repaired, fault=Problem(code, (), message))
-    return Document(source, controls, controllers, notes, repaired)
+    return Document([], repaired=repaired, fault=Problem(code, (), message))
 
 
 def _find_machine(text: str) -> tuple[object, bool]:
@@ -180,10 +174,7 @@ def _is_machine(value: object) -> bool:
 def _read_step(item: object, index: int, notes: list[str], problems: list[Problem]) -> Step | None:
     """Read one item of the list; add a problem and return None if it is not a step."""
     if not isinstance(item, dict):
-        message = (
-            f"item {index} of the machine's list is {short_repr(item)}; expected an object with "
-        )
-        problems.append(Problem("not_an_object", (index,), message + comma_list(_STANDARD)))
+        problems.append(not_an_object(item, index, _STANDARD))
         return None
     two_ended = "parent_b" in item or "parent_a" in item
     keys = _TWO_ENDED if two_ended else _STANDARD
@@ -201,6 +192,13 @@ def _read_step(item: object, index: int, notes: list[str], problems: list[Proble
         notes.append(f"block {index}: ignored {comma_list(extra[:8])}")
     kind, block_id, parent, face_id, *second = values
     return Step(block_id, kind, parent, face_id, *second)
+
+
+def not_an_object(item: object, index: int, keys: Sequence[str]) -> Problem:
+    """The problem of an item of a machine's list that is no object with these keys."""
+    expected = f"expected an object with {comma_list(keys)}"
+    message = f"item {index} of the machine's list is {short_repr(item)}; {expected}"
+    return Problem("not_an_object", (index,), message)
 
 
 def read_whole_number(

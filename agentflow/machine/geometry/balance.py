@@ -11,7 +11,6 @@ Point = tuple[int, int]
 """(x, z) in half units, 0.025 m."""
 
 HALF_UNITS = 2 * UNITS
-"""Half units per metre."""
 
 _ROLLING = frozenset({"Wheel", "Gear", "Payload"})
 """Categories whose round blocks stand on their rim or on one point, not on their box's corners."""

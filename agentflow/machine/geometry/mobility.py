@@ -38,7 +38,6 @@ class Sets:
 APART = 1e-6
 """m, and sine of an angle: pivots and axes at rest are exact except for rounding."""
 JAMMED = "other moving joints hold the same parts"
-"""Why a joint cannot move."""
 
 
 def lock(joints: Sequence[MovingJoint], moving: Sequence[int], sets: Sets) -> list[int]:

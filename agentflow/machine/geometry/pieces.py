@@ -26,7 +26,6 @@ class Bond(NamedTuple):
     """A connection of two ends. Ends are numbered: 2 x block, and 1 more for the second end."""
 
     block: int
-    """The block that makes it."""
     a: int
     b: int
     kind: str = "fixed"
@@ -122,7 +121,6 @@ def _warning(geometry: Geometry, joint: Bond, blocks: tuple[int, ...], reason: s
 
 
 UNBUILDABLE = "unbuildable"
-"""Code of a machine that cannot be built in any order."""
 
 
 def build_order(geometry: Geometry) -> tuple[int, ...] | Problem:

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.geometry.pose import Placed, Units3, shape, to_metres
+from agentflow.machine.geometry.pose import Placed, Units3, box_of, shape, to_metres
 from agentflow.machine.geometry.vectors import Vec3, add, subtract
 from agentflow.machine.tree import Machine, Step
 
@@ -195,9 +195,7 @@ def place_step(step: Step, placed: Mapping[int, Placed]) -> Placed:
     if step.parent_b is not None and step.face_id_b is not None:
         a = face_at(placed[step.parent], step.face_id)
         b = face_at(placed[step.parent_b], step.face_id_b)
-        lo = (min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2]))
-        hi = (max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2]))
-        return Placed(step, a, lo, hi, None, b)
+        return Placed(step, a, *box_of(a, b), None, b)
     if step.parent < 0:
         x, y, z = 0, 0, 0
         turned = shape(step.type, "z+")

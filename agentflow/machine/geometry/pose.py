@@ -29,7 +29,6 @@ class Facing(NamedTuple):
     right: Units3
     up: Units3
     quaternion: Quat
-    """(x, y, z, w)."""
 
     def turn(self, vector: Units3) -> Units3:
         """Rotate a vector from the block's own frame to the machine frame."""
@@ -82,7 +81,7 @@ def shape(block_type: int, facing: str) -> BlockShape:
     turn = FACINGS[facing].turn
     x, y, z = (_exact(extent / 2) for extent in block.size)
     back = -z if block.root else 0
-    a, b = turn((-x, -y, back)), turn((x, y, back + 2 * z))
+    lo, hi = box_of(turn((-x, -y, back)), turn((x, y, back + 2 * z)))
     faces = tuple(
         ShapeFace(
             face.id,
@@ -91,12 +90,13 @@ def shape(block_type: int, facing: str) -> BlockShape:
         )
         for face in block.faces
     )
-    return BlockShape(
-        FACINGS[facing],
-        (min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2])),
-        (max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2])),
-        faces,
-    )
+    return BlockShape(FACINGS[facing], lo, hi, faces)
+
+
+def box_of(a: Units3, b: Units3) -> tuple[Units3, Units3]:
+    """The lowest and the highest corner of the box between two points."""
+    lo = (min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2]))
+    return lo, (max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2]))
 
 
 def _exact(metres: float) -> int:
