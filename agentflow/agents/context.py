@@ -86,9 +86,7 @@ class RoleInput:
     spatial: bool = field(default=True, kw_only=True)
     """Whether to include 3D information."""
     representation: Representation = field(default="tree", kw_only=True)
-    """How whole machines are written."""
     elsewhere: Elsewhere = field(default_factory=Elsewhere, kw_only=True)
-    """What was learnt elsewhere."""
 
     def context(self, machine: Machine | None) -> dict[str, object]:
         """Template variables of the task and of a machine."""

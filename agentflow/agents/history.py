@@ -10,7 +10,6 @@ from agentflow.machine.edits.commands import TELLING, command_text, read_command
 from agentflow.machine.edits.difference import Renumbering, follow, renumber
 
 LIMIT = 20
-"""Maximum number of entries kept."""
 MAX_LINES = 20
 """Maximum number of lines shown of a script or reason."""
 MAX_WIDTH = 300

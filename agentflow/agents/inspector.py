@@ -23,7 +23,6 @@ from agentflow.prompts.text import oneline
 TIE = 1e-6
 """Distance within which two blocks count as reaching equally far, m."""
 AXES: Mapping[str, str] = {"x+": "right", "y+": "up", "z+": "forward"}
-"""Axis -> direction in which it points."""
 DIRECTIONS: Mapping[str, str] = {
     **dict.fromkeys(("right", "rightward", "rightwards"), "right"),
     **dict.fromkeys(("left", "leftward", "leftwards"), "left"),
@@ -32,7 +31,6 @@ DIRECTIONS: Mapping[str, str] = {
     **dict.fromkeys(("forward", "forwards", "front", "ahead"), "forward"),
     **dict.fromkeys(("backward", "backwards", "back", "rear", "behind"), "backward"),
 }
-"""Word in a reply -> direction."""
 EXTREMES: Mapping[str, tuple[int, int]] = {
     "frontmost": (2, 1),
     "rearmost": (2, -1),

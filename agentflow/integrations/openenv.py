@@ -22,7 +22,6 @@ class BenchAction(Action):
     """A call of a tool."""
 
     tool: str
-    """Its name."""
     arguments: Mapping[str, Any] = Field(default_factory=dict)
     """By name, as the tool's JSON schema says."""
 

@@ -133,7 +133,6 @@ class Models:
     clients: Mapping[str, Client]
     choices: Mapping[str, ModelChoice]
     budget: Budget = field(default_factory=Budget)
-    """What their calls have used."""
 
     def name_of(self, roles: Iterable[str]) -> str:
         """The name of these roles in results: one model, or each model with its roles."""

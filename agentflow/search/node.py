@@ -13,7 +13,6 @@ from agentflow.search.elites.axes import Measurement
 from agentflow.search.pareto import Point
 
 C = TypeVar("C")
-"""A candidate."""
 
 
 @dataclass(frozen=True)

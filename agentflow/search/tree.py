@@ -67,7 +67,6 @@ class SearchTree(Generic[C]):
         """Start with an evaluated root; ask at most `request_rounds` times per expansion."""
         self.nodes: list[Node[C]] = []
         self.stopped = False
-        """Whether the budget has run out."""
         self._cost = SearchCost()
         self._expand = expand
         self._evaluate = EvaluateOnce(evaluate, {root: evaluation})

@@ -10,7 +10,6 @@ import numpy as np
 from agentflow.extras import is_installed, missing
 
 C = TypeVar("C")
-"""A candidate."""
 WIDE = 1000.0
 """Width from which bounds tell nothing about useful values."""
 STEP = 0.15

@@ -21,7 +21,6 @@ MOST_GAINS, MOST_LOSSES = 5, 3
 SAME = 0.005
 """Share of the score below which a change counts as none."""
 MOST_EDITS = 24
-"""Most edits of one call."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,6 @@ class EditTrial:
     score: float | None
     """What searches compare; None if the simulation failed."""
     broken: bool
-    """Whether a connection broke."""
 
 
 def trials_text(score: float | None, broken: bool, trials: Sequence[EditTrial]) -> str:
@@ -107,7 +105,6 @@ async def explore_edits(
 
 
 MOST = 100
-"""Most simulations of one call."""
 
 
 async def tune(

@@ -13,7 +13,6 @@ from agentflow.tools.results import RefusedCall, ToolResult, brief_numbers
 from agentflow.tools.workspace import Call, KnownMachine, Workspace, require_complete
 
 MOST_AT_ONCE = 8
-"""Most machines of one call of `simulate`."""
 Trial = Annotated[int, Field(ge=0)]
 _FRAME = " In the world frame; forces and moments along the axes of blocks as built:"
 MOST_NOTED = 60

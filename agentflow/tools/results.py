@@ -22,7 +22,6 @@ class ToolResult:
     text: str
     """What the agent reads."""
     data: Mapping[str, Any]
-    """The same as JSON data."""
     image: bytes | None = None
     """A PNG picture, only of `look`."""
     refused: bool = False

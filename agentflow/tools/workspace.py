@@ -16,9 +16,7 @@ from agentflow.tools.host import BenchHost, Simulation, Told
 from agentflow.tools.results import RefusedCall, StageEnded
 
 DIGITS = 8
-"""Length of a name."""
 MOST_MACHINES = 2000
-"""Most machines of a run."""
 
 
 @dataclass
@@ -30,7 +28,6 @@ class KnownMachine:
     parent: str = ""
     """Name of the machine that it was made from; "" for one that was written from scratch."""
     script: str = ""
-    """The commands of that edit."""
     note: str = ""
     """What its designer said of it."""
     submitted: StageName | None = None
@@ -169,7 +166,6 @@ class Call:
     workspace: Workspace
     location: Location
     recorded: bool = True
-    """Whether the run records it."""
 
 
 @dataclass

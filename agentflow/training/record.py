@@ -119,7 +119,6 @@ class About(BaseModel, frozen=True, extra="forbid"):
     inputs: Mapping[str, str] = {}
     """Key of the configuration that names files -> digest of them; none in older directories."""
     format: Literal[1] = 1
-    """Version of the directory's layout."""
 
 
 DOCUMENT = Document(ABOUT, About, "a training run")

@@ -108,7 +108,6 @@ class Candidate:
     """The machine of one trajectory at the end of a stage, or why there is none."""
 
     trajectory: int
-    """1, 2, ..."""
     machine: Machine | None = None
     evaluation: Evaluation | None = None
     """None if it was not simulated, as invalid machines are not."""
@@ -152,9 +151,7 @@ class Stage:
     name: StageName
     candidates: tuple[Candidate, ...]
     calls: int
-    """Model calls of this stage."""
     tokens: int
-    """Prompt and completion tokens of this stage."""
     rollouts: int
     """Machines first simulated in this stage."""
     tools: Mapping[str, Mapping[str, int]] = field(default_factory=dict)

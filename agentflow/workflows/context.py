@@ -104,7 +104,6 @@ class WorkflowContext:
         self._tried: dict[int, set[Machine]] = {}
         """Trajectory -> the machines that were simulated in it."""
         self.memory = Memory(brief, settings, self.note)
-        """What the trajectories see of each other."""
         self.models: dict[int, str] = {}
         """Trajectory -> the model that is asked for it, where a search chooses that."""
         self._analysing = asyncio.Lock()

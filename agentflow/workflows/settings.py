@@ -13,9 +13,7 @@ from agentflow.machine.tree import Machine
 from agentflow.search.settings import INDEPENDENT, SearchSettings
 
 Emitter = Literal["edit", "crossover", "refiner"]
-"""What makes new machines from others."""
 LONGEST_BRIEF = 8000
-"""Most characters of a user's wishes."""
 Objective = Literal["score", "robust", "pareto"]
 
 

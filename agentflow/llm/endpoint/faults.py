@@ -64,7 +64,6 @@ class ErrorResponse:
 
     status: int
     message: str
-    """The server's full message."""
     param: str = ""
     """The parameter that it names, if any."""
     code: str = ""

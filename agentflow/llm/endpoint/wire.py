@@ -180,7 +180,6 @@ class ReplyBuilder:
     streamed: bool = False
     """Whether a non-empty chunk (`delta`) was received."""
     has_choice: bool = False
-    """Whether any choice was received."""
     tool_calls: ToolCallBuilder = field(default_factory=ToolCallBuilder)
     reasoning_field: str = ""
     """Field in which the endpoint sends reasoning; empty until received."""

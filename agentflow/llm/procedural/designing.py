@@ -143,7 +143,6 @@ class SeenMachine:
     made: bool = False
     """Whether it was made in this conversation, and is complete."""
     submitted: bool = False
-    """Whether it was submitted in this conversation."""
     tried: set[str] = field(default_factory=set)
     """Scripts sent for it, normalised."""
 
@@ -157,7 +156,6 @@ class Notes:
     turns: int = 0
     called: set[str] = field(default_factory=set)
     left: dict[str, int] = field(default_factory=lambda: {"submission": 0, "simulation": 0})
-    """What is left: submissions and simulations."""
     seen_machines: dict[str, SeenMachine] = field(default_factory=dict)
     """By name, oldest first."""
 

@@ -27,7 +27,6 @@ class Choice:
     """What to make next."""
 
     arm: str
-    """Who makes it."""
     branch: int = 0
     """Number of the branch to continue; 0 begins a new one."""
     node: int = 0
@@ -39,7 +38,6 @@ class Branch(Generic[C]):
     """A first candidate and what was made from it."""
 
     number: int
-    """1, 2, ..."""
     arm: str
     tree: SearchTree[C] | None = None
     """None if no valid first candidate was made."""

@@ -34,7 +34,6 @@ class GateCount(BaseModel, frozen=True, extra="forbid"):
 
     gate: str
     passes: str
-    """What passes it."""
     entered: int
     passed: int
 

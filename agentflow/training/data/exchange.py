@@ -92,7 +92,6 @@ class ImportedPair:
     name: str
     """Of the objective: rows with the same prompt have the same one."""
     text: str
-    """What is asked for."""
     prompt: tuple[ChatMessage, ...]
     rationale: str
     report: Report

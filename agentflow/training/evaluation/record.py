@@ -32,7 +32,6 @@ class EvaluationRecord(BaseModel, frozen=True, extra="forbid"):
     """The content of evaluation.json: everything that decides the results, and the results."""
 
     format: Literal[1] = 1
-    """Version of the directory's layout."""
     name: str
     """Name of the row in tables; evaluations with the same name are pooled."""
     model: str

@@ -16,7 +16,6 @@ from agentflow.training.views import COMPARED, CURVES, VIEWS
 GENERAL, UNCERTAINTY = "post_training", "post_training_ci"
 """Published tables."""
 MAIN = ("valid", "mean", "max")
-"""Numbers of the general table."""
 IN_SHARES = (".count", ".of")
 """Ends of the names of logged numbers that are left out, as the share of both is there."""
 BASE = "Base"

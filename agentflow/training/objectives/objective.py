@@ -122,7 +122,6 @@ class ObjectiveTask(Task):
     """The level, with the objective's blocks."""
     text: str = field(kw_only=True)
     demands: str = field(kw_only=True)
-    """The function tests in words."""
 
     @property
     def brief(self) -> Brief:

@@ -58,7 +58,6 @@ class _Shown:
     known: dict[Machine, str]
     """Machine -> its likeness."""
     views: tuple[str, ...] = ()
-    """Pictures of its machine."""
 
 
 async def feedback_loop(

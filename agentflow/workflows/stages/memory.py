@@ -85,7 +85,6 @@ class Memory:
         """Begin empty; `note` records what is shown from now on."""
         self.shown = Snapshot()
         self.edits: list[Lesson] = []
-        """What every edit did, in order."""
         self._brief, self._settings, self._note = brief, settings, note
         self.revealed = 0
         """How often what is shown has changed."""
