@@ -30,8 +30,8 @@ def test_a_table_has_a_dash_where_a_result_lacks_a_field(
 
 
 def test_a_list_has_no_line_for_what_a_result_lacks(capsys: pytest.CaptureFixture[str]) -> None:
-    print_lines(output(), FIELDS, FULL)
-    print_lines(output(), FIELDS, BARE)
+    print_lines(FIELDS, FULL)
+    print_lines(FIELDS, BARE)
     assert capsys.readouterr().out.splitlines() == [
         "name: one",
         "score: 1.50",

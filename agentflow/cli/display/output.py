@@ -38,12 +38,6 @@ class SafeConsole(Console):
 class Output(SafeConsole):
     """A console that leaves broken pipes to cli.main."""
 
-    def print_wide(self, table: Table) -> None:
-        """Print a table with each row on one line, however long."""
-        self.width = LONG
-        self.width = self.measure(table).maximum
-        self.print(table)
-
     def on_broken_pipe(self) -> None:
         """Raise, where rich would end the process with status 1."""
         raise BrokenPipeError
@@ -62,6 +56,15 @@ class Cells(Table):
 def output() -> Output:
     """A console on standard output without markup or wrapping."""
     return Output(highlight=False, soft_wrap=True, markup=False)
+
+
+def tell(*things: RenderableType, wide: bool = False) -> None:
+    """Print on standard output; if `wide`, with each row of a table on one line, however long."""
+    console = output()
+    if wide:
+        console.width = LONG
+        console.width = max(console.measure(table).maximum for table in things)
+    console.print(*things)
 
 
 def columns(*names: str) -> Cells:
@@ -106,14 +109,14 @@ def table(fields: Sequence[Field], rows: Iterable[Data | None]) -> Cells:
     return found
 
 
-def print_lines(console: Output, fields: Iterable[Field], item: Data) -> None:
+def print_lines(fields: Iterable[Field], item: Data) -> None:
     """Print a line for each field that the result has."""
     for each in fields:
         if (text := each.show(item)) is not None:
-            console.print(f"{each.label}: {text}")
+            tell(f"{each.label}: {text}")
 
 
-def print_problems(console: Output, problems: Iterable[Data] | None) -> None:
+def print_problems(problems: Iterable[Data] | None) -> None:
     """Print why a machine is not valid, a line for each problem."""
     for problem in problems or ():
-        console.print(f"{problem['code']}: {problem['message']}")
+        tell(f"{problem['code']}: {problem['message']}")

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from agentflow.cli.display.output import Data, Field, field, output, table
+from agentflow.cli.display.output import Data, Field, field, table, tell
 from agentflow.metrics.tables import interval_text, number, percent
 
 EVALUATED = (
@@ -25,15 +25,14 @@ GATE = (
 
 def show_evaluation(found: Data) -> None:
     """Print the numbers of each task."""
-    console = output()
-    console.print(f"{found['name']}: {found['label']}, {found['conditions']['engine']}")
+    tell(f"{found['name']}: {found['label']}, {found['conditions']['engine']}")
     rows = [{"task": task, **row} for task, row in found["results"].items()]
-    console.print(table(EVALUATED, rows))
+    tell(table(EVALUATED, rows))
     counts = dict.fromkeys(n for row in rows for n in row["best_at"])
-    console.print(table((field("task"), *(Field(f"Best@{n}", _best_at(n)) for n in counts)), rows))
+    tell(table((field("task"), *(Field(f"Best@{n}", _best_at(n)) for n in counts)), rows))
     for row in rows:
         if row["faults"]:
-            console.print(
+            tell(
                 f"{row['task']}: {row['faults']} left out because their simulation crashed or "
                 "timed out"
             )
@@ -55,19 +54,19 @@ def show_training(result: Data) -> None:
 def show_answers(found: Data) -> None:
     """Print how many answers to objectives are recorded, and what ended the work early."""
     variants = f" and {found['variants']} variants" * bool(found["variants"])
-    output().print(
+    tell(
         f"{found['answers']} of {found['planned']} answers{variants} of {found['model']}: "
         f"{found['out']}"
     )
     if found["stopped"]:
-        output().print(f"stopped: {found['stopped']}")
+        tell(f"stopped: {found['stopped']}")
 
 
 def show_card(found: Data) -> None:
     """Print how many machines passed each gate of a data set."""
-    console, pairs = output(), found["pairs"]
-    console.print_wide(table(GATE, found["gates"]))
-    console.print(
+    pairs = found["pairs"]
+    tell(table(GATE, found["gates"]), wide=True)
+    tell(
         f"{pairs['train']} pairs to train and {pairs['dev']} to measure ({found['model']}): "
         f"{found['out']}"
     )

@@ -13,10 +13,10 @@ from agentflow.cli.display.output import (
     answer,
     columns,
     field,
-    output,
     print_lines,
     print_problems,
     table,
+    tell,
 )
 from agentflow.cli.display.show_scores import record_text, show_requirements, verified_text
 from agentflow.metrics.tables import block_count, counted, extents, number
@@ -61,78 +61,71 @@ PART = (
 
 def show_report(report: Data) -> None:
     """Print a validity report and its warnings."""
-    console = output()
-    print_lines(console, CHECKED, report)
+    print_lines(CHECKED, report)
     if "task" in report:
         met = {True: "met", False: "not met"}.get(report["rules_met"], "not checked")
-        console.print(f"rules of {report['task']}: {met}")
-    print_problems(console, report["problems"])
+        tell(f"rules of {report['task']}: {met}")
+    print_problems(report["problems"])
     show_requirements(report)
     for warning in report["warnings"]:
-        console.print(f"warning: {warning['message']}")
+        tell(f"warning: {warning['message']}")
     for block in report.get("blocks", ()):
         if "end_a" in block:
-            console.print(f"block {block['id']}: from {block['end_a']} to {block['end_b']}")
+            tell(f"block {block['id']}: from {block['end_a']} to {block['end_b']}")
         else:
-            console.print(
-                f"block {block['id']}: at {block['position']} facing {block['orientation']}"
-            )
+            tell(f"block {block['id']}: at {block['position']} facing {block['orientation']}")
 
 
 def show_edit(outcome: Data, out: Path | None = None) -> None:
     """Print the verdict of each step and, if all succeeded, the new machine or its file."""
-    console = output()
     for step in outcome["steps"]:
-        console.print(f"{step['verdict']}: {step['text']}")
+        tell(f"{step['verdict']}: {step['text']}")
         if step["reason"]:
             code = f"{step['code']}: " if step["code"] else ""
-            console.print(f"  {code}{step['reason']}")
-    console.print(outcome["outcome"])
+            tell(f"  {code}{step['reason']}")
+    tell(outcome["outcome"])
     if outcome["outcome"] == "success":
-        console.print(json.dumps(outcome["machine"]) if out is None else f"machine: {out}")
+        tell(json.dumps(outcome["machine"]) if out is None else f"machine: {out}")
 
 
 def show_conversion(result: Data) -> None:
     """Print what was written and which blocks were skipped; warnings."""
-    console = output()
     for problem in result["left_out"]:
-        console.print(f"skipped: {problem['message']}")
+        tell(f"skipped: {problem['message']}")
     for note in result["notes"]:
-        console.print(f"note: {note}")
+        tell(f"note: {note}")
     for warning in result["warnings"]:
-        console.print(f"warning: {warning}")
-    console.print(f"{result['out']}: {result['blocks']} blocks")
+        tell(f"warning: {warning}")
+    tell(f"{result['out']}: {result['blocks']} blocks")
 
 
 def show_parts(result: Data) -> None:
     """Print a parts list, and what all parts are together."""
-    console = output()
-    console.print(table(PART, result["rows"]))
-    console.print(f"{counted(result['blocks'], 'block')}, {result['mass']:g} kg")
+    tell(table(PART, result["rows"]))
+    tell(f"{counted(result['blocks'], 'block')}, {result['mass']:g} kg")
 
 
 def show_guide(result: Data) -> None:
     """Print where instructions are, and how long they are."""
     steps = counted(len(result["steps"]), "step")
-    output().print(f"{result['out']}: {counted(result['blocks'], 'block')}, {steps}")
+    tell(f"{result['out']}: {counted(result['blocks'], 'block')}, {steps}")
 
 
 def show_rollout(result: Data) -> None:
     """Print a rollout: status, score, feedback and query answers."""
-    console = output()
     told = [result["status"], f"score {number(result['score'])}"]
     if result["blocks"] is not None:
         told.append(block_count(result["blocks"], result["most_blocks"]))
     if result["engine"] is not None:
         told.append(result["engine"])
-    console.print(", ".join(told))
-    print_problems(console, result["problems"])
+    tell(", ".join(told))
+    print_problems(result["problems"])
     if result["feedback"]:
-        console.print(result["feedback"])
+        tell(result["feedback"])
     if result["marginal"]:
-        console.print(marginal_line(result["marginal"]))
+        tell(marginal_line(result["marginal"]))
     for answered in result.get("answers", ()):
-        console.print(str(answered))
+        tell(str(answered))
 
 
 def marginal_line(found: Sequence[Data]) -> str:
@@ -156,7 +149,6 @@ def marginal_line(found: Sequence[Data]) -> str:
 
 def show_comparison(found: Data) -> None:
     """Print both machines, and the blocks that only one of them has."""
-    console = output()
     both = columns("", "A", "B")
     for name, key in (("machine", "source"), ("blocks", "blocks"), ("mass, kg", "mass")):
         both.add_row(name, *(_plain(machine[key]) for machine in found["machines"]))
@@ -167,24 +159,24 @@ def show_comparison(found: Data) -> None:
         both.add_row(f"{found['task']}, seed {found['seed']}", *status)
         both.add_row("score", *score)
     if found["engine"]:
-        console.print(f"engine: {found['engine']}")
+        tell(f"engine: {found['engine']}")
     for note in found["notes"]:
-        console.print(note)
+        tell(note)
     for kind in found["types"]:
         both.add_row(f"{kind['type']} {kind['name']}", *map(str, kind["counts"]))
-    console.print_wide(both)
+    tell(both, wide=True)
     for name, machine in zip("AB", found["machines"], strict=True):
         for problem in machine["problems"]:
-            console.print(f"{name} is not valid for {found['task']}: {problem}")
-    console.print(f"{found['same']} blocks are in both machines")
+            tell(f"{name} is not valid for {found['task']}: {problem}")
+    tell(f"{found['same']} blocks are in both machines")
     for name, blocks in zip("AB", found["only"], strict=True):
         for block in blocks:
             ends = " to ".join(str(end) for end in block["positions"])
             where = f"{ends} facing {block['direction']}" if block["direction"] else ends
-            console.print(f"only in {name}: block {block['id']} ({block['name']}) at {where}")
+            tell(f"only in {name}: block {block['id']} ({block['name']}) at {where}")
     for name, controls in zip("AB", found.get("controls", ()), strict=False):
         for control in controls:
-            console.print(f"only in {name}: {control}")
+            tell(f"only in {name}: {control}")
 
 
 def _plain(value: str | float) -> str:
@@ -193,15 +185,14 @@ def _plain(value: str | float) -> str:
 
 def show_blocks(blocks: Sequence[Data]) -> None:
     """Print the block library as a table."""
-    output().print(table(BLOCK, blocks))
+    tell(table(BLOCK, blocks))
 
 
 def show_block(block: Data) -> None:
     """Print one block and its faces."""
-    console = output()
     facts = (block["category"], _size(block), f"{block['mass']:g} kg")
-    console.print(f"{block['type']} {block['name']}: {', '.join(facts)}")
-    console.print(table(FACE, block["faces"]))
+    tell(f"{block['type']} {block['name']}: {', '.join(facts)}")
+    tell(table(FACE, block["faces"]))
 
 
 def _good_score(task: Data) -> str:
@@ -251,36 +242,33 @@ DIAGNOSIS = (
 
 def show_tasks(tasks: Sequence[Data]) -> None:
     """Print the list of tasks, with a blank line between families."""
-    console = output()
     rows = [
         row for _, family in groupby(tasks, lambda task: task["family"]) for row in (None, *family)
     ]
-    console.print_wide(table(TASK, rows[1:]))
+    tell(table(TASK, rows[1:]), wide=True)
     if engines := {task["record"]["engine"] for task in tasks if task["record"]}:
-        console.print(f"records: {' and '.join(sorted(engines))}")
+        tell(f"records: {' and '.join(sorted(engines))}")
 
 
 def show_task(task: Data) -> None:
     """Print one level in full."""
-    console = output()
-    console.print(Text(f"{task['name']} ({task['title']}): {task['objective']}", style="bold"))
+    tell(Text(f"{task['name']} ({task['title']}): {task['objective']}", style="bold"))
     for part in ("scene", "schedule", "score"):
-        console.print(f"\n{part}")
+        tell(f"\n{part}")
         for sentence in task[part]:
-            console.print(f"  {sentence}")
-    console.print(f"\nblocks: {', '.join(task['block_names'])}")
+            tell(f"  {sentence}")
+    tell(f"\nblocks: {', '.join(task['block_names'])}")
     for kind, count in task["required"].items():
-        console.print(f"required: exactly {count} of type {kind}")
-    print_lines(console, LIMITS, task)
-    console.print()
-    console.print_wide(table(KNOB, task["knobs"]))
+        tell(f"required: exactly {count} of type {kind}")
+    print_lines(LIMITS, task)
+    tell()
+    tell(table(KNOB, task["knobs"]), wide=True)
 
 
 def show_diagnosis(found: Data) -> None:
     """Print what `agentflow doctor` found; the command prints the problem to stderr."""
-    console = output()
-    print_lines(console, DIAGNOSIS, found)
+    print_lines(DIAGNOSIS, found)
     for parameter, action in found["refused"].items():
-        console.print(f"rejects {parameter}: {action}")
+        tell(f"rejects {parameter}: {action}")
     latency = field("latency", "latency_s", lambda seconds: f"{seconds:.2f} s")
-    print_lines(console, (latency,), found)
+    print_lines((latency,), found)

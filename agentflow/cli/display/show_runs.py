@@ -6,7 +6,7 @@ from functools import partial
 from itertools import pairwise
 
 from agentflow.cli.display import show_scores
-from agentflow.cli.display.output import Data, Field, columns, field, output, print_lines, table
+from agentflow.cli.display.output import Data, Field, columns, field, print_lines, table, tell
 from agentflow.cli.display.show_machines import marginal_line
 from agentflow.config.run import differing_text
 from agentflow.metrics.tables import NOTHING, block_count, change, counted, money, number
@@ -52,40 +52,39 @@ MOST_OF_FRONT = 10
 
 def show_result(result: Data, files: Mapping[str, str]) -> None:
     """Print the result of a design run: score, stages, model, cost, paths of its files by name."""
-    console = output()
     if seeds := result.get("seeds"):
         _show_seeds(seeds)
     if result["valid"]:
         count = result.get("blocks") or len(result["machine"])  # older results lack the count
         blocks = block_count(count, result.get("most_blocks"))
-        console.print(
+        tell(
             f"best score {number(result['score'])} ({result['task']}), "
             f"{blocks}, found in stage {result['best_stage']}"
         )
     if verified := result.get("verified"):
-        console.print(show_scores.verified_line(verified))
+        tell(show_scores.verified_line(verified))
     show_scores.show_requirements(result)
     if (record := result.get("record")) and record["share"] is not None:
-        console.print(show_scores.record_line(record))
+        tell(show_scores.record_line(record))
     show_objectives(result)
-    console.print(table(STAGE, result["stages"]))
+    tell(table(STAGE, result["stages"]))
     if note := _lower_stage(result["stages"]):
-        console.print(note)
+        tell(note)
     show_tools(result["stages"])
     show_makers(result)
     if attempts := result.get("attempts"):
-        console.print(_passes(attempts))
-    console.print(
+        tell(_passes(attempts))
+    tell(
         f"model: {result['model']}; {counted(result['calls'], 'call')}, {result['tokens']} tokens, "
         f"cost {money(result.get('cost'), 'unknown')}, "
         f"{counted(result['rollouts'], 'rollout')}, {result['seconds']:.1f} s"
     )
-    print_lines(console, (field("engine"), field("run")), result)  # older results lack the engine
+    print_lines((field("engine"), field("run")), result)  # older results lack the engine
     for name, path in files.items():
-        console.print(f"{name}: {path}")
-    console.print(f"see every step in 3D: agentflow report {shlex.quote(result['run'])}")
+        tell(f"{name}: {path}")
+    tell(f"see every step in 3D: agentflow report {shlex.quote(result['run'])}")
     if ending := ending_of(result):
-        console.print(ending)
+        tell(ending)
 
 
 def _lower_stage(stages: Sequence[Data]) -> str:
@@ -103,36 +102,35 @@ def _lower_stage(stages: Sequence[Data]) -> str:
 
 def _show_seeds(runs: Sequence[Data]) -> None:
     """Print one line per run of several seeds, failed ones last; what follows is about the best."""
-    output().print_wide(table(SEED, (run for run in runs if not run["failed"])))
+    tell(table(SEED, (run for run in runs if not run["failed"])), wide=True)
     for run in runs:
         if run["failed"]:
-            output().print(f"seed {run['seed']} failed: {run['failed']}")
+            tell(f"seed {run['seed']} failed: {run['failed']}")
 
 
 def show_objectives(result: Data) -> None:
     """Print how the best machine of a run was chosen, if not by its score alone."""
-    console = output()
     if finalists := result.get("finalists"):
         first, simulations = finalists[0], sum(one["simulations"] for one in finalists)
-        console.print(
+        tell(
             f"chosen by the mean score of {len(finalists)} machines in {simulations} verifying "
             f"simulations; the machine with the highest score, {number(first['score'])}, has a "
             f"mean of {number(first['mean'])}"
         )
     if result.get("robust") is not None:
         robust = number(result["robust"])
-        console.print(f"robust score {robust}, the 10 % quantile of 10 conditions")
+        tell(f"robust score {robust}, the 10 % quantile of 10 conditions")
     if front := result.get("front"):
-        console.print(f"Pareto front: {len(front)} of the simulated machines")
-        console.print(table(ON_FRONT, front[:MOST_OF_FRONT]))
+        tell(f"Pareto front: {len(front)} of the simulated machines")
+        tell(table(ON_FRONT, front[:MOST_OF_FRONT]))
         if len(front) > MOST_OF_FRONT:
-            console.print(f"and {len(front) - MOST_OF_FRONT} more (--json)")
+            tell(f"and {len(front) - MOST_OF_FRONT} more (--json)")
 
 
 def show_makers(result: Data) -> None:
     """Print who made the machines of a search over the whole run, and what they gained."""
     if makers := result.get("makers"):
-        output().print(table(MADE, makers))
+        tell(table(MADE, makers))
 
 
 def _passes(attempts: Data) -> str:
@@ -172,7 +170,7 @@ def show_tools(stages: Sequence[Data]) -> None:
     for name in names:
         found.add_row(name, *(_uses(count.get(name)) for count in counts))
     if names:
-        output().print(found)
+        tell(found)
 
 
 def _uses(count: Mapping[str, int] | None) -> str:
@@ -183,7 +181,7 @@ def _uses(count: Mapping[str, int] | None) -> str:
 
 def show_runs(runs: Iterable[Data]) -> None:
     """Print a list of runs; columns name the engines, and what differs, if there are several."""
-    console, runs = output(), tuple(runs)
+    runs = tuple(runs)
     sound = [item for item in runs if not item["problem"]]
     texts = differing_text([item["settings"] for item in sound])
     differs = {item["run"]: text for item, text in zip(sound, texts, strict=True) if text}
@@ -198,13 +196,13 @@ def show_runs(runs: Iterable[Data]) -> None:
     )
     for item in runs:
         if item["problem"]:
-            console.print(item["problem"])
+            tell(item["problem"])
     if not runs:
-        console.print("no runs")
+        tell("no runs")
         return
-    console.print_wide(table(fields, runs))
+    tell(table(fields, runs), wide=True)
     if len(engines) == 1:
-        console.print(f"engine: {engines.pop()}")
+        tell(f"engine: {engines.pop()}")
 
 
 def _verified(item: Data) -> str:
@@ -215,41 +213,39 @@ def _verified(item: Data) -> str:
 
 def show_run(run: Data) -> None:
     """Print one run."""
-    console = output()
-    console.print(f"{run['run']}: {run['state']}")
+    tell(f"{run['run']}: {run['state']}")
     made = (run["task"], run["workflow"], run["model"], f"seed {run['seed']}", run["engine"])
-    console.print(", ".join(filter(None, made)))
+    tell(", ".join(filter(None, made)))
     if start := run["config"]["settings"].get("start"):
         blocks = start["blocks"] if isinstance(start, dict) else start
-        console.print(f"started from a machine with {len(blocks)} blocks")
+        tell(f"started from a machine with {len(blocks)} blocks")
     found = [f"best score {number(run['score'])}"]
     if run["blocks"] is not None:
         found.append(block_count(run["blocks"], run["most_blocks"]))
         found.append(f"found in stage {run['best_stage']}")
-    console.print(", ".join(found))
+    tell(", ".join(found))
     if run["verified"]:
-        console.print(show_scores.verified_line(run["verified"]))
+        tell(show_scores.verified_line(run["verified"]))
     show_objectives(run)
     if (record := run["record"]) and record["share"] is not None:
-        console.print(show_scores.record_line(record))
+        tell(show_scores.record_line(record))
     if run["marginal"]:
-        console.print(marginal_line(run["marginal"]))
+        tell(marginal_line(run["marginal"]))
     if run["stopped"] or run["reason"]:
         limit = "limit " * (run["stopped"] == "budget")
         why = " ".join((run["reason"] or f"stopped: {run['stopped']} {limit}reached").split())
-        console.print(why)
-    console.print(table((*STAGE, field("calls"), field("rollouts")), run["stages"]))
+        tell(why)
+    tell(table((*STAGE, field("calls"), field("rollouts")), run["stages"]))
     show_tools(run["stages"])
     show_makers(run)
-    console.print(table(SPENT, ({"role": role, **spent} for role, spent in run["spent"].items())))
+    tell(table(SPENT, ({"role": role, **spent} for role, spent in run["spent"].items())))
     _print_failures(run["failures"], every=False)
     for remark in run["remarks"]:
-        console.print(f"notice: {remark}")
+        tell(f"notice: {remark}")
 
 
 def show_rescored(found: Data) -> None:
     """Print the machines whose rollouts differ from the record."""
-    console = output()
     other = [item for item in found["machines"] if not item["identical"]]
     if other:
         engines = found["engine"]
@@ -262,19 +258,19 @@ def show_rescored(found: Data) -> None:
             field(times[1], "now", show_scores.outcome),
             field("difference", show=partial(change, digits=3)),
         )
-        console.print_wide(table(fields, other))
+        tell(table(fields, other), wide=True)
     if found["note"]:
-        console.print(found["note"])
+        tell(found["note"])
     for item in found["machines"]:
         if item["note"]:
-            console.print(f"notice: {item['machine']} {item['note']}")
+            tell(f"notice: {item['machine']} {item['note']}")
     for name in ("constants", "engine"):
         condition = found[name]
         if condition["recorded"] != condition["now"]:
             recorded = condition["recorded"] or "unknown"
-            console.print(f"{name}: recorded {recorded}, now {condition['now']}")
+            tell(f"{name}: recorded {recorded}, now {condition['now']}")
     total = len(found["machines"])
-    console.print(f"{found['identical']} of {total} machines have the same rollout as recorded")
+    tell(f"{found['identical']} of {total} machines have the same rollout as recorded")
 
 
 def show_failures(found: Data) -> None:
@@ -284,8 +280,7 @@ def show_failures(found: Data) -> None:
 
 def _print_failures(found: Data, *, every: bool) -> None:
     """Print the count of each kind; with `every`, also of kinds that did not occur."""
-    console = output()
-    console.print(
+    tell(
         f"{found['refused']} of {found['replies']} replies rejected; "
         f"{found['machines']} machines simulated"
     )
@@ -297,4 +292,4 @@ def _print_failures(found: Data, *, every: bool) -> None:
         field("out of", "unit", totals.__getitem__),
     )
     if kinds := [kind for kind in found["kinds"] if every or kind["count"]]:
-        console.print(table(fields, kinds))
+        tell(table(fields, kinds))

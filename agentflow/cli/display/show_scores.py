@@ -2,16 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from agentflow.cli.display.output import (
-    Cells,
-    Data,
-    Field,
-    Output,
-    field,
-    output,
-    print_problems,
-    table,
-)
+from agentflow.cli.display.output import Cells, Data, Field, field, print_problems, table, tell
 from agentflow.holding import Holding
 from agentflow.metrics.tables import NOTHING, block_count, change, number
 
@@ -82,21 +73,20 @@ def verified_text(score: float | None, fragile: bool | None) -> str:
 
 def show_verified(found: Data) -> None:
     """Print a verified score and the score under each variation."""
-    console = output()
     if found["problems"]:
-        console.print(f"invalid, verified score {number(found['verified']['score'])}")
-        print_problems(console, found["problems"])
+        tell(f"invalid, verified score {number(found['verified']['score'])}")
+        print_problems(found["problems"])
         return
-    console.print(f"score {number(found['score'])} ({found['task']}, {found['engine']})")
-    console.print(verified_line(found["verified"]))
+    tell(f"score {number(found['score'])} ({found['task']}, {found['engine']})")
+    tell(verified_line(found["verified"]))
     fails = found["verified"]["fails"] or ()
     scores = [
         {**item, "holds": "no" if item["variation"] in fails else ""}
         for item in found["verified"]["scores"]
     ]
-    console.print(_variation_table("simulation", scores, *[field("holds")] * bool(fails)))
+    tell(_variation_table("simulation", scores, *[field("holds")] * bool(fails)))
     for other in found["others"]:
-        console.print(f"not part of the median: {outcome(other)} with {other['engine']}")
+        tell(f"not part of the median: {outcome(other)} with {other['engine']}")
 
 
 def show_requirements(data: Data) -> None:
@@ -104,26 +94,24 @@ def show_requirements(data: Data) -> None:
     judged = data.get("requirements") or ()
     if not judged:
         return
-    console = output()
-    console.print(f"requirements: met {sum(item['met'] for item in judged)} of {len(judged)}")
-    console.print(table(REQUIRED, judged))
+    tell(f"requirements: met {sum(item['met'] for item in judged)} of {len(judged)}")
+    tell(table(REQUIRED, judged))
 
 
 def show_robustness(found: Data) -> None:
     """Print how robust a design is."""
-    console = output()
     if found["problems"]:
-        console.print("invalid; not simulated")
-        print_problems(console, found["problems"])
+        tell("invalid; not simulated")
+        print_problems(found["problems"])
         return
-    console.print(f"score {number(found['score'])} ({found['task']}, {found['engine']})")
-    console.print(f"robust score {number(found['robust'])}, the 10 % quantile of all conditions")
+    tell(f"score {number(found['score'])} ({found['task']}, {found['engine']})")
+    tell(f"robust score {number(found['robust'])}, the 10 % quantile of all conditions")
     others = [
         {**other, "variation": f"{other['engine']} (not in the quantile)"}
         for other in found["others"]
     ]
-    console.print(_variation_table("condition", [*found["conditions"], *others]))
-    _show_edits(console, found)
+    tell(_variation_table("condition", [*found["conditions"], *others]))
+    _show_edits(found)
 
 
 def _variation_table(heading: str, scores: Sequence[Data], *more: Field) -> Cells:
@@ -144,19 +132,19 @@ def _relative(before: float | None, after: float | None) -> str:
     return f"{round(100 * (after / before - 1), 1) + 0.0:+.1f} %"  # no negative zero
 
 
-def _show_edits(console: Output, found: Data) -> None:
+def _show_edits(found: Data) -> None:
     spread = found["edits"]
     lost = f"; {spread['missing']} failed for technical reasons" if spread["missing"] else ""
-    console.print(f"{spread['count']} neighbours, one edit away{lost}")
+    tell(f"{spread['count']} neighbours, one edit away{lost}")
     if not spread["count"]:
         return
     if spread["kept"] is not None:
-        console.print(f"{spread['kept']:.0%} keep at least half of the score")
+        tell(f"{spread['kept']:.0%} keep at least half of the score")
     quantiles = (f"{share}: {number(at)}" for share, at in spread["quantiles"].items())
-    console.print(f"quantiles of their scores: {', '.join(quantiles)}")
+    tell(f"quantiles of their scores: {', '.join(quantiles)}")
     fields = (Field("most sensitive", _place), field("mean score of its edits", "mean", number))
     sensitive = (*found["blocks"][:MOST_SENSITIVE], *found["faces"][:MOST_SENSITIVE])
-    console.print(table(fields, sensitive))
+    tell(table(fields, sensitive))
 
 
 def _place(item: Data) -> str:
@@ -166,7 +154,7 @@ def _place(item: Data) -> str:
 
 def show_engines(found: Data) -> None:
     """Print the results of each machine, and the rank correlations of each family."""
-    console, engines = output(), found["engines"]
+    engines = found["engines"]
     others = range(1, len(engines))
     fields = (
         field("machine"),
@@ -177,16 +165,16 @@ def show_engines(found: Data) -> None:
             for at, engine in enumerate(engines)
         ),
     )
-    console.print_wide(table(fields, found["machines"]))
+    tell(table(fields, found["machines"]), wide=True)
     fields = (
         field("family"),
         field("machines"),
         *(Field(f"{engines[at]}, Spearman", _correlation(at - 1)) for at in others),
     )
-    console.print(table(fields, found["families"]))
-    console.print(f"correlations are with {engines[0]}")
+    tell(table(fields, found["families"]))
+    tell(f"correlations are with {engines[0]}")
     if found["note"]:
-        console.print(found["note"])
+        tell(found["note"])
 
 
 def _of(at: int, show: Callable[[Data], str]) -> Callable[[Data], str]:
