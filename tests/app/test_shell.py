@@ -23,9 +23,8 @@ QUERY = '[{"id": 0, "duration": [0, 1], "properties": ["position"]}]'
 def test_every_tool_has_a_command_that_names_its_arguments() -> None:
     assert set(TOOLS) == {tool.spec.name for tool in OFFERED}
     for tool in OFFERED:
-        help_, _ = TOOLS[tool.spec.name]
         for name in tool.spec.parameters["properties"]:
-            assert name in help_
+            assert name in TOOLS[tool.spec.name]["help"]
 
 
 def test_arguments_are_text_or_json_as_the_tool_takes_them(tmp_path: Path) -> None:

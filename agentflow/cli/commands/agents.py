@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,62 +23,9 @@ bench = subcommands(
     help="Design a machine with one command per step, such as check, simulate and submit.",
     epilog="Example: agentflow bench start --task throwing",
 )
-TOOLS = {
-    "brief": ("Show the task, the blocks, the rules and what is left of the budget.", ""),
-    "check": (
-        "Check a machine and give it a name. Arguments: machine (its text), note and parent (shown "
-        "by history).",
-        "@machine.json note='longer arm'",
-    ),
-    "describe": (
-        "Show where the blocks of a machine are, and which faces are free. Arguments: machine (its "
-        "name), short (true for less).",
-        "6c45a9a7",
-    ),
-    "edit": (
-        "Change a machine; the result has a name of its own. Arguments: machine, script (edit "
-        "commands, one a line).",
-        "6c45a9a7 'Remove 6'",
-    ),
-    "simulate": (
-        "Simulate a machine, or a list of up to eight, and show what happened; costs a simulation "
-        "for each. Arguments: machine, trial (the number of one to tell about).",
-        "6c45a9a7",
-    ),
-    "verify": (
-        "Simulate a machine under small changes, and show how its score holds; costs a simulation "
-        "for each change that concerns the machine, while submit does it for nothing. "
-        "Argument: machine.",
-        "6c45a9a7",
-    ),
-    "explore_edits": (
-        "Simulate random single edits of a machine and show what each gains; costs a simulation "
-        "for each. Arguments: machine, count.",
-        "6c45a9a7 count=4",
-    ),
-    "tune": (
-        "Improve the numbers of a machine's controls; costs the simulations that it may use. "
-        "Arguments: machine, simulations.",
-        "6c45a9a7 simulations=10",
-    ),
-    "query": (
-        "Show recorded states of blocks, or the loads of all connections up to a break. "
-        "Arguments: machine, queries (JSON), interval (seconds between rows), trial.",
-        """6c45a9a7 '[{"id": 0, "duration": [0, 2], "properties": ["velocity"]}]'""",
-    ),
-    "look": (
-        "Draw a machine, as built or at a time of its simulation, which costs a picture. "
-        "Arguments: machine, view, time or up to four moments, follow (a block or object), within "
-        "(m), trial.",
-        "6c45a9a7 time=1.5",
-    ),
-    "history": ("List the machines so far, with their scores.", ""),
-    "submit": (
-        "Hand in a machine. That ends the run, verifies this machine and makes it the result. "
-        "Arguments: machine, last (true to end a stage that takes more).",
-        "6c45a9a7",
-    ),
-}
+TOOLS: Mapping[str, Mapping[str, str]] = json.loads(
+    files(__package__).joinpath("bench.json").read_text("utf-8")
+)
 """Tool -> help and arguments of an example; `agentflow --help` must not load the tools."""
 Words = Annotated[
     list[str] | None,
@@ -153,11 +102,10 @@ def _command(tool: str) -> Callable[..., None]:
     return look if tool == "look" else command
 
 
-for _tool, (_about, _example) in TOOLS.items():
-    _words = f"agentflow bench {_tool.replace('_', '-')} {_example}".rstrip()
-    bench.command(_tool.replace("_", "-"), help=_about, epilog=f"Example: {_words}")(
-        _command(_tool)
-    )
+for _tool, _told in TOOLS.items():
+    _name = _tool.replace("_", "-")
+    _words = f"Example: agentflow bench {_name} {_told['example']}".rstrip()
+    bench.command(_name, help=_told["help"], epilog=_words)(_command(_tool))
 
 
 def _show(answer: Answer, as_json: bool, picture: Path | None) -> None:
