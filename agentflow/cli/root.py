@@ -15,6 +15,7 @@ from typer.core import TyperCommand
 from agentflow.cli.display.text import escape_controls
 from agentflow.docstrings import split_docstring
 from agentflow.errors import UsageError
+from agentflow.metrics.tables import FORMATS, Table
 from agentflow.version import __version__
 
 Command = TypeVar("Command", bound=Callable[..., None])
@@ -115,19 +116,20 @@ def print_result(value: Any, as_json: bool, show: Callable[[Any], object]) -> No
         show(value)
 
 
-def print_table(text: str, form: str) -> None:
-    """Print a table in one of the formats of `Format` as it is, but text for people safely."""
+def print_table(table: Table | str, form: str) -> None:
+    """Print a table, or what is in that format already, as it is, but text for people safely."""
+    text = table if isinstance(table, str) else FORMATS[form](table)
     print(escape_controls(text, "\n") if form == "text" else text, end="")
 
 
 def print_sources(
-    results: Sequence[Any], form: str, as_json: bool, text: Callable[..., str], **further: Any
+    results: Sequence[Any], form: str, as_json: bool, table: Callable[..., Table], **further: Any
 ) -> None:
     """Print what was measured of each source: JSON with `further` beside it, or a table."""
     if as_json:
         print_json({"sources": [result.to_json() for result in results], **further})
     else:
-        print_table(text(results, form), form)
+        print_table(table(results), form)
 
 
 def print_json(value: Any) -> None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from agentflow.app.design.execution import best_machine
 from agentflow.app.sweeps.folder import RUNS, read_failures, read_folder
 from agentflow.app.sweeps.registry import LAYOUT
-from agentflow.app.sweeps.views import format_view
+from agentflow.app.sweeps.views import view
 from agentflow.config.run import DesignConfig, build_config
 from agentflow.config.sweep import SweepConfig, list_runs
 from agentflow.errors import RunError, UsageError
@@ -21,12 +21,13 @@ from agentflow.machine import Machine
 from agentflow.metrics.cells import mean_known
 from agentflow.metrics.intervals import bootstrap_mean
 from agentflow.metrics.machines import recorded_machine
+from agentflow.metrics.tables import FORMATS
 from agentflow.notebook.machine_rows import COLUMNS, CurvePoint, curve, machine_rows
 from agentflow.notebook.words import By, require_word
-from agentflow.runs import Event, RunResult, State, find_runs, read_calls, read_document, state_of
+from agentflow.runs import Event, RunResult, State, read_calls, read_document, state_of
 from agentflow.runs import read_result as read_run_result
 from agentflow.runs.events import RunEvent, read_typed_events
-from agentflow.runs.reading import RESULT
+from agentflow.runs.reading import RESULT, require_runs
 from agentflow.runs.record import RunRecord
 
 if TYPE_CHECKING:
@@ -166,10 +167,7 @@ def load_runs(folder: Path | str) -> list[Run]:
     path = Path(folder)
     if not path.is_dir():
         raise RunError(f"no such directory: {path}")
-    found = [Run(run) for run in find_runs(path)]
-    if not found:
-        raise RunError(f"{path} contains no run")
-    return found
+    return list(map(Run, require_runs(path)))
 
 
 @dataclass(frozen=True, repr=False)
@@ -241,7 +239,7 @@ class Sweep:
 
     def table(self, show: str = LAYOUT, form: str = "text", *, published: bool = False) -> str:
         """A table as `agentflow table` prints it; the arguments are those of its options."""
-        return format_view(self.path, show, form, published=published)
+        return FORMATS[form](view(self.path, show, published=published))
 
 
 def _numbers(runs: list[Run]) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from agentflow.app.design.execution import best_machine
 from agentflow.app.design.plan import task_of_run
 from agentflow.app.inspect.behaviour import Result, behaviour_columns, behaviour_of, working_roles
 from agentflow.errors import RunError
-from agentflow.metrics.tables import FORMATS, Column, Row, Table
+from agentflow.metrics.tables import Column, Row, Table
 from agentflow.runs import find_runs, read_document, read_result
 from agentflow.runs.events import (
     AttemptEvent,
@@ -65,12 +65,8 @@ def find_clusters(sequences: Sequence[Sequence[str]]) -> list[int] | None:
         fit = float(silhouette_score(square, clusters, metric="precomputed"))
         if fit > best + 1e-9:
             best, found = fit, clusters
-    return _renumber(found)
-
-
-def _renumber(clusters: Sequence[int]) -> list[int]:
-    order = {old: new for new, old in enumerate(dict.fromkeys(clusters), start=1)}
-    return [order[old] for old in clusters]
+    order = {old: new for new, old in enumerate(dict.fromkeys(found), start=1)}
+    return [order[old] for old in found]
 
 
 ABOUT = (
@@ -216,8 +212,8 @@ def _label(event: object) -> str | None:
     return LABEL_OF_TOOL.get(event.tool) if isinstance(event, ToolEvent) else None
 
 
-def format_results(results: Sequence[Measured], form: str) -> str:
-    """The results as text in one of the `FORMATS`."""
+def results_table(results: Sequence[Measured]) -> Table:
+    """The results in lines."""
     roles = working_roles(one.result for one in results)
     columns = (
         *(Column("", name) for name in ("trials", "best", "final")),
@@ -228,7 +224,7 @@ def format_results(results: Sequence[Measured], form: str) -> str:
     rows = tuple(one.row(roles) for one in results)
     heads = ("source", "by", "task")
     notes = (ABOUT, *_label_notes(results))
-    return FORMATS[form](Table("Designers", heads, columns, rows, notes=notes))
+    return Table("Designers", heads, columns, rows, notes=notes)
 
 
 def _label_notes(results: Sequence[Measured]) -> Iterator[str]:

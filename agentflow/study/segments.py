@@ -22,7 +22,7 @@ from agentflow.llm.messages import Client
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.machine import extract_json, library
 from agentflow.metrics.behaviour import fails
-from agentflow.metrics.tables import FORMATS, NOTHING, Column, Row, Table
+from agentflow.metrics.tables import NOTHING, Column, Row, Table
 from agentflow.models.choices import choose_models, continuable, recorded_models
 from agentflow.models.completion import find_unused_setting
 from agentflow.progress import Progress, silent
@@ -335,8 +335,8 @@ async def _ask_model(
     return segments.model_copy(update={"model": asked.name, "episodes": tuple(episodes)})
 
 
-def format_segments(segments: Segments, form: str) -> str:
-    """The episodes as text in one of the `FORMATS`."""
+def table_of(segments: Segments) -> Table:
+    """The episodes in lines."""
     rows = tuple(
         Row((str(number), one.coarse, one.label or NOTHING), (one.begin, one.seconds))
         for number, one in enumerate(segments.episodes, start=1)
@@ -345,4 +345,4 @@ def format_segments(segments: Segments, form: str) -> str:
     lost = f" {segments.unlabelled} of them have no label." if segments.unlabelled else ""
     note = f"Labels are from {segments.model}.{lost}"
     heads = ("episode", "what goes on", "label")
-    return FORMATS[form](Table("Episodes", heads, columns, rows, notes=(note,)))
+    return Table("Episodes", heads, columns, rows, notes=(note,))

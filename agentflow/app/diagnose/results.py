@@ -9,7 +9,7 @@ from agentflow.app.diagnose.question import Diagnosis
 from agentflow.errors import UsageError
 from agentflow.metrics import published as literature
 from agentflow.metrics.intervals import Interval
-from agentflow.metrics.tables import FORMATS, Column, Row, Table
+from agentflow.metrics.tables import Column, Row, Table
 
 TABLE = "overlap_qa"
 INTERVAL = "95 %"
@@ -34,12 +34,8 @@ def published_accuracies() -> dict[str, float]:
     return {i.model: float(i.value) for i in literature.published() if i.table == TABLE}
 
 
-def format_results(found: Diagnosis, form: str, *, published: bool) -> str:
-    """The results of a finished diagnosis as text in one of the `FORMATS`."""
-    return FORMATS[form](_table(found, published=published))
-
-
-def _table(found: Diagnosis, *, published: bool) -> Table:
+def table_of(found: Diagnosis, *, published: bool) -> Table:
+    """The results of a finished diagnosis, with published rows if `published`."""
     results = found.results or {}
     names, rows, note = _LAYOUTS[found.diagnostic](results)
     known = published_accuracies() if published else {}

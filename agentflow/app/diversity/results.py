@@ -5,6 +5,7 @@ Sources are the machines of runs, sweeps, training runs, and folders of machine 
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -19,7 +20,7 @@ from agentflow.files.lines import read_lines
 from agentflow.machine import Machine, library, place, read_machine, spatial_problems
 from agentflow.metrics import published as literature
 from agentflow.metrics.machines import recorded_machine
-from agentflow.metrics.tables import FORMATS, Column, Row, Table, counted
+from agentflow.metrics.tables import Column, Row, Table, counted
 from agentflow.progress import Progress
 from agentflow.runs import find_runs, read_document
 from agentflow.runs.events import read_typed_events
@@ -87,7 +88,9 @@ def _read_reply(line: bytes) -> JudgedReply:
 
 
 def _folder(path: Path, valid: bool) -> Source:
-    files = [file for file in _entries(path) if file.suffix.lower() in SUFFIXES]
+    with os_errors(f"cannot read {path}"):
+        entries = sorted(entry for entry in path.iterdir() if entry.is_file())
+    files = [file for file in entries if file.suffix.lower() in SUFFIXES]
     if not files:
         raise RunError(
             f"{path} holds no machines: expected a run, a sweep, a training run, or .json or .bsg "
@@ -101,11 +104,6 @@ def _folder(path: Path, valid: bool) -> Source:
             left_out[file.name] = str(error).removeprefix(f"{file}").lstrip(": ")
     kept = (m for m in machines if not valid or not spatial_problems(place(m)))
     return Source(str(path), tuple(kept), left_out)
-
-
-def _entries(path: Path) -> list[Path]:
-    with os_errors(f"cannot read {path}"):
-        return sorted(entry for entry in path.iterdir() if entry.is_file())
 
 
 TABLE = "diversity"
@@ -145,12 +143,7 @@ class Result:
     @property
     def row(self) -> Row:
         """The result as a line of the table."""
-        cells = [
-            cell
-            for name, digits in zip(NAMES, DIGITS, strict=True)
-            for measure in [getattr(self.measures, name)]
-            for cell in (measure.mean, measure.interval)
-        ]
+        cells = chain.from_iterable(getattr(self.measures, name) for name in NAMES)
         return Row((self.source.name,), (self.measures.machines, *cells))
 
     @property
@@ -191,12 +184,8 @@ def _draw(machines: Sequence[Machine], most: int, seed: int) -> Sequence[Machine
     return Random(f"diversity/{seed}").sample(machines, most)
 
 
-def format_results(results: Sequence[Result], form: str, *, published: bool) -> str:
-    """The results as text in one of the `FORMATS`, with published rows if `published`."""
-    return FORMATS[form](_table(results, published_rows() if published else ()))
-
-
-def _table(results: Sequence[Result], published: tuple[Row, ...]) -> Table:
+def results_table(results: Sequence[Result], *, published: bool) -> Table:
+    """The results in lines, with published rows if `published`."""
     columns = [Column("", "number")]
     for heading, digits in zip(HEADINGS, DIGITS, strict=True):
         columns += [Column(heading, "mean", digits=digits), Column(heading, "95 %", digits=digits)]
@@ -205,7 +194,7 @@ def _table(results: Sequence[Result], published: tuple[Row, ...]) -> Table:
         ("machines",),
         tuple(columns),
         tuple(result.row for result in results),
-        published,
+        published_rows() if published else (),
         (*(note for result in results for note in result.notes), ABOUT),
     )
 

@@ -15,10 +15,11 @@ from agentflow.machine import Machine, library
 from agentflow.metrics.behaviour import Behaviour, agent_edits, behaviour, edits
 from agentflow.metrics.intervals import Rate, bootstrap_mean
 from agentflow.metrics.machines import recorded_machine
-from agentflow.metrics.tables import FORMATS, Column, Row, Table, percent
+from agentflow.metrics.tables import Column, Row, Table, percent
 from agentflow.metrics.usage import summarize_usage
-from agentflow.runs import find_runs, read_calls, read_document
+from agentflow.runs import read_calls, read_document
 from agentflow.runs.events import read_typed_events
+from agentflow.runs.reading import require_runs
 from agentflow.runs.record import RunRecord
 
 ABOUT = (
@@ -84,16 +85,13 @@ def observe(paths: Iterable[Path]) -> list[Result]:
     Raises:
         RunError: A path holds no run, or a run is damaged.
     """
-    return [_observe(path) for path in paths]
-
-
-def _observe(path: Path) -> Result:
-    if not path.is_dir():
-        raise RunError(f"no such directory: {path}")
-    runs = list(find_runs(path))
-    if not runs:
-        raise RunError(f"{path} contains no run")
-    return Result(str(path), len(runs), sum(map(behaviour_of, runs), Behaviour()))
+    found = []
+    for path in paths:
+        if not path.is_dir():
+            raise RunError(f"no such directory: {path}")
+        runs = require_runs(path)
+        found.append(Result(str(path), len(runs), sum(map(behaviour_of, runs), Behaviour())))
+    return found
 
 
 def behaviour_of(run: Path) -> Behaviour:
@@ -164,9 +162,9 @@ def working_roles(results: Iterable[Result]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(role for result in results for role in result.found.shares))
 
 
-def format_results(results: Sequence[Result], form: str) -> str:
-    """The results as text in one of the `FORMATS`."""
+def results_table(results: Sequence[Result]) -> Table:
+    """The results in lines."""
     roles = working_roles(results)
     columns = behaviour_columns(roles, "tokens")
     rows = tuple(result.row(roles) for result in results)
-    return FORMATS[form](Table("Behaviour of designers", ("runs",), columns, rows, notes=(ABOUT,)))
+    return Table("Behaviour of designers", ("runs",), columns, rows, notes=(ABOUT,))

@@ -22,15 +22,31 @@ from agentflow.env.archive import load_npz
 from agentflow.env.mechanism import classify
 from agentflow.errors import UsageError
 from agentflow.metrics import published as literature
-from agentflow.metrics.cells import Cell, RunNumbers, curve, mean_known
+from agentflow.metrics.cells import Cell, RunNumbers, Scores, curve, mean_known
 from agentflow.metrics.intervals import Rate, bootstrap_clusters, missing_scipy
 from agentflow.metrics.niches import best_by_class
-from agentflow.metrics.tables import FORMATS, Column, Row, Table, Value
+from agentflow.metrics.tables import Column, Row, Table, Value
 from agentflow.metrics.usage import Spent, UsageSummary, summarize_usage
 from agentflow.models.choices import cost_function
 from agentflow.runs import RunResult, read_calls
 from agentflow.runs.events import NicheEvent
 from agentflow.runs.locations import STAGES
+
+VARIANT = ("task", "model", "variant")
+
+
+def _table(
+    result: SweepResult,
+    what: str,
+    heads: tuple[str, ...],
+    columns: Iterable[Column],
+    rows: Iterable[Row],
+    *notes: str,
+) -> Table:
+    """A view of a sweep, with the notes of every table and those that are not empty."""
+    title = f"{result.sweep.title}: {what}"
+    told = (*result.notes, *filter(None, notes))
+    return Table(title, heads, tuple(columns), tuple(rows), notes=told)
 
 
 def mechanisms_table(result: SweepResult) -> Table:
@@ -44,17 +60,15 @@ def mechanisms_table(result: SweepResult) -> Table:
         for name, found in sorted(scores.items(), key=lambda item: -max(item[1])):
             values = (Rate(len(found), len(runs)), max(found), statistics.fmean(found))
             rows.append(Row((*key, name), values))
-    return Table(
-        f"{result.sweep.title}: mechanism classes",
-        ("task", "model", "variant", "mechanism class"),
-        tuple(Column("", name) for name in ("runs", "best", "mean")),
-        tuple(rows),
-        notes=(
-            *result.notes,
-            "Classes say what drives / what holds / how it releases. For runs of explore, all "
-            "machines count; for other runs, only the best machine. runs: number of runs with "
-            "such a machine. mean: mean of its highest score over these runs.",
-        ),
+    return _table(
+        result,
+        "mechanism classes",
+        (*VARIANT, "mechanism class"),
+        (Column("", name) for name in ("runs", "best", "mean")),
+        rows,
+        "Classes say what drives / what holds / how it releases. For runs of explore, all machines "
+        "count; for other runs, only the best machine. runs: number of runs with such a machine. "
+        "mean: mean of its highest score over these runs.",
     )
 
 
@@ -97,8 +111,7 @@ def scores_table(result: SweepResult) -> Table:
 
     Without scipy, bootstrap intervals are missing and a note says so.
     """
-    groups = all_variants(result)
-    cells = {key: last_cell(result, runs) for key, runs in groups.items()}
+    cells = {key: last_cell(result, runs) for key, runs in all_variants(result).items()}
     powers = sorted({n for cell in cells.values() for n in cell.scores.best_at()})
     columns = [
         *(Column("valid", name) for name in ("share", INTERVAL)),
@@ -107,43 +120,35 @@ def scores_table(result: SweepResult) -> Table:
         *(Column("", name) for name in ("max", "std")),
         *(Column("Best@N, N =", str(n)) for n in powers),
     ]
-    rows = []
-    for key, cell in cells.items():
-        found = cell.scores
-        rate = Rate(len(found.valid), len(found.all))
-        best = found.best_at()
-        values: list[Value] = [
-            rate,
-            rate.interval,
-            found.mean_valid,
-            found.mean_valid_interval(),
-            found.mean_all,
-            found.mean_all_interval(),
-            found.max,
-            found.std,
-            *(best.get(n) for n in powers),
-        ]
-        rows.append(Row(key, tuple(values)))
-    return Table(
-        f"{result.sweep.title}: scores",
-        ("task", "model", "variant"),
-        tuple(columns),
-        tuple(rows),
-        notes=(
-            *result.notes,
-            "Scores are those of the last stage. Shares have Wilson intervals, means have "
-            "bootstrap intervals (10,000 resamples). Best@N is the expected best score of N "
-            "machines, computed exactly over all machines, with invalid ones scored 0. std is the "
-            "population standard deviation.",
-            *filter(None, [missing_scipy()]),
-        ),
+    return _table(
+        result,
+        "scores",
+        VARIANT,
+        columns,
+        (Row(key, _score_values(cell.scores, powers)) for key, cell in cells.items()),
+        "Scores are those of the last stage. Shares have Wilson intervals, means have bootstrap "
+        "intervals (10,000 resamples). Best@N is the expected best score of N machines, computed "
+        "exactly over all machines, with invalid ones scored 0. std is the population standard "
+        "deviation.",
+        missing_scipy(),
+    )
+
+
+def _score_values(found: Scores, powers: Iterable[int]) -> tuple[Value, ...]:
+    rate, best = Rate(len(found.valid), len(found.all)), found.best_at()
+    return (
+        *(rate, rate.interval),
+        *(found.mean_valid, found.mean_valid_interval()),
+        *(found.mean_all, found.mean_all_interval()),
+        *(found.max, found.std),
+        *(best.get(n) for n in powers),
     )
 
 
 def usage_table(result: SweepResult) -> Table:
     """Cost of runs by role and stage, and speed of simulation."""
     rows: list[Row] = []
-    for (task, model, variant), runs in variants(result).items():
+    for key, runs in variants(result).items():
         whole = total_usage(runs)
         speeds = simulation_speeds([run.result for run in runs])
         parts = [("all", whole.total), *whole.roles.items(), *whole.stages.items()]
@@ -154,17 +159,15 @@ def usage_table(result: SweepResult) -> Table:
                 *(spent.money, spent.seconds, spent.retries),
                 *(speeds if name == "all" else (None, None)),
             )
-            rows.append(Row((task, model, variant, name), values))
+            rows.append(Row((*key, name), values))
     names = ("calls", "tokens", "share", "reasoning", "money", "seconds", "retries")
     columns = [Column("", name, percent=name == "share") for name in names]
     columns += [Column("", "rollouts/s"), Column("", "simulated s/s")]
-    notes = (
-        *result.notes,
+    about = (
         "Tokens are those reported by the endpoint. Money is shown only if every model has a "
-        "price. Seconds are the sum of latencies. rollouts/s and simulated s/s are per worker.",
+        "price. Seconds are the sum of latencies. rollouts/s and simulated s/s are per worker."
     )
-    heads = ("task", "model", "variant", "of")
-    return Table(f"{result.sweep.title}: usage", heads, tuple(columns), tuple(rows), notes=notes)
+    return _table(result, "usage", (*VARIANT, "of"), columns, rows, about)
 
 
 def players_table(result: SweepResult) -> Table:
@@ -182,8 +185,8 @@ def players_table(result: SweepResult) -> Table:
         Column("", "players' mean (published)"),
         Column("", "share", percent=True),
     )
-    title = f"{result.sweep.title}: best score relative to the experienced players' mean"
-    return Table(title, ("task", "model"), columns, tuple(rows), notes=(*result.notes, OWN_SCALE))
+    what = "best score relative to the experienced players' mean"
+    return _table(result, what, VARIANT[:2], columns, rows, OWN_SCALE)
 
 
 def expansions_table(result: SweepResult) -> Table:
@@ -191,32 +194,25 @@ def expansions_table(result: SweepResult) -> Table:
     groups = all_variants(result)
     curves = {key: {n: curve(_numbers(runs), n) for n in CURVE} for key, runs in groups.items()}
     counts = [n for n in CURVE if any(any(found[n]) for found in curves.values())]
-    rows = tuple(
-        Row(
-            key,
-            tuple(
-                value
-                for count in counts
-                for scores in [found[count]]
-                for value in (mean_known(chain.from_iterable(scores)), bootstrap_clusters(scores))
-            ),
+    rows = []
+    for key, found in curves.items():
+        pairs = (
+            (mean_known(chain.from_iterable(found[n])), bootstrap_clusters(found[n]))
+            for n in counts
         )
-        for key, found in curves.items()
-    )
-    return Table(
-        f"{result.sweep.title}: score against expansions",
-        ("task", "model", "variant"),
-        tuple(Column(f"N = {n}", name) for n in counts for name in ("mean", INTERVAL)),
+        rows.append(Row(key, tuple(chain.from_iterable(pairs))))
+    return _table(
+        result,
+        "score against expansions",
+        VARIANT,
+        (Column(f"N = {n}", name) for n in counts for name in ("mean", INTERVAL)),
         rows,
-        notes=(
-            *result.notes,
-            *(() if counts else ("No run of this sweep searches.",)),
-            "Best score so far after N new machines, averaged over searches and including the "
-            "initial machine; a search that ended early keeps its final value. Intervals are "
-            "bootstrap intervals over runs (10,000 resamples), because searches of one run are not "
-            "independent; a single run has none.",
-            *filter(None, [missing_scipy()]),
-        ),
+        "" if counts else "No run of this sweep searches.",
+        "Best score so far after N new machines, averaged over searches and including the initial "
+        "machine; a search that ended early keeps its final value. Intervals are bootstrap "
+        "intervals over runs (10,000 resamples), because searches of one run are not independent; "
+        "a single run has none.",
+        missing_scipy(),
     )
 
 
@@ -228,23 +224,17 @@ def verified_table(result: SweepResult) -> Table:
         complete = [item for item in found if item is not None and item.score is not None]
         scores = [item.scores[0].score for item in complete if item.scores]
         verified = mean_known(item.score for item in complete)
-        low, high = (
-            mean_known(item.low for item in complete),
-            mean_known(item.high for item in complete),
-        )
+        low = mean_known(item.low for item in complete)
+        high = mean_known(item.high for item in complete)
         done = Rate(len(complete), len(found))
         holding = [item.holding for item in complete]
         fragile = sum(bool(item and item.fragile) for item in holding) if complete else None
         share = mean_known(run.numbers.share for run in runs if run.numbers.record.verification)
         rows.append(Row(key, (done, mean_known(scores), verified, low, high, fragile, share)))
     names = ("verified runs", "score", "verified", "low", "high", "fragile")
-    return Table(
-        f"{result.sweep.title}: verified scores",
-        ("task", "model", "variant"),
-        (*(Column("", name) for name in names), Column("", "share", percent=True)),
-        tuple(rows),
-        notes=(*result.notes, OF_VERIFIED_RUNS, *record_note(result)),
-    )
+    columns = (*(Column("", name) for name in names), Column("", "share", percent=True))
+    notes = OF_VERIFIED_RUNS, *record_note(result)
+    return _table(result, "verified scores", VARIANT, columns, rows, *notes)
 
 
 def view(
@@ -274,18 +264,6 @@ def view(
     if name != LAYOUT:
         raise UsageError(f"only the view {LAYOUT!r} has published rows, not {name!r}")
     return layout_table(read_results(folders), published=True)
-
-
-def format_view(
-    folders: Path | Sequence[Path],
-    name: str,
-    form: str,
-    *,
-    published: bool = False,
-    against: str | None = None,
-) -> str:
-    """A view of sweeps and runs as text in one of the `FORMATS`; see `view`."""
-    return FORMATS[form](view(folders, name, published=published, against=against))
 
 
 def variants(result: SweepResult) -> dict[tuple[str, ...], list[FinishedRun]]:

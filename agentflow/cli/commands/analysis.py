@@ -1,8 +1,5 @@
 """Commands that measure: behaviour, diagnose, diversity, figures, studies. Importing this module
-registers them.
-
-Importing this module registers them.
-"""
+registers them."""
 
 from functools import partial
 from pathlib import Path
@@ -38,11 +35,11 @@ def behaviour(
     Args:
         sources: Run, or directory that contains runs.
     """
-    from agentflow.app.inspect.behaviour import format_results, observe
+    from agentflow.app.inspect.behaviour import observe, results_table
 
     with needs_extra("diversity"):
         results = observe(sources)
-    print_sources(results, form, as_json, format_results)
+    print_sources(results, form, as_json, results_table)
 
 
 @commands.command(epilog="Example: agentflow diagnose overlap --model NAME --out overlap")
@@ -75,11 +72,7 @@ def diagnose(
         seed: Random seed of the questions.
     """
     from agentflow.app.design.config import load_config
-    from agentflow.app.diagnose.results import (
-        format_results,
-        published_accuracies,
-        require_published,
-    )
+    from agentflow.app.diagnose.results import published_accuracies, require_published, table_of
     from agentflow.app.diagnose.run import diagnose as carry_out
     from agentflow.cli.display.live import print_remark
 
@@ -105,7 +98,7 @@ def diagnose(
         known = {"published": published_accuracies()} if published else {}
         print_json({**about, **(found.results or {}), **known})
         return
-    print_table(format_results(found, form, published=published), form)
+    print_table(table_of(found, published=published), form)
 
 
 def _size(name: str, pairs: int | None, questions: int | None) -> int:
@@ -140,13 +133,13 @@ def diversity(
         most: Machines of each source; if it has more, a random sample is used.
         seed: Random seed of samples, embedding and intervals.
     """
-    from agentflow.app.diversity.results import format_results, measure_sources, published_json
+    from agentflow.app.diversity.results import measure_sources, published_json, results_table
 
     # the extra leaves gensim out on Python 3.14, where it must be compiled
     with needs_extra("diversity", "gensim"):
         results = measure_sources(sources, valid, most, seed, show_count("pair"))
     known = {"published": published_json()} if published else {}
-    print_sources(results, form, as_json, partial(format_results, published=published), **known)
+    print_sources(results, form, as_json, partial(results_table, published=published), **known)
 
 
 @commands.command(epilog="Example: agentflow plot sweeps/inspector --view curve --out curve.pdf")
@@ -211,14 +204,14 @@ def segments(
     from agentflow.cli.display.live import print_remark
 
     with needs_extra(EXTRA):
-        from agentflow.study.segments import format_segments, segment
+        from agentflow.study.segments import segment, table_of
 
     config = load_config(None, settings or (), {"model.name": model, "model.base_url": base_url})
     found = segment(session, transcript, config, notify=print_remark, say=show_count("episode"))
     if as_json:
         print_json(found.model_dump(mode="json"))
         return
-    print_table(format_segments(found, form), form)
+    print_table(table_of(found), form)
 
 
 @study.command(epilog="Example: agentflow study elan runs/sessions/one")
@@ -257,7 +250,7 @@ def metrics(
         sources: Session, run, or directory that contains some.
     """
     with needs_extra(EXTRA):
-        from agentflow.study.results import format_results, measure
+        from agentflow.study.results import measure, results_table
 
         results = measure(sources)
-    print_sources(results, form, as_json, format_results)
+    print_sources(results, form, as_json, results_table)

@@ -111,17 +111,16 @@ def table(
             how often each condition is better, and how many seeds would be needed.
     """
     from agentflow.app.sweeps.against import holds_runs
-    from agentflow.app.sweeps.views import format_view
+    from agentflow.app.sweeps.views import view
 
     if all(map(holds_runs, folders)):
-        text = format_view(folders, show, form, published=published, against=against)
+        print_table(view(folders, show, published=published, against=against), form)
     elif against is not None:
         raise UsageError("--against compares conditions of sweeps: name their directories only")
     else:
         from agentflow.training.evaluation.tables import format_tables
 
-        text = format_tables(folders, show, form, published=published)
-    print_table(text, form)
+        print_table(format_tables(folders, show, form, published=published), form)
 
 
 def print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:

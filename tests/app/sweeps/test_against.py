@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from agentflow.app.sweeps.against import MEANING
-from agentflow.app.sweeps.views import format_view, view
+from agentflow.app.sweeps.views import view
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.metrics.intervals import (
     Interval,
@@ -21,6 +21,7 @@ from agentflow.metrics.intervals import (
     bootstrap_mean,
     seeds_needed,
 )
+from agentflow.metrics.tables import FORMATS
 from tests.app.sweeps.test_tables import CONDITION, sweep, values
 from tests.metrics.events import candidate
 
@@ -58,7 +59,7 @@ def test_differences_by_hand(tmp_path: Path) -> None:
     )
     assert "2 of 12 runs are missing" in table.notes[0]
     assert table.notes[-1] == MEANING
-    lines = format_view(tmp_path / "hand", "published", "csv", against="baseline").splitlines()
+    lines = FORMATS["csv"](view(tmp_path / "hand", against="baseline")).splitlines()
     assert lines[0] == (
         "source,task,condition,metric,pairs,mean baseline,mean condition,difference mean,"
         "difference 95 % low,difference 95 % high,higher count,higher of,seeds needed"

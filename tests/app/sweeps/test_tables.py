@@ -15,13 +15,13 @@ from agentflow.app.sweeps.folder import lock_folder, sweep_document
 from agentflow.app.sweeps.plan import plan_sweep
 from agentflow.app.sweeps.registry import VIEWS
 from agentflow.app.sweeps.tables import layout_table, read_sweep_result
-from agentflow.app.sweeps.views import format_view, simulation_speeds, view
+from agentflow.app.sweeps.views import simulation_speeds, view
 from agentflow.env.tasks.records import record_of
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UnknownNameError, UsageError
 from agentflow.metrics.intervals import Interval, Rate
 from agentflow.metrics.published import SOURCES
-from agentflow.metrics.tables import Row, Table
+from agentflow.metrics.tables import FORMATS, Row, Table
 from agentflow.runs import Event, RunDirectory
 from agentflow.runs.events import VariedScore, VerificationEvent
 from agentflow.runs.locations import Location
@@ -132,9 +132,9 @@ def test_unfinished_runs_keep_their_columns_and_rows(tmp_path: Path) -> None:
         ("movement", MODEL): (None, None, None, None),
     }
     assert table.notes[0] == "1 run; 1 seed."
-    lines = format_view(path, "published", "csv").splitlines()
+    lines = FORMATS["csv"](view(path)).splitlines()
     assert [line.split(",")[-5:] for line in lines[1:3]] == [["2", "2", "3.0", "", ""], [""] * 5]
-    rows = format_view(path, "scores", "text").splitlines()
+    rows = FORMATS["text"](view(path, "scores")).splitlines()
     undone = [row.split() for row in rows if row.startswith(("movement", "throwing"))][1:]
     assert [row[-2:] for row in undone] == [["-", "-"]] * 3
 
@@ -248,7 +248,7 @@ def test_success_rates_stand_beside_published_means_over_levels(tmp_path: Path) 
     source = SOURCES["buildarena"]
     assert source in found.notes
     assert source not in layout_table(read_sweep_result(path)).notes
-    lines = format_view(path, "published", "csv", published=True).splitlines()
+    lines = FORMATS["csv"](view(path, published=True)).splitlines()
     assert [line.partition(",")[0] for line in lines[1:]] == ["measured"] * 2 + ["published"] * 8
 
 
@@ -382,7 +382,7 @@ def test_every_view_has_every_format(tmp_path: Path) -> None:
     path = compared(tmp_path)
     starts = {"text": "Hand", "md": "**Hand", "csv": "source,", "latex": "% Hand", "json": "{"}
     for name, (form, start) in product(VIEWS, starts.items()):
-        assert format_view(path, name, form).startswith(start), (name, form)
+        assert FORMATS[form](view(path, name)).startswith(start), (name, form)
 
 
 def test_folders_without_a_sweep_or_finished_runs_are_refused(tmp_path: Path) -> None:
