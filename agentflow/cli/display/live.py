@@ -20,21 +20,7 @@ from agentflow.metrics.niches import Elites, best_by_class
 from agentflow.metrics.tables import counted, number
 from agentflow.progress import TALLY, Tally
 from agentflow.runs import Event, Listener, Notify
-from agentflow.runs.events import (
-    AttemptEvent,
-    CallsEvent,
-    ConstructionEndEvent,
-    DrawingEvent,
-    EvaluationEvent,
-    ProgramEvent,
-    ResultEvent,
-    RunEvent,
-    RunStartEvent,
-    StageBeginEvent,
-    StageEvent,
-    ToolEvent,
-    VerificationEvent,
-)
+from agentflow.runs import events as kinds
 from agentflow.runs.record import RunRecord
 
 BARS, WIDEST = "▁▂▃▄▅▆▇█", 40
@@ -96,12 +82,16 @@ def watch_simulations() -> Iterator[None]:
 
 
 @dataclass
-class RunView:
+class _Progress:
+    expected: int = 0
+    """About how many calls the run makes; 0 if unknown."""
+    record: RunRecord = field(default_factory=RunRecord)
+
+
+@dataclass
+class RunView(_Progress):
     """The live view of a run."""
 
-    expected: int = 0
-    """About how many calls it makes; 0 if unknown."""
-    record: RunRecord = field(default_factory=RunRecord)
     ending: str = ""
     """What is done after the workflow."""
     under_way: int = 0
@@ -113,22 +103,22 @@ class RunView:
     failures: deque[str] = field(default_factory=lambda: deque(maxlen=3))
     started: float = field(default_factory=time.monotonic)
 
-    def note(self, item: RunEvent | Event) -> None:
+    def note(self, item: kinds.RunEvent | Event) -> None:
         """Take in one event."""
-        if isinstance(item, RunStartEvent):  # the next of several runs
+        if isinstance(item, kinds.RunStartEvent):  # the next of several runs
             self.record, self.curve = RunRecord(), []
         self.record.add(item)
-        if isinstance(item, CallsEvent):
+        if isinstance(item, kinds.CallsEvent):
             self.under_way, self.cost = item.under_way, item.cost
-        elif isinstance(item, ResultEvent) and item.machine is not None:
+        elif isinstance(item, kinds.ResultEvent) and item.machine is not None:
             self.ending = "verifying the best machine"
-        elif isinstance(item, DrawingEvent):
+        elif isinstance(item, kinds.DrawingEvent):
             self.ending = "drawing pictures"
-        elif isinstance(item, AttemptEvent) and not item.valid:
+        elif isinstance(item, kinds.AttemptEvent) and not item.valid:
             self.failures.append(f"{item.label}: {_refusal(item)}")
-        elif isinstance(item, ToolEvent) and item.refused:
+        elif isinstance(item, kinds.ToolEvent) and item.refused:
             self.failures.append(f"{item.label}: {item.tool}: {item.answer.partition(chr(10))[0]}")
-        elif isinstance(item, EvaluationEvent) and self.record.best is not None:
+        elif isinstance(item, kinds.EvaluationEvent) and self.record.best is not None:
             self.curve.append(self.record.best)
 
     def draw(self) -> RenderableType:
@@ -192,7 +182,7 @@ def _archive_line(elites: Elites) -> str:
     )
 
 
-def _stage_table(rows: list[StageEvent]) -> Table:
+def _stage_table(rows: list[kinds.StageEvent]) -> Table:
     table = Table(box=None, pad_edge=False)
     for name in ("stage", "valid", "mean", "best"):
         table.add_column(name, justify="left" if name == "stage" else "right")
@@ -202,7 +192,7 @@ def _stage_table(rows: list[StageEvent]) -> Table:
     return table
 
 
-def _refusal(event: AttemptEvent) -> str:
+def _refusal(event: kinds.AttemptEvent) -> str:
     """Why a reply was refused, in one line for people; the recorded problem is for the model."""
     for kind in (EMPTY, CUT_OFF, FILTERED):
         if event.code in kind.codes:
@@ -218,22 +208,19 @@ EVERY_S = 30.0
 
 
 @dataclass
-class PlainProgress:
+class PlainProgress(_Progress):
     """Progress where there is no terminal: a line per stage, and now and then one in between."""
 
-    expected: int = 0
-    """About how many calls it makes; 0 if unknown."""
-    record: RunRecord = field(default_factory=RunRecord)
     _told: float = field(default_factory=time.monotonic)
     _refused: str = ""
     """The last refusal that no line has told."""
 
-    def note(self, event: RunEvent | Event) -> None:
+    def note(self, event: kinds.RunEvent | Event) -> None:
         """Take in one event, and print what is worth a line."""
-        if isinstance(event, RunStartEvent):  # the next of several runs
+        if isinstance(event, kinds.RunStartEvent):  # the next of several runs
             self.record = RunRecord()
         self.record.add(event)
-        if isinstance(event, AttemptEvent) and not event.valid:
+        if isinstance(event, kinds.AttemptEvent) and not event.valid:
             self._refused = f"; refused {event.label}: {_refusal(event)}"
         line = _line(event)
         if not line and time.monotonic() - self._told >= EVERY_S:
@@ -247,22 +234,24 @@ class PlainProgress:
             print_line(line)
 
 
-def _line(event: RunEvent | Event) -> str:
+def _line(event: kinds.RunEvent | Event) -> str:
     """One line about an event that comes a few times in a run; "" for all others."""
-    if isinstance(event, ProgramEvent):
+    if isinstance(event, kinds.ProgramEvent):
         return f"{event.label}: {event}"
-    if isinstance(event, StageEvent):
+    if isinstance(event, kinds.StageEvent):
         return (
             f"stage {event.label}: {event.valid} of {event.trajectories} machines valid, "
             f"mean {number(event.mean)}, best {number(event.max)}"
         )
-    if isinstance(event, StageBeginEvent):
+    if isinstance(event, kinds.StageBeginEvent):
         return f"stage {event.label} begins"  # a search may open more trajectories than set
-    if isinstance(event, VerificationEvent):
+    if isinstance(event, kinds.VerificationEvent):
         held = "" if event.holding is None else f", {event.holding}"
         return f"verified score {number(event.score)}{held}"
-    if isinstance(event, DrawingEvent):
+    if isinstance(event, kinds.DrawingEvent):
         return "drawing pictures"
-    if isinstance(event, RunStartEvent):
+    if isinstance(event, kinds.RunStartEvent):
         return f"{event.task}, {event.workflow}, {event.model}"
-    return f"construction ends: {event.reason}" if isinstance(event, ConstructionEndEvent) else ""
+    if isinstance(event, kinds.ConstructionEndEvent):
+        return f"construction ends: {event.reason}"
+    return ""
