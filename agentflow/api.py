@@ -511,13 +511,14 @@ def simulate(
     Raises:
         UsageError: The task, knob, engine or file does not exist, or the rate is out of range.
     """
+    from agentflow.env.rollout import invalid_rollout
     from agentflow.env.simulation.simulate import simulate as simulate_machine
 
-    level, built = _prepare(machine, task, knobs, engine)
-    if isinstance(built, Machine):
-        found = simulate_machine(built, level, seed=seed, rate=rate, power=power, interval=interval)
-        return replace(found, machine=built)
-    return built
+    level, report = _read(machine, task, knobs, engine)
+    if (built := report.machine) is None:
+        return invalid_rollout(report.problems)
+    found = simulate_machine(built, level, seed=seed, rate=rate, power=power, interval=interval)
+    return replace(found, machine=built)
 
 
 async def simulate_async(
@@ -533,11 +534,13 @@ async def simulate_async(
     interval: float | None = None,
 ) -> Rollout:
     """Like `simulate`, in a worker process of a pool, for concurrent use."""
-    level, built = _prepare(machine, task, knobs, engine)
-    if isinstance(built, Machine):
-        found = await pool.run(built, level, seed=seed, rate=rate, power=power, interval=interval)
-        return replace(found, machine=built)
-    return built
+    from agentflow.env.rollout import invalid_rollout
+
+    level, report = _read(machine, task, knobs, engine)
+    if (built := report.machine) is None:
+        return invalid_rollout(report.problems)
+    found = await pool.run(built, level, seed=seed, rate=rate, power=power, interval=interval)
+    return replace(found, machine=built)
 
 
 def verify(
@@ -718,16 +721,6 @@ def _brief_of(
     from agentflow.env.tasks.registry import get_task
 
     return get_task(task, knobs, engine).brief
-
-
-def _prepare(
-    machine: MachineLike, task: str, knobs: Mapping[str, object] | None, engine: str
-) -> tuple[Task, Machine | Rollout]:
-    """The task, and the machine, or the rollout of an invalid one."""
-    from agentflow.env.rollout import invalid_rollout
-
-    level, report = _read(machine, task, knobs, engine)
-    return level, invalid_rollout(report.problems) if report.machine is None else report.machine
 
 
 def _read(

@@ -6,8 +6,7 @@ from typing import Any
 from agentflow.agents.base import chat_prompt
 from agentflow.agents.registry import ROLES
 from agentflow.errors import UsageError
-from agentflow.machine import Machine, check
-from agentflow.machine.brief import Brief
+from agentflow.machine import Brief, Machine, check
 from agentflow.machine.formats.detect import read_for
 from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.prompts.render import PromptSet

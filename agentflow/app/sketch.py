@@ -13,7 +13,7 @@ from typing import Any
 from PIL import Image
 
 from agentflow.errors import DamagedError, RunError, UsageError
-from agentflow.files.atomic import write_output
+from agentflow.files.atomic import write_file
 from agentflow.files.lines import read_regular
 
 SKETCH = "sketch"
@@ -64,8 +64,7 @@ class Sketch:
 
     def write(self, path: Path) -> None:
         """Keep it in the run at `path`."""
-        with write_output(path / f"sketch-{self.digest}.png", RunError) as part:
-            part.write_bytes(self.png)
+        write_file(path / f"sketch-{self.digest}.png", self.png, RunError)
 
     @property
     def digest(self) -> str:

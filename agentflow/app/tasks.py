@@ -15,9 +15,8 @@ from agentflow.env.tasks.registry import (
     known_unit,
     task_names,
 )
-from agentflow.machine.blocks.library import library
+from agentflow.machine import Machine, library
 from agentflow.machine.brief import LONE_ROOT
-from agentflow.machine.tree import Machine
 
 
 @dataclass(frozen=True)

@@ -33,16 +33,12 @@ def update_arguments(given: Sequence[str]) -> tuple[list[str], list[tuple[str, s
     }
     for i, word in enumerate(words[:end]):
         option, equals, value = word.partition("=")
-        if option in renamed:
-            notes.append((option, renamed[option]))
-            option = renamed[option]
-            words[i] = option + equals + value
-        if not equals and i + 1 < end and (option, words[i + 1]) in CHOICES:
-            choice = CHOICES[option, words[i + 1]]
-            notes.append((f"{option} {words[i + 1]}", f"{option} {choice}"))
-            words[i + 1] = choice
-        if equals and (option, value) in CHOICES:
-            choice = CHOICES[option, value]
+        if name := renamed.get(option):
+            notes.append((option, name))
+            option, words[i] = name, name + equals + value
+        place = i if equals else i + 1
+        value = value if equals else "".join(words[place : min(place + 1, end)])
+        if choice := CHOICES.get((option, value)):
             notes.append((f"{option} {value}", f"{option} {choice}"))
-            words[i] = f"{option}={choice}"
+            words[place] = f"{option}={choice}" if equals else choice
     return words, notes

@@ -86,8 +86,8 @@ class Pace:
 
     def size(self, waiting: int, workers: int) -> int:
         """Rollouts for the next batch: no more than a worker's share of those that wait."""
-        share = ceil(waiting / workers)
-        return max(1, min(self._wanted, share, MOST))
+        wanted = ceil(self.cost / (SHARE * max(self.work, 1e-6)))
+        return max(1, min(wanted, ceil(waiting / workers), MOST))
 
     @property
     def cost(self) -> float:
@@ -98,10 +98,6 @@ class Pace:
     def work(self) -> float:
         """Seconds of a rollout."""
         return median(self._work) if self._work else 1.0
-
-    @property
-    def _wanted(self) -> int:
-        return ceil(self.cost / (SHARE * max(self.work, 1e-6)))
 
 
 STARVED = 20
@@ -208,9 +204,8 @@ class RayPool(Pool):
             except RayError as error:  # before it was ready
                 failures += 1
                 if isinstance(error, RayTaskError) or failures == STARTS:
-                    raise ConfigError(
-                        f"a node cannot start a worker: {_last_line(error)}"
-                    ) from error
+                    why = str(error).strip().rpartition("\n")[2]
+                    raise ConfigError(f"a node cannot start a worker: {why}") from error
             finally:
                 connection.let_go(ray.kill, worker)
 
@@ -261,7 +256,3 @@ class RayPool(Pool):
             else:
                 trial.alone = True
                 self._waiting.put_nowait(trial)
-
-
-def _last_line(error: Exception) -> str:
-    return str(error).strip().rpartition("\n")[2]

@@ -15,7 +15,7 @@ from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.errors import ConfigError, RunError
 from agentflow.extras import install
-from agentflow.machine.tree import Machine
+from agentflow.machine import Machine
 
 _T = TypeVar("_T")
 

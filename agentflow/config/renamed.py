@@ -30,7 +30,7 @@ def update_names(document: Mapping[str, Any]) -> dict[str, Any]:
     for earlier, now in KEYS.items():
         for group, key in _holder(result, earlier):
             value = group.pop(key)
-            group.setdefault(_last(now), value)
+            group.setdefault(now.rpartition(".")[2], value)
     for (path, earlier), now in VALUES.items():
         for group, key in _holder(result, path):
             if group[key] == earlier:
@@ -60,7 +60,3 @@ def _holder(document: object, path: str) -> Iterator[tuple[Any, str]]:
         document = document.get(name) if isinstance(document, Mapping) else None
     if isinstance(document, Mapping) and last in document:
         yield document, last
-
-
-def _last(path: str) -> str:
-    return path.rpartition(".")[2]

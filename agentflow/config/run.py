@@ -222,14 +222,10 @@ def set_key(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any
         group[key] = dict(below)
         group = group[key]
     group[last] = value
-    warn_of_names(_nested(keys, value))
+    given: dict[str, Any] = {}
+    _put(given, keys, value)
+    warn_of_names(given)
     return result
-
-
-def _nested(keys: tuple[str, ...], value: Any) -> dict[str, Any]:
-    """A document that holds one value."""
-    first, *rest = keys
-    return {first: _nested(tuple(rest), value) if rest else value}
 
 
 def changed_keys(config: DesignConfig) -> dict[str, Any]:

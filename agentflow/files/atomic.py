@@ -59,6 +59,12 @@ def write_output(path: Path, error_type: type[UsageError] = UsageError) -> Itera
         yield part
 
 
+def write_file(path: Path, content: str | bytes, error_type: type[UsageError] = UsageError) -> None:
+    """`write_output` of a text, in UTF-8, or of bytes."""
+    with write_output(path, error_type) as part:
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
 def remove_partial_files(folder: Path) -> None:
     """Remove temporary files of `write_atomically` that killed processes left in a folder."""
     for part in folder.glob(".[0-9]*-*"):

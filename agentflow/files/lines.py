@@ -48,9 +48,9 @@ def open_regular(path: Path, *, links: bool = True) -> BinaryIO:
         raise
 
 
-def read_regular(path: Path, most: int = -1, *, links: bool = True) -> bytes:
+def read_regular(path: Path, most: int = -1) -> bytes:
     """The content of a regular file, or its first `most` bytes; errors are `open_regular`'s."""
-    with open_regular(path, links=links) as file:
+    with open_regular(path) as file:
         return file.read(most)
 
 
@@ -242,8 +242,4 @@ def _whole(text: str) -> int:
     return int(text)
 
 
-def _refuse_constant(name: str) -> float:
-    raise ValueError(name)
-
-
-_DECODER = json.JSONDecoder(parse_float=_finite, parse_int=_whole, parse_constant=_refuse_constant)
+_DECODER = json.JSONDecoder(parse_float=_finite, parse_int=_whole, parse_constant=_finite)

@@ -14,11 +14,9 @@ from agentflow.env.drawing.raster import corners_of
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.drawing.stills import picture_url, render_image
 from agentflow.env.scene import SceneObject
-from agentflow.machine.blocks.library import library
+from agentflow.machine import Geometry, Machine, library, place
 from agentflow.machine.blocks.types import Color
-from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.geometry.pose import Placed
-from agentflow.machine.tree import Machine
 from agentflow.making.parts import parts_of
 
 COLUMNS = ("type", "name", "size", "number", "mass", "total_mass")

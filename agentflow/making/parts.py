@@ -15,12 +15,10 @@ from agentflow.env.physics.assembly.parts import ROD_DIAMETER, block_parts
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Shape
 from agentflow.errors import UsageError
-from agentflow.machine.blocks.library import library
-from agentflow.machine.blocks.types import BlockType
+from agentflow.machine import BlockType, Geometry, Machine, Step, library, place
 from agentflow.machine.geometry import vectors
-from agentflow.machine.geometry.placement import Geometry, place, place_step
+from agentflow.machine.geometry.placement import place_step
 from agentflow.machine.geometry.pose import Placed
-from agentflow.machine.tree import Machine, Step
 
 PRINTED, FULL = 20.0, 1.0
 """Scales by default, 1 : N: of files for printers, and of others."""

@@ -18,12 +18,9 @@ from agentflow.env.rollout import Array
 from agentflow.env.rotations import rotated_axes
 from agentflow.env.urdf import name_blocks
 from agentflow.errors import UsageError
-from agentflow.machine.blocks.library import library
+from agentflow.machine import Geometry, Machine, Problem, library, place
 from agentflow.machine.geometry.pieces import build_order
-from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.geometry.vectors import Quat, Vec3, add, inverse, rotation_from_up
-from agentflow.machine.problems import Problem
-from agentflow.machine.tree import Machine
 from agentflow.making.parts import ORIGIN, PRINTED, Making, Part, parts_of, shift_of
 
 SEGMENTS = 180

@@ -29,10 +29,9 @@ from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Shape
 from agentflow.env.urdf import name_blocks
+from agentflow.machine import Machine, place
 from agentflow.machine.geometry.pieces import parent_bonds
-from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import Quat, Vec3, add
-from agentflow.machine.tree import Machine
 from agentflow.making.parts import FULL, Making, parts_of, shift_of, type_name
 
 AXIS = 1.0

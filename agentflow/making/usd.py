@@ -8,10 +8,9 @@ from agentflow.env.drawing.glb import linear
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Shape
 from agentflow.env.urdf import name_blocks
+from agentflow.machine import Machine, place
 from agentflow.machine.geometry import vectors
 from agentflow.machine.geometry.pieces import Bond, extra_bonds, parent_bonds
-from agentflow.machine.geometry.placement import place
-from agentflow.machine.tree import Machine
 from agentflow.making.parts import FULL, Making, Part, parts_of, shift_of
 
 _JOINTS = {

@@ -105,29 +105,22 @@ def edits(record: RunRecord) -> Iterator[Edit]:
     Edits are left out if a simulation of one of their machines crashed or timed out, if the
     machine was never simulated because the run ended, and if they changed nothing.
     """
-    machines: dict[tuple[int, int | None], str | None] = {}
-    """(trajectory, node) -> machine; the node of first machines is None."""
-    machines |= {(start.trajectory, None): start.machine for start in record.of_stage(INITIAL)}
-    machines |= {(number, 0): start.machine for number, start in search_roots(record).items()}
-    machines |= {
-        (node.location.trajectory, node.location.node): node.machine for node in record.nodes
+    # (trajectory, node) -> machine; the node of first machines is None
+    machines: dict[tuple[int, int | None], str | None] = {
+        **{(start.trajectory, None): start.machine for start in record.of_stage(INITIAL)},
+        **{(number, 0): start.machine for number, start in search_roots(record).items()},
+        **{(n.location.trajectory, n.location.node): n.machine for n in record.nodes},
     }
-    made: list[tuple[tuple[Location, ...], str | None, str | None]] = [
-        (
-            (item.location,),
-            machines.get((item.location.trajectory, item.location.node)),
-            item.machine,
-        )
-        for item in record.refinements
-    ]
-    made += [((), item.parent, item.machine) for item in record.edits]
+    made: list[tuple[tuple[Location, ...], str | None, str | None]] = []
+    for item in record.refinements:
+        place = item.location
+        made.append(((place,), machines.get((place.trajectory, place.node)), item.machine))
+    made += [((), edit.parent, edit.machine) for edit in record.edits]
     for replies, parent, machine in made:
         before, after = record.machines.get(parent or ""), record.machines.get(machine or "")
         if before and after and parent != machine and None not in (before.score, after.score):
-            informed = any(
-                location.node is not None for location in replies
-            )  # by the feedback stage
-            yield Edit(replies, before, after, informed)
+            of_feedback = any(place.node is not None for place in replies)
+            yield Edit(replies, before, after, informed=of_feedback)
 
 
 class Change(Protocol):

@@ -9,10 +9,9 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from agentflow.extras import install
+from agentflow.extras import install, is_installed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -107,15 +106,13 @@ def bootstrap_clusters(groups: Iterable[Sequence[float]], seed: int = 0) -> Inte
         Ends in the unit of the values; None for fewer than two groups with values or without scipy.
     """
     sums = tuple((sum(group), len(group)) for group in groups if group)
-    return _bootstrap(sums, seed) if len(sums) > 1 and _stats() else None
+    return _bootstrap(sums, seed) if len(sums) > 1 and is_installed("scipy") else None
 
 
 @lru_cache(maxsize=200)
 def _bootstrap(sums: tuple[tuple[float, int], ...], seed: int) -> Interval | None:
     import numpy as np
-
-    stats = _stats()
-    assert stats is not None
+    from scipy import stats
 
     totals, counts = np.asarray(sums, dtype=np.float64).T
     found = stats.bootstrap(
@@ -210,13 +207,4 @@ def missing_scipy(what: str = "Intervals of means") -> str:
         what: What else needs scipy, if not intervals.
     """
     why = f"are left out because scipy is not installed: {install('report')}"
-    return "" if _stats() else f"{what} {why}"
-
-
-def _stats() -> ModuleType | None:
-    try:
-        import scipy.stats
-    except ImportError:
-        return None
-    module: ModuleType = scipy.stats
-    return module
+    return "" if is_installed("scipy") else f"{what} {why}"

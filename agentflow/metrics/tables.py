@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import chain, groupby
 from types import MappingProxyType
 from typing import Any
 
@@ -232,17 +232,11 @@ def in_parts(table: Table) -> Table:
         for part in parts
     )
 
-    def split(rows: Iterable[Row]) -> tuple[Row, ...]:
+    def split(rows: Sequence[Row]) -> tuple[Row, ...]:
+        values = (map(_numbers, row.values, map(len, kinds)) for row in rows)
         return tuple(
-            Row(
-                row.labels,
-                tuple(
-                    number
-                    for value, parts in zip(row.values, kinds, strict=True)
-                    for number in _numbers(value, len(parts))
-                ),
-            )
-            for row in rows
+            Row(row.labels, tuple(chain.from_iterable(numbers)))
+            for row, numbers in zip(rows, values, strict=True)
         )
 
     return replace(table, columns=columns, rows=split(table.rows), published=split(table.published))

@@ -234,6 +234,14 @@ def find_runs(folder: Path) -> Iterator[Path]:
         yield from find_runs(entry)
 
 
+def require_runs(folder: Path) -> list[Path]:
+    """`find_runs`; raises RunError if there are none."""
+    runs = list(find_runs(folder))
+    if not runs:
+        raise RunError(f"{folder} contains no run")
+    return runs
+
+
 def _parse_again(line: bytes) -> Event | None:
     return _parse_event(line) if line.startswith(AGAIN) else None
 

@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from agentflow.errors import RunError
-from agentflow.files.atomic import write_output
+from agentflow.files.atomic import write_file
 from agentflow.files.documents import read_object
 from agentflow.holding import Holding
 from agentflow.runs.reading import RESULT, state_of
@@ -264,8 +264,7 @@ class RunResult(RunFinding):
 
     def write(self, path: Path) -> None:
         """Write result.json of the run at `path`, which completes the run."""
-        with write_output(path / RESULT, RunError) as part:
-            part.write_text(json.dumps(self.to_json(), indent=1) + "\n", encoding="utf-8")
+        write_file(path / RESULT, json.dumps(self.to_json(), indent=1) + "\n", RunError)
 
 
 def read_result(path: Path) -> RunResult:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from agentflow.errors import RunError
-from agentflow.files.atomic import os_errors, remove_partial_files, write_output, write_text
+from agentflow.files.atomic import os_errors, remove_partial_files, write_file, write_text
 from agentflow.files.folders import lock_file, out_errors
 from agentflow.files.lines import LineFile
 from agentflow.runs import reading
@@ -144,7 +144,7 @@ class RunDirectory:
         """Save a machine once, by content hash."""
         path = self.path / reading.MACHINES / f"{digest}.json"
         if not path.exists():
-            _write(path, text + "\n")
+            write_file(path, text + "\n", RunError)
 
     def log(self, text: bytes) -> None:
         """Append what a program has printed."""
@@ -215,8 +215,3 @@ def _lock(path: Path) -> IO[str]:
             return lock
     lock.close()
     raise RunError(f"{path} is in use by another process; wait for it or stop it")
-
-
-def _write(path: Path, text: str) -> None:
-    with write_output(path, RunError) as part:
-        part.write_text(text, encoding="utf-8")

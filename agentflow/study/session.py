@@ -149,7 +149,6 @@ class End(_Event):
 
 Event = Action | StudioTest | Pause | Note | Audio | End
 _EVENTS: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="kind")])
-_START: TypeAdapter[SessionStart] = TypeAdapter(SessionStart)
 _Kind = TypeVar("_Kind", bound=_Event)
 
 
@@ -276,7 +275,7 @@ def read_session(path: Path) -> Session:
     file = folder / FILE
     if not file.is_file() or file.is_symlink():
         raise RunError(f"{folder} is not a session: it has no {FILE}")
-    kinds: Iterator[TypeAdapter[Any]] = chain((_START,), repeat(_EVENTS))  # of the lines
+    kinds: Iterator[TypeAdapter[Any]] = chain((TypeAdapter(SessionStart),), repeat(_EVENTS))
     lines = list(read_lines(file, lambda line: next(kinds).validate_json(line)))
     if not lines:
         raise RunError(f"{file} is empty; a session begins with a line of kind session")

@@ -32,11 +32,9 @@ from agentflow.env.tasks.base import Task, measure
 from agentflow.env.verification import Verification, robust_score, run_under, verify_async
 from agentflow.errors import UsageError
 from agentflow.holding import with_holding
-from agentflow.machine.blocks.library import library
+from agentflow.machine import Machine, library, place
 from agentflow.machine.geometry.balance import mass
-from agentflow.machine.geometry.placement import place
 from agentflow.machine.requirements import met_of
-from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
 from agentflow.tools.host import Aims, Shot, Told
 from agentflow.workflows.base import SimulationSummary

@@ -24,15 +24,14 @@ from agentflow.env.simulation.variations import Variation
 from agentflow.env.verification import Verification
 from agentflow.errors import RunError
 from agentflow.files.atomic import write_output
-from agentflow.machine.blocks.library import library
-from agentflow.machine.formats.parse import read_machine
-from agentflow.machine.tree import Machine
+from agentflow.machine import Machine, library, read_machine
 from agentflow.metrics.intervals import wilson
 from agentflow.models.choices import Models
+from agentflow.runs import RunResult
 from agentflow.runs.events import RunStartEvent, VariedScore, VerificationEvent
 from agentflow.runs.locations import Location
 from agentflow.runs.reading import MACHINES
-from agentflow.runs.result import RunFinding, RunResult
+from agentflow.runs.result import RunFinding
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import Record, WorkflowResult, count_passes, stage_row
 from agentflow.workflows.registry import WORKFLOWS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from functools import cached_property
@@ -35,10 +35,8 @@ from agentflow.env.tasks.registry import FAMILIES, Level, get_level, make_task, 
 from agentflow.errors import ConfigError, UsageError
 from agentflow.files.faults import explain
 from agentflow.llm.procedural.mechanisms import STAND, purpose
+from agentflow.machine import Brief, check, read_machine
 from agentflow.machine.blocks.library import LATER
-from agentflow.machine.brief import Brief
-from agentflow.machine.formats.parse import read_machine
-from agentflow.machine.validity import check
 from agentflow.models.choices import choose_models
 from agentflow.models.local.folder import read_folder
 from agentflow.prompts.folder import PromptFolder, read_record
@@ -89,6 +87,12 @@ class RunPlan:
         wishes, sketch = self.config.settings.brief, self.sketch
         shown = (sketch.url,) if sketch else ()
         return replace(self.task.brief, wishes=wishes or "", sketch=shown)
+
+    @cached_property
+    def _asked(self) -> tuple[str, ...]:
+        """The roles that the workflow asks for this task."""
+        calls = WORKFLOWS[self.config.workflow].calls_on(self.config.settings, self.task.brief)
+        return tuple(role for role, count in calls.items() if count)
 
     @property
     def good(self) -> float | None:
@@ -188,8 +192,7 @@ class RunPlan:
         """Raise ConfigError unless the configured models can be shown the sketch, if any."""
         if self.sketch is None:
             return
-        calls = WORKFLOWS[self.config.workflow].calls_on(self.config.settings, self.task.brief)
-        seeing = [role for role, count in calls.items() if count and ROLES[role].sees]
+        seeing = [role for role in self._asked if ROLES[role].sees]
         if not seeing:
             raise ConfigError(
                 f"the workflow {self.config.workflow}, as configured, asks no role that is shown a "
@@ -208,12 +211,7 @@ class RunPlan:
         model = self.config.model
         if model.label is None or not read_folder(Path(model.name)).whole_machines_only:
             return []
-        calls = WORKFLOWS[self.config.workflow].calls_on(self.config.settings, self.task.brief)
-        return [
-            role
-            for role, count in calls.items()
-            if count and (ROLES[role].model_role or role) not in model.roles
-        ]
+        return [role for role in self._asked if (ROLES[role].model_role or role) not in model.roles]
 
     @property
     def conditions(self) -> dict[str, Any]:
@@ -243,11 +241,13 @@ class RunPlan:
         """Which conditions differ from those in a run.yaml; see `describe_changes`."""
         return describe_changes(document, self.conditions)
 
-    def engine_note(self, document: Mapping[str, Any]) -> str:
-        """A message about a run.yaml that names no engine; "" if it names one."""
-        if "engine" in document:
-            return ""
-        return f"the run does not record its physics engine; now it is {self.engine}"
+    def notes_on(self, path: Path, document: Mapping[str, Any]) -> Iterator[str]:
+        """Messages about the run at `path`, whose run.yaml holds `document`: it names no engine,
+        or its level has changed."""
+        if "engine" not in document:
+            yield f"{path}: the run does not record its physics engine; now it is {self.engine}"
+        if note := level_note(path, document):
+            yield note
 
     @property
     def model_note(self) -> str:
@@ -261,9 +261,8 @@ class RunPlan:
                 f"{self.config.model.name} writes whole machines and nothing else: workflow "
                 f"{self.config.workflow}, without revisions"
             )
-        calls = WORKFLOWS[self.config.workflow].calls_on(self.config.settings, self.task.brief)
         choices = choose_models(self.config.model)
-        asked = {ROLES[role].model_role or role for role, count in calls.items() if count}
+        asked = {ROLES[role].model_role or role for role in self._asked}
         if self.config.settings.brief and all(choices[role].procedural for role in asked):
             return "the procedural model does not read the user's wishes; a language model would"
         if not any(choices[role].procedural for role in asked) or purpose(self.task.brief) != STAND:
@@ -368,19 +367,15 @@ def repetition(path: Path, document: Mapping[str, Any]) -> Workflow | None:
 
 def task_of_run(path: Path, document: Mapping[str, Any]) -> Task:
     """The task of a run as it was when the run began; see `level_of_run`."""
-    config = build_config(document.get("config"))
-    engine = _engine_of(config, document)
-    return make_task(level_of_run(path, document), config.knobs, engine)
+    knobs = build_config(document.get("config")).knobs
+    return make_task(level_of_run(path, document), knobs, engine_of_run(document))
 
 
 def engine_of_run(document: Mapping[str, Any]) -> str:
     """Name of the engine that a run began with; `AUTO` if its run.yaml does not name one."""
-    return _engine_of(build_config(document.get("config")), document)
-
-
-def _engine_of(config: DesignConfig, document: Mapping[str, Any]) -> str:
+    engine = build_config(document.get("config")).engine
     name, _, _ = str(document.get("engine", AUTO)).rpartition(" ")
-    return name if config.engine == AUTO and name else config.engine
+    return name if engine == AUTO and name else engine
 
 
 def level_note(path: Path, document: Mapping[str, Any]) -> str:

@@ -9,16 +9,16 @@ from typing import Any
 
 from agentflow.app.design.execution import execute, finding_of
 from agentflow.app.design.notices import REMARK
-from agentflow.app.design.plan import RunPlan, level_note, repetition
+from agentflow.app.design.plan import RunPlan, repetition
 from agentflow.env.pool.pool import Simulator
 from agentflow.env.simulation.variations import VARIATIONS, Variation
 from agentflow.errors import RunError
 from agentflow.llm.wrappers.record import CallLog
 from agentflow.models.choices import replay_models
-from agentflow.runs import Event, Notify, read_document, read_events, read_result
+from agentflow.runs import Event, Notify, RunResult, read_document, read_events, read_result
 from agentflow.runs.events import RunEvent, VerificationEvent, read_stage
 from agentflow.runs.reading import read_machine_text
-from agentflow.runs.result import BUDGET, RunFinding, RunResult
+from agentflow.runs.result import BUDGET, RunFinding
 
 
 def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | None:
@@ -38,9 +38,7 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
     plan = replace(plan, config=plan.config.model_copy(update={"verify": verified}))
     if changes := plan.changes_since(document):
         notify(f"{path} was made with different {changes}; expect differences")
-    if note := plan.engine_note(document):
-        notify(f"{path}: {note}")
-    if note := level_note(path, document):
+    for note in plan.notes_on(path, document):
         notify(note)
     memory = MemoryRecord(path)
     with CallLog(path / "calls.jsonl", notify, writable=False) as call_log:

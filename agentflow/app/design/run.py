@@ -15,7 +15,7 @@ from typing import Any
 from agentflow.agents.designer import Designer, extract_rationale
 from agentflow.app.design.execution import Execution, execute, finding_of, save_rollouts
 from agentflow.app.design.notices import REMARK, Remarks, tell_unusable, watch_calls
-from agentflow.app.design.plan import AUTHOR, RunPlan, level_note, repetition
+from agentflow.app.design.plan import AUTHOR, RunPlan, repetition
 from agentflow.app.design.trust import Approve, refuse, require_trusted_run, trust_option
 from agentflow.app.lessons import extend_book, with_lessons
 from agentflow.config.run import DesignConfig
@@ -27,9 +27,16 @@ from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
 from agentflow.llm.wrappers.record import CallLog
 from agentflow.metrics.tables import counted
 from agentflow.models.choices import open_models
-from agentflow.runs import Listener, Notify, RunDirectory, read_document, read_result, state_of
+from agentflow.runs import (
+    Listener,
+    Notify,
+    RunDirectory,
+    RunResult,
+    read_document,
+    read_result,
+    state_of,
+)
 from agentflow.runs.events import AttemptEvent, read_typed_events
-from agentflow.runs.result import RunResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.workflow import Workflow
 
@@ -223,9 +230,7 @@ class DesignRun:
                 "continued; resume it with the version that started it"
             )
         plan.require_workflow()
-        if note := plan.engine_note(document):
-            options.notify(f"{path}: {note}")
-        if note := level_note(path, document):
+        for note in plan.notes_on(path, document):
             options.notify(note)
         if options.workflow is None and (again := repetition(path, document)):
             options = replace(options, workflow=again)

@@ -9,7 +9,7 @@ from typing import Any
 from agentflow.app.design.run import RunOptions, design
 from agentflow.config.run import DesignConfig
 from agentflow.errors import AgentflowError, EndpointError, PluginError, RunError
-from agentflow.runs.result import RunResult
+from agentflow.runs import RunResult
 
 KEYS = ("seed", "score", "best_stage", "calls", "seconds", "run")
 """What the summary says about each run, besides `verified`, `fragile` and `failed`."""

@@ -1,6 +1,6 @@
 """The questions which blocks of a machine overlap, which way blocks face, and where they are."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from itertools import cycle, islice
 from random import Random
@@ -89,7 +89,7 @@ class Overlap(Diagnostic):
 
     def score(self, marks: Sequence[Mark]) -> dict[str, Any]:
         """Found pairs / true pairs (`accuracy`), and what this costs (`precision`, `f1`)."""
-        pairs = [(_pairs(mark.truth), _pairs(mark.answer or ())) for mark in marks]
+        pairs = [({*map(tuple, mark.truth)}, {*map(tuple, mark.answer or ())}) for mark in marks]
         found = sum(len(true & named) for true, named in pairs)
         recall = Rate(found, sum(len(true) for true, _ in pairs))
         precision = Rate(found, sum(len(named) for _, named in pairs))
@@ -102,10 +102,6 @@ class Overlap(Diagnostic):
             "precision": precision.value,
             "f1": 2 * found / (recall.of + precision.of),
         }
-
-
-def _pairs(lists: Iterable[Sequence[int]]) -> set[tuple[int, ...]]:
-    return {tuple(pair) for pair in lists}
 
 
 def _first_overlapping(machines: Iterator[Machine], most: int) -> tuple[Machine, list[Pair]]:
@@ -130,9 +126,7 @@ def _random_machines(rng: Random) -> Iterator[Machine]:
 
 def _broken_designs(rng: Random) -> Iterator[Machine]:
     """Designs of the built-in model after one random edit, legal or not."""
-    levels = diagnosed_levels()
-    while True:
-        design = draw_design(rng, rng.choice(levels))
+    for design in _designs(rng):
         types = sorted({step.type for step in design.steps[1:]})
         for _ in range(EDITS):
             moves = MOVES[rng.choice(BREAKING)](design, types)
@@ -221,6 +215,6 @@ def _answered(mark: Mark) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]
 
 
 def _is_close(true: Sequence[float], said: Sequence[float] | None) -> bool:
-    if said is None:
-        return False
-    return all(abs(a - b) <= CLOSE + _ROUNDING for a, b in zip(true, said, strict=True))
+    return said is not None and all(
+        abs(a - b) <= CLOSE + _ROUNDING for a, b in zip(true, said, strict=True)
+    )

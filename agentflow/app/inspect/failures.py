@@ -15,14 +15,14 @@ from agentflow.agents.designer import Designer, extract_rationale
 from agentflow.agents.registry import replies_of
 from agentflow.env.tasks.family import Family
 from agentflow.env.tasks.registry import FAMILIES
-from agentflow.errors import RunError
 from agentflow.machine import Machine, library, place
 from agentflow.metrics.failure_kinds import KINDS
 from agentflow.metrics.failures import Failures, failures
 from agentflow.metrics.machines import recorded_machine
-from agentflow.runs import find_runs, read_calls, read_document
+from agentflow.runs import read_calls, read_document
 from agentflow.runs.events import AttemptEvent, read_typed_events
 from agentflow.runs.locations import Location
+from agentflow.runs.reading import require_runs
 
 WORDS = (
     *("one", "two", "three", "four", "five", "six"),
@@ -90,9 +90,7 @@ def count_failures(path: Path) -> dict[str, Any]:
         `runs`, `replies`, `refused`, `machines`; `kinds`, each with name, level, unit, rule and
         count; `codes` of the refused replies and their counts.
     """
-    runs = list(find_runs(path))
-    if not runs:
-        raise RunError(f"{path} contains no run")
+    runs = require_runs(path)
     total = sum(map(_failures_of, runs), Failures())
     return {
         "runs": len(runs),

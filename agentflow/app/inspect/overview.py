@@ -20,10 +20,9 @@ from agentflow.machine import Brief, Machine, check
 from agentflow.machine.problems import LATER_RULES
 from agentflow.metrics.usage import summarize_usage
 from agentflow.models.choices import cost_function
-from agentflow.runs import find_runs, read_calls, read_document, read_result, state_of
+from agentflow.runs import RunResult, find_runs, read_calls, read_document, read_result, state_of
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
-from agentflow.runs.result import RunResult
 
 
 def later_note(machine: Machine, brief: Brief) -> str:

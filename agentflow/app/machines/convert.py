@@ -14,7 +14,7 @@ from agentflow.env.tasks.base import Task
 from agentflow.env.urdf import machine_urdf
 from agentflow.errors import UsageError
 from agentflow.extras import needs_extra
-from agentflow.files.atomic import write_output
+from agentflow.files.atomic import write_file
 from agentflow.machine import Machine, Problem, check, library, place, spatial_problems
 from agentflow.machine.blocks.types import plate_of
 from agentflow.machine.formats.bsg_writing import bind_keys, to_bsg
@@ -45,9 +45,7 @@ def list_parts(source: str, out: Path | None = None) -> dict[str, Any]:
         suffix = out.suffix.lower()
         if suffix not in (".csv", ".md"):
             raise UsageError(f"cannot write {out}: a parts list is a .csv or .md file")
-        text = bill_csv(machine) if suffix == ".csv" else _markdown(rows)
-        with write_output(out) as part:
-            part.write_bytes(text.encode())
+        write_file(out, bill_csv(machine) if suffix == ".csv" else _markdown(rows))
     return {
         "rows": rows,
         "blocks": sum(row["number"] for row in rows),
@@ -78,8 +76,7 @@ def write_guide(source: str, out: Path) -> dict[str, Any]:
     machine = read_one(source)
     order = _order(machine, source)
     page = guide(machine, order, Path(source).stem if source != "-" else "machine")
-    with write_output(out) as part:
-        part.write_text(page, encoding="utf-8")
+    write_file(out, page)
     return {"out": str(out), "blocks": len(machine), "steps": list(map(list, steps_of(order)))}
 
 
@@ -143,10 +140,6 @@ def _document(write: Callable[[Machine], bytes | str]) -> Callable[[Machine, Wis
     return written
 
 
-def _coordinates(machine: Machine) -> str:
-    return lines_of(to_coordinates(machine)) + "\n"
-
-
 def _bsg(machine: Machine, _: Wishes) -> Written:
     """With the keys that a player holds in place of the control program."""
     senses = ("the game has no controllers: blocks that follow one get no keys",)
@@ -177,7 +170,9 @@ def _made(module: str, name: str, *options: str) -> Format:
 
 
 FORMATS: Mapping[str, Format] = {
-    ".coords.json": Format(_document(_coordinates), of_the_game=True),
+    ".coords.json": Format(
+        _document(lambda machine: lines_of(to_coordinates(machine)) + "\n"), of_the_game=True
+    ),
     ".json": Format(_document(lambda machine: machine.to_text() + "\n")),
     ".bsg": Format(_bsg, of_the_game=True),
     ".glb": Format(_document(machine_glb)),
@@ -245,8 +240,7 @@ def convert(
     if invalid and (strict or form.needs != "blocks"):
         raise UsageError(f"{source} is not a valid machine: {_summarize(invalid)}")
     data, losses = form.write(machine, wishes)
-    with write_output(out) as part:
-        part.write_bytes(data)
+    write_file(out, data)
     return {
         "out": str(out),
         "blocks": len(machine),

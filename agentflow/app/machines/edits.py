@@ -1,12 +1,11 @@
 """Applies edit scripts to machines from files and JSON lines."""
 
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from agentflow.app.machines.files import parse_line, read_source
 from agentflow.errors import UsageError
-from agentflow.files.atomic import write_output
+from agentflow.files.atomic import write_file
 from agentflow.machine import Brief, StepVerdict, apply_script, check
 from agentflow.machine.formats.detect import read_for, read_text
 
@@ -38,18 +37,13 @@ def edit_file(
         raise UsageError(f"{source} cannot be edited: {report.problems[0].message}")
     outcome = apply_script(report.machine, read_text(script), brief)
     if out is not None and outcome.success:
-        with write_output(out) as part:
-            part.write_text(outcome.machine.to_text() + "\n", encoding="utf-8")
+        write_file(out, outcome.machine.to_text() + "\n")
     return outcome.to_json()
 
 
-def edit_lines(lines: Iterable[str], brief: Brief | None) -> Iterator[dict[str, Any]]:
-    """One outcome per line, in order, even for lines that are not JSON or hold no machine."""
-    for line in lines:
-        yield _edit_line(parse_line(line), brief)
-
-
-def _edit_line(line: object, brief: Brief | None) -> dict[str, Any]:
+def edit_line(text: str, brief: Brief | None) -> dict[str, Any]:
+    """The outcome of a line, even if it is not JSON or holds no machine."""
+    line = parse_line(text)
     machine = line.get("machine") if isinstance(line, dict) else None
     script = line.get("script") if isinstance(line, dict) else None
     if machine is None or not isinstance(script, str):

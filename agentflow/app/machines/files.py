@@ -1,7 +1,7 @@
 """Reading and checking machines without physics, and showing the block library."""
 
 import json
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -111,18 +111,6 @@ def check(
 def is_flawless(report: Mapping[str, Any]) -> bool:
     """Whether a report of `check` has no problem, no warning and no repaired text."""
     return not (report["problems"] or report["warnings"] or report["repaired"])
-
-
-def check_lines(
-    lines: Iterable[str],
-    brief: Brief | None,
-    geometry: bool,
-    form: Form = "auto",
-    engine: str | None = None,
-) -> Iterator[dict[str, Any]]:
-    """One report per line, in order; a line that is not JSON is checked as model text."""
-    for line in lines:
-        yield check(parse_line(line), brief, geometry, form, engine)
 
 
 def parse_line(line: str) -> object:

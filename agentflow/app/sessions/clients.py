@@ -15,10 +15,9 @@ from agentflow.app.subjects.verify import verify_finished
 from agentflow.config.run import PROCEDURAL, DesignConfig
 from agentflow.env.pool.pool import Simulator
 from agentflow.errors import AgentflowError, EndpointError, UsageError
-from agentflow.runs import Notify, read_result
+from agentflow.runs import Notify, RunResult, read_result
 from agentflow.runs.locations import StageName
 from agentflow.runs.reading import EVENTS
-from agentflow.runs.result import RunResult
 from agentflow.tools import Bench
 from agentflow.workflows.tools import Worker, workflow_of
 

@@ -17,7 +17,7 @@ from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.pool.store import Store
 from agentflow.errors import RunError, UsageError
-from agentflow.files.atomic import write_output
+from agentflow.files.atomic import write_file
 from agentflow.machine.formats.detect import read_text
 from agentflow.runs import Notify, read_document, read_result, state_of
 from agentflow.runs.locations import FEEDBACK, StageName
@@ -76,8 +76,7 @@ def save_picture(answer: Answer, path: Path | None) -> Path:
     """
     assert answer.result.image is not None
     path = path or answer.run / "look.png"
-    with write_output(path) as part:
-        part.write_bytes(answer.result.image)
+    write_file(path, answer.result.image)
     return path
 
 

@@ -15,10 +15,11 @@ from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.records import TaskRecord, read_records, record_machine
 from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.errors import ConfigError
+from agentflow.extras import is_installed
 from agentflow.llm.messages import Sampling
 from agentflow.llm.procedural import ProceduralClient
+from agentflow.machine import Machine
 from agentflow.machine.brief import LONE_ROOT
-from agentflow.machine.tree import Machine
 from agentflow.metrics.intervals import missing_scipy
 from agentflow.progress import Progress, counter
 from agentflow.prompts.render import PromptSet
@@ -155,10 +156,8 @@ def rank_correlation(first: Sequence[float], second: Sequence[float]) -> float |
     Returns:
         -1 to 1; None if a series has fewer than two different values, or without scipy.
     """
-    if len(set(first)) < 2 or len(set(second)) < 2:
+    if len(set(first)) < 2 or len(set(second)) < 2 or not is_installed("scipy"):
         return None
-    try:
-        from scipy.stats import spearmanr
-    except ImportError:
-        return None
+    from scipy.stats import spearmanr
+
     return float(spearmanr(first, second).statistic)

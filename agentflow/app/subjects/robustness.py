@@ -12,7 +12,7 @@ from agentflow.env.physics.engines import choose_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.verification import Perturbation, perturb, score_on_others
 from agentflow.errors import RunError
-from agentflow.files.atomic import write_output
+from agentflow.files.atomic import write_file
 from agentflow.machine import Machine, library
 from agentflow.machine.edits.random import Neighbour, all_neighbours, sample_neighbours
 from agentflow.progress import Progress
@@ -54,8 +54,7 @@ def measure_robustness(
     }
     if subject.run is None:
         return found
-    with write_output(subject.run.path / KEPT, RunError) as part:
-        part.write_text(json.dumps(found) + "\n", encoding="utf-8")
+    write_file(subject.run.path / KEPT, json.dumps(found) + "\n", RunError)
     return {"run": str(subject.run.path), **found}
 
 

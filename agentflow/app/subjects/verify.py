@@ -2,7 +2,7 @@
 environment."""
 
 import asyncio
-from contextlib import AsyncExitStack, nullcontext
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,7 @@ from agentflow.runs import Notify, RunDirectory, read_document, read_result
 from agentflow.runs.events import EvaluationEvent, read_typed_events
 
 
-def rescore(
-    path: Path, workers: int | None = None, engine: str | None = None, pool: Pool | None = None
-) -> dict[str, Any]:
+def rescore(path: Path, workers: int | None = None, engine: str | None = None) -> dict[str, Any]:
     """Simulate every machine of a run again and compare.
 
     Args:
@@ -31,7 +29,6 @@ def rescore(
         workers: Number of processes; None: as configured in the run.
         engine: Name of the physics engine; None: that of the run, or the default one if it is not
             installed.
-        pool: Simulates the machines; by default a new pool of `workers` processes.
 
     Returns:
         `run`, `task`, `note` (whether its level has changed), `constants` and `engine` (`recorded`
@@ -48,17 +45,13 @@ def rescore(
             evaluations.setdefault(event.machine, event)
 
     async def compare() -> list[dict[str, Any]]:
-        async with AsyncExitStack() as stack:
-            simulator = pool
-            if simulator is None:
-                own = RolloutPool(workers or plan.config.workers)
-                simulator = await stack.enter_async_context(own)
-            return list(await asyncio.gather(*(again(one, simulator) for one in evaluations)))
+        async with RolloutPool(workers or plan.config.workers) as pool:
+            return list(await asyncio.gather(*(again(one, pool) for one in evaluations)))
 
-    async def again(digest: str, simulator: Pool) -> dict[str, Any]:
+    async def again(digest: str, pool: Pool) -> dict[str, Any]:
         machine, evaluation = recorded_machine(path, digest), evaluations[digest]
         subject = Subject(machine, plan.task, plan.config.seed, evaluation.label, recorded=True)
-        rollout = await subject.simulate(simulator)
+        rollout = await subject.simulate(pool)
         old, new = evaluation.score, rollout.score
         return {
             "machine": digest,

@@ -154,7 +154,9 @@ class _Work:
         waiting = [run for run in self.plan.runs if run.name not in self.done]
         if not waiting:
             return
-        self._require_same_conditions()
+        for run in self.plan.runs:  # new runs must not mix with finished ones of other conditions
+            if run.name in self.done:
+                members.require_same_plan(self.plan.plan_of(run), self.folder / RUNS / run.name)
         log = LineFile(self.folder / LOG)
         try:
             async with place as carry:
@@ -162,12 +164,6 @@ class _Work:
                 await run_concurrently(self._work_through(queue, carry, log) for _ in range(jobs))
         finally:
             log.close()
-
-    def _require_same_conditions(self) -> None:
-        """Refuse to mix new runs with finished ones made under different conditions."""
-        for run in self.plan.runs:
-            if run.name in self.done:
-                members.require_same_plan(self.plan.plan_of(run), self.folder / RUNS / run.name)
 
     async def _work_through(
         self, queue: Iterator[SweepRun], carry: members.CarryOut, log: LineFile

@@ -18,12 +18,11 @@ from agentflow.llm.procedural import ProceduralClient
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import METRICS, Cell, RunNumbers
 from agentflow.metrics.tables import Column, Row, Table, Value, counted
-from agentflow.runs import read_document, read_result
+from agentflow.runs import RunResult, read_document, read_result
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.locations import STAGES
 from agentflow.runs.reading import RESULT
 from agentflow.runs.record import RunRecord
-from agentflow.runs.result import RunResult
 from agentflow.workflows.registry import WORKFLOWS
 
 

@@ -21,8 +21,6 @@ OPTION_OF = {
     "settings.brief": "--brief",
     "settings.sketch": "--sketch",
     "settings.max_simulations": "--rollouts",
-    "--config": "--config",
-    "--set": "--set",
 }
 """Configuration key -> the option that sets it, where their names differ."""
 
@@ -111,9 +109,9 @@ def design(
     }
     if name is not None:
         _check_name(name, seeds)
-    others = {**keys, "seeds": seeds, "name": name, "lessons": lessons}
-    given = [option for option, value in others.items() if value is not None]
-    given += ["--config"] * bool(config) + ["--set"] * bool(settings)
+    others: dict[str, object] = {"seeds": seeds, "name": name, "lessons": lessons, "config": config}
+    others["set"] = settings or None
+    given = [option for option, value in {**keys, **others}.items() if value is not None]
     if resume is not None and given:
         raise UsageError(
             "--resume uses the settings of the run; remove the other options: "

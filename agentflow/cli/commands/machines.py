@@ -19,9 +19,7 @@ def check(
     task: options.Task = None,
     knobs: options.Knobs = None,
     engine: options.Engine = None,
-    form: Annotated[
-        Literal["auto", "tree", "coordinates", "bsg"], typer.Option("--format")
-    ] = "auto",
+    form: Annotated[InputFormat, typer.Option("--format")] = "auto",
     geometry: bool = False,
     lines: options.Lines = False,
     strict: bool = False,
@@ -44,8 +42,8 @@ def check(
     brief = _brief(task, knobs, engine)
     flawless = True
     if lines:
-        found = read_lines(machine)
-        for report in machines.check_lines(found, brief, geometry, form, engine):
+        for line in read_lines(machine):  # one that is not JSON is checked as model text
+            report = machines.check(machines.parse_line(line), brief, geometry, form, engine)
             print_json(report)
             flawless &= machines.is_flawless(report)
     else:
@@ -91,8 +89,8 @@ def edit(
     if lines:
         if out:
             raise UsageError("--out needs a single machine; remove --jsonl")
-        for outcome in edits.edit_lines(read_lines(machine), brief):
-            print_json(outcome)
+        for line in read_lines(machine):
+            print_json(edits.edit_line(line, brief))
         return
     outcome = edits.edit_file(machine, script, brief, out)
     print_result(outcome, as_json, lambda found: show_edit(found, out))

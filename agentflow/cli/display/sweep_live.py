@@ -132,9 +132,7 @@ class SweepView:
 
     def _chosen(self) -> list[str]:
         room = max(1, self.console.height - SPARE)
-        weight = {"running": 2, "failed": 1, "done": 0}
-        names = list(self.lines)
-        ranked = sorted(
-            range(len(names)), key=lambda i: (weight[self.lines[names[i]].state], i), reverse=True
-        )
-        return [names[i] for i in sorted(ranked[:room])]
+        states = ("done", "failed", "running")
+        latest = list(self.lines)[::-1]
+        kept = sorted(latest, key=lambda name: -states.index(self.lines[name].state))[:room]
+        return [name for name in self.lines if name in kept]

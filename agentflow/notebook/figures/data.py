@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+from pydantic import TypeAdapter
+
 from agentflow.app.sweeps.folder import is_sweep
 from agentflow.config.sweep import variant_of
 from agentflow.errors import RunError, UsageError
@@ -36,6 +38,9 @@ class Datum:
     """Score; of `validity`, how many trajectories got so far."""
 
 
+_ROW = TypeAdapter(Datum)
+
+
 def read_csv(path: Path, view: View) -> list[Datum]:
     """Rows that `write_csv` wrote.
 
@@ -43,18 +48,10 @@ def read_csv(path: Path, view: View) -> list[Datum]:
         UsageError: The file cannot be read, holds something else, or rows of another view.
     """
     with os_errors(f"cannot read {path}"), path.open(newline="", encoding="utf-8") as file:
-        lines = list(csv.DictReader(file))
+        lines = list(csv.DictReader(file, restkey="more"))
     try:
-        rows = [
-            Datum(
-                **{name: line[name] for name in ("view", "task", "condition", "run", "measure")},
-                seed=int(line["seed"]),
-                x=float(line["x"]) if line["x"] else None,
-                y=float(line["y"]),
-            )
-            for line in lines
-        ]
-    except (KeyError, ValueError, TypeError):
+        rows = [_ROW.validate_python({**line, "x": line["x"] or None}) for line in lines]
+    except (KeyError, ValueError):
         columns = ", ".join(field.name for field in fields(Datum))
         raise UsageError(
             f"{path} is not a table of a figure: it needs the columns {columns}, as agentflow plot "
