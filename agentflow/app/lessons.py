@@ -15,7 +15,6 @@ from agentflow.files.atomic import os_errors
 from agentflow.files.lines import LineFile, parse_object, read_regular
 
 MOST_BYTES = 1_000_000
-"""Largest book."""
 LONGEST = 300
 """Most characters of a lesson."""
 MOST_READ = 100

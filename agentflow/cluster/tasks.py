@@ -116,7 +116,6 @@ class _SharedLimits:
 
 
 Tell = Callable[[Any], None]
-"""Receives what a function reports while it runs."""
 Work = Callable[[Limiters, Tell], Coroutine[Any, Any, Any]]
 PAUSE = 5.0
 """Seconds after a node was lost, in which what ran there lets go of its files."""

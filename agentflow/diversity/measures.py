@@ -116,7 +116,7 @@ class Measures:
     iou: Measure
     """0 to 1."""
     graph_similarity: Measure
-    """Cosine, -1 to 1; see `embedding.embed`."""
+    """Cosine, -1 to 1; see `embed`."""
     tree_edit_distance: Measure
     """Blocks; see `topology.tree_edit_distance`."""
 

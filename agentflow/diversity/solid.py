@@ -143,7 +143,6 @@ def _frames(along: Array) -> Array:
 
 
 POINTS = 2048
-"""Points on the surface of a machine."""
 NUDGE = 1e-6
 """Distance, in diagonals of the machine, at which a point counts as off a surface."""
 

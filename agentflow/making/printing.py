@@ -115,7 +115,6 @@ SPECK = 1e-3
 """Common volume of bodies that only touch, cubic mm."""
 
 Bodies = Sequence[tuple[str, Any]]
-"""Names and bodies."""
 
 
 def machine_stl(machine: Machine, making: Making) -> tuple[bytes, tuple[str, ...]]:

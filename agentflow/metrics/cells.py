@@ -184,9 +184,7 @@ class Metric:
     about: str
     """Explanation, printed below tables."""
     percent: bool = False
-    """Whether to show it as a percentage."""
     digits: int = 2
-    """Decimals of its floats."""
 
 
 def _first_attempts(level: Literal["parsed", "spatial", "valid"]) -> Callable[[Cell], Rate | None]:

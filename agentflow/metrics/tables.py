@@ -79,7 +79,6 @@ def cell_text(value: object, digits: int = 2, *, in_percent: bool = False) -> st
 
 
 Value = float | int | str | Rate | Interval | None
-"""Content of a table cell; None for an empty one."""
 PARTS: Mapping[type, tuple[str, str]] = MappingProxyType(
     {Rate: ("count", "of"), Interval: ("low", "high")}
 )

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     import pandas
 
 Row = Mapping[str, Any]
-"""Name of a column -> value."""
 
 
 def frame(rows: Iterable[Row], columns: Iterable[str] = ()) -> pandas.DataFrame:

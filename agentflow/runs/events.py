@@ -269,7 +269,6 @@ class FileVerdict:
     """What became of a file that a program left."""
 
     file: str
-    """Name of the file."""
     machine: str | None
     """Name of the machine in it; None if there is none that is valid."""
     problem: str
@@ -366,7 +365,6 @@ class RememberedMachine:
 
     trajectory: int
     machine: str
-    """Content hash."""
     score: float | None
     mechanism: str
     """Class of its mechanism."""

@@ -9,13 +9,9 @@ from typing import Literal
 
 StageName = Literal["initial", "blind_refinement", "env_feedback"]
 INITIAL: StageName = "initial"
-"""The stage of the first designs."""
 BLIND: StageName = "blind_refinement"
-"""The stage of refinement without simulation."""
 FEEDBACK: StageName = "env_feedback"
-"""The stage of refinement with feedback from simulations."""
 STAGES = (INITIAL, BLIND, FEEDBACK)
-"""All stages in their order."""
 STAGE_WORDS: dict[str, str] = {
     INITIAL: "first designs",
     BLIND: "refinement without simulation",

@@ -31,7 +31,6 @@ class RunRecord:
     refinements: list[kinds.AttemptEvent] = field(default_factory=list)
     """Accepted replies that hold an edited machine."""
     edits: list[kinds.EditEvent] = field(default_factory=list)
-    """Random edits."""
     candidates: list[kinds.CandidateEvent] = field(default_factory=list)
     expansions: list[kinds.ExpandEvent] = field(default_factory=list)
     nodes: list[kinds.NodeEvent] = field(default_factory=list)

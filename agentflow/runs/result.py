@@ -173,9 +173,7 @@ class RunFinding(_Part):
     """Of the best machine, in the unit of the task; None without one."""
     verified: Annotated[VerifiedScore | None, WrapValidator(_as_a_whole)] = None
     valid: bool
-    """Whether there is a best machine."""
     machine: list[Any] | dict[str, Any] | None
-    """The best machine as JSON data."""
     blocks: Count | None = None
     """Of the best machine, as the task counts them."""
     most_blocks: Count | None = None
@@ -192,7 +190,6 @@ class RunFinding(_Part):
     robust: Number | None = None
     """Robust score of the best machine, if the run compared it."""
     front: Sequence[FrontMember] | None = None
-    """The Pareto front, if the run kept one."""
     requirements: Sequence[JudgedRequirement] | None = None
     """Those of the task, if it has any, with what the best machine has."""
     finalists: Sequence[FinalistResult] | None = None
@@ -243,7 +240,6 @@ class RunResult(RunFinding):
     cost: Number | None = None
     """Money, in the unit of the configured prices; None if unknown."""
     seconds: Number
-    """Seconds of work."""
     simulated_seconds: Number
     worker_seconds: Number
     """Time that workers spent on simulations."""

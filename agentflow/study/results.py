@@ -102,7 +102,6 @@ class Measured:
     labelled_by: str
     """Model that labelled a session; "" for runs, whose labels follow from their roles."""
     unlabelled: int
-    """Episodes without a label."""
     cluster: int | None = None
 
     def to_json(self) -> dict[str, Any]:

@@ -51,7 +51,6 @@ class Window:
     """An episode and its neighbours, as a model sees them."""
 
     objective: str
-    """The task in one sentence."""
     number: int
     """Of the episode to label, from 1."""
     rows: Sequence[Mapping[str, Any]]
@@ -226,7 +225,6 @@ class Segments(BaseModel, frozen=True, extra="forbid"):
     seconds: float
     """Length of the session when it was cut."""
     spoken: tuple[Utterance, ...] = ()
-    """The transcript."""
     episodes: tuple[Episode, ...]
 
     @property

@@ -49,7 +49,6 @@ class SessionStart(_Line):
 
     kind: Literal["session"] = "session"
     format: Literal[1] = 1
-    """Version of this format."""
     task: str = Field(max_length=80)
     limit_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     """Time limit, s; None for none."""
@@ -63,7 +62,6 @@ class SessionStart(_Line):
     refine: bool = True
     """Whether the person may hand the machine to a model."""
     machine: Written
-    """The machine at the beginning."""
     began: AwareDatetime = Field(default_factory=lambda: datetime.now(timezone.utc))
 
 
@@ -83,9 +81,7 @@ class Action(_Event):
     kind: Literal["action"] = "action"
     do: Operation
     block: int | None = None
-    """Id of the block that it is about."""
     type: int | None = None
-    """Type of that block."""
     machine: Written
     """The whole machine after the action."""
 
@@ -96,7 +92,6 @@ class Action(_Event):
 
 class _Span(_Event):
     seconds: Seconds
-    """How long it took."""
 
     @property
     def end(self) -> float:
@@ -111,7 +106,6 @@ class StudioTest(_Span):
     score: Annotated[float, Field(allow_inf_nan=False)] | None
     """None if the simulation crashed or timed out."""
     status: Literal["ok", "invalid", "diverged", "timeout", "crashed"]
-    """That of the rollout."""
     run: str = Field("", max_length=400)
     """Name of the run that holds the record."""
 
@@ -157,7 +151,6 @@ class Session:
     """A recorded session."""
 
     path: Path
-    """The folder."""
     start: SessionStart
     events: tuple[Event, ...]
     """In the order of time."""

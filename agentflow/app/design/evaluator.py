@@ -75,7 +75,6 @@ class PhysicsEvaluator:
         self._again = Rollouts()
         """Rollouts that were looked at again: single trials, and those with finer samples."""
         self.simulated_seconds = 0.0
-        """Simulated time of all rollouts."""
         self.worker_seconds = 0.0
         """Time that workers spent on them."""
         self._verified: dict[str, Told] = {}

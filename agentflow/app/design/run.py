@@ -90,7 +90,6 @@ class RunOptions:
     """How to carry out a run. Only `client` and `workflow` can change the result."""
 
     notify: Notify = lambda _line: None
-    """Receives remarks for the user, one line each."""
     listener: Listener | None = None
     client: Client | None = None
     """Answers for all roles instead of the configured models."""

@@ -56,10 +56,8 @@ class Diagnosis(BaseModel, frozen=True, extra="forbid"):
     """The content of diagnosis.json: everything that decides the results, and the results."""
 
     format: Literal[1] = 1
-    """Version of the directory's layout."""
     diagnostic: str
     model: str
-    """The model's name in results."""
     seed: int
     """Of the questions, and of the simulations."""
     size: int
@@ -70,7 +68,6 @@ class Diagnosis(BaseModel, frozen=True, extra="forbid"):
     prompts: str
     """Prompt set with the digest of its questions."""
     conditions: Mapping[str, str]
-    """Constants, blocks and physics engine."""
     answers: tuple[Mark, ...] = ()
     results: Mapping[str, Any] | None = None
     """None until the diagnosis is finished."""

@@ -82,7 +82,6 @@ class NewPlugin:
     files: tuple[str, ...]
     """Paths in the package's folder."""
     use: str
-    """How to use the part once it is installed."""
 
 
 def new_plugin(path: Path, kind: Kind) -> NewPlugin:

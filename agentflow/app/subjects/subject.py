@@ -52,7 +52,6 @@ class Subject:
     """A machine to simulate on a task."""
 
     machine: Machine | None
-    """None if it cannot be built."""
     task: Task
     seed: int = 0
     origin: Origin | str = ""

@@ -37,11 +37,9 @@ class Failure:
 
 
 Outcome = RunResult | Failure
-"""What came of a run: its result, or why there is none."""
 Tell = Callable[[RunEvent | Event | str], None]
 """Receives the events of a run, and its remarks for the user."""
 CarryOut = Callable[[SweepRun, Tell], Awaitable[Outcome]]
-"""Carries out a run; receives what it tells."""
 
 
 ClientOf = Callable[[SweepRun], "Client | None"]

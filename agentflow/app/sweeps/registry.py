@@ -30,4 +30,3 @@ VIEWS: Registry[Callable[[SweepResult], Table]] = Registry(
     },
     is_callable,
 )
-"""Name of a view -> function that makes its table."""

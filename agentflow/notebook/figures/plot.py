@@ -288,4 +288,3 @@ DRAWN: Mapping[str, Callable[[Sequence[Datum]], Figure]] = {
     "ranks": draw_ranks,
     "validity": draw_validity,
 }
-"""View -> what draws it."""

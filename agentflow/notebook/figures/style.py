@@ -19,7 +19,6 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#00
 """Colours of M. Okabe and K. Ito, "Color universal design" (2008), which people with any colour
 vision tell apart; neighbours differ in lightness."""
 DASHES: Sequence[Any] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
-"""Kinds of lines, in the order of conditions."""
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
 PANEL = (3.3, 2.5)
 """Width and height of a panel, inches: one column of a paper."""
