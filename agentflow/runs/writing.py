@@ -193,11 +193,9 @@ def _hash(*content: object) -> bytes:
 def _make_folder(out: Path, name: str) -> Path:
     for number in range(1, 1000):
         path = out / (name if number == 1 else f"{name}-{number}")
-        try:
+        with contextlib.suppress(FileExistsError):
             path.mkdir()
-        except FileExistsError:
-            continue
-        return path
+            return path
     raise RunError(f"{out} has a thousand runs named {name}; choose another folder with --out")
 
 

@@ -2,6 +2,7 @@
 
 import os
 import platform
+import shutil
 import traceback
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, nullcontext
@@ -102,16 +103,9 @@ def require_same_plan(plan: RunPlan, path: Path) -> None:
 
 def _can_resume(path: Path) -> bool:
     """Whether a run can be resumed. Removes a folder whose run.yaml was never completed."""
-    if not path.exists():
-        return False
-    if (path / "run.yaml").exists():
-        return True
-    if all(entry.name.endswith("-run.yaml") for entry in path.iterdir()):  # half-written
-        for entry in path.iterdir():
-            entry.unlink()
-        path.rmdir()
-        return False
-    return True
+    if path.exists() and all(entry.name.endswith("-run.yaml") for entry in path.iterdir()):
+        shutil.rmtree(path)
+    return path.exists()
 
 
 @asynccontextmanager
