@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.machines.edits import edit_lines
-from agentflow.app.machines.files import check_lines
+from agentflow.app.machines.edits import edit_line
+from agentflow.app.machines.files import check, parse_line
 from agentflow.cli import main
 from agentflow.machine.formats.bsg_writing import to_bsg
 from agentflow.machine.formats.coordinates import to_coordinates
@@ -149,7 +149,7 @@ def test_every_line_gets_a_report(monkeypatch: pytest.MonkeyPatch, capsys: Captu
 @pytest.mark.slow
 def test_reports_stream_in_constant_memory() -> None:
     endless = itertools.cycle([TREE, "no machine", json.dumps(CATAPULT.to_text())])
-    reports = check_lines(endless, None, geometry=True)
+    reports = (check(parse_line(line), None, geometry=True) for line in endless)
     assert [next(reports)["file_valid"] for _ in range(6)] == [True, False, True] * 2
     tracemalloc.start()
     try:
@@ -215,7 +215,7 @@ def test_every_line_gets_an_outcome() -> None:
         "no JSON",
         "",
     ]
-    outcomes = list(edit_lines(lines, None))
+    outcomes = [edit_line(line, None) for line in lines]
     assert all(list(item) == ["outcome", "steps", "machine", "id_map"] for item in outcomes)
     assert [item["outcome"] for item in outcomes] == ["success"] + ["failure"] * 5
     assert [item["steps"][0]["code"] for item in outcomes] == [
