@@ -15,10 +15,9 @@ from agentflow.prompts.text import token_estimate
 
 def list_prompt_sets() -> list[dict[str, Any]]:
     """Every prompt set: name, content hash, roles, purpose."""
-    sets = [PromptSet(name) for name in PROMPT_SETS]
     return [
         {"name": item.name, "digest": item.digest, "roles": item.roles, "about": item.about}
-        for item in sets
+        for item in map(PromptSet, PROMPT_SETS)
     ]
 
 

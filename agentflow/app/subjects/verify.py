@@ -102,17 +102,15 @@ def verify(subject: Subject, workers: int, notify: Notify) -> dict[str, Any]:
     verification, others = asyncio.run(_simulate(subject, workers, missing))
     told = {"task": subject.task.name, "seed": subject.seed, "engine": _engine_of(subject)}
     verified = None if verification is None else with_holding(verification.to_json())
+    found = {"verified": verified, "others": others, "problems": []}
     if run is None:
         assert verification is not None  # was missing
         now = verification.default
-        problems = [dict(problem) for problem in now.problems]
-        found = {"score": now.score, "verified": verified, "others": others}
-        return {**told, **found, "problems": problems}
+        return {**told, "score": now.score, **found, "problems": list(map(dict, now.problems))}
     if verification is not None:
         _keep(run, subject, verification, notify)
-    verified = verified or with_holding(run.result.to_json()["verified"])
-    found = {"score": run.result.score, "verified": verified, "others": others}
-    return {"run": str(run.path), **told, **found, "problems": []}
+    found["verified"] = verified or with_holding(run.result.to_json()["verified"])
+    return {"run": str(run.path), **told, "score": run.result.score, **found}
 
 
 async def verify_finished(path: Path, pool: Simulator) -> None:

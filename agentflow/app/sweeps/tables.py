@@ -223,17 +223,10 @@ def conditions(result: SweepResult) -> tuple[str, ...]:
 
 def _columns(result: SweepResult) -> list[_Cell]:
     table, compared = result.sweep.table, conditions(result)
-    if table.columns == "task":
-        groups = [
-            (f"{task} {condition}".strip(), task, condition)
-            for task in result.tasks
-            for condition in compared
-        ]
-    else:
-        groups = [(condition, "", condition) for condition in compared]
     return [
-        _Cell(group, task, condition, metric)
-        for group, task, condition in groups
+        _Cell(f"{task} {condition}".strip(), task, condition, metric)
+        for task in (result.tasks if table.columns == "task" else ("",))
+        for condition in compared
         for metric in table.task_metrics.get(task, table.metrics)
     ]
 
@@ -297,18 +290,15 @@ def _value(result: SweepResult, runs: Iterable[FinishedRun], place: _Cell) -> Va
 
 
 def _published_rows(result: SweepResult, columns: Sequence[_Cell]) -> tuple[Row, ...]:
-    by_task = result.sweep.table.columns == "task"
+    by_task, tasks = result.sweep.table.columns == "task", {*result.tasks}
     found: dict[tuple[str, str], dict[tuple[str, str, str], str]] = {}
     for source in result.sweep.table.published:
         for item in literature.published():
-            if item.table != source.table or item.tasks.isdisjoint(result.tasks):
-                continue
-            if source.conditions and item.condition not in source.conditions:
-                continue
-            key = ("" if by_task else item.task, item.model)
-            condition = source.conditions.get(item.condition, item.condition)
-            place = (item.task, condition, item.metric)
-            found.setdefault(key, {})[place] = item.value
+            named = source.conditions or {item.condition: item.condition}
+            if item.table == source.table and item.condition in named and item.tasks & tasks:
+                key = ("" if by_task else item.task, item.model)
+                place = (item.task, named[item.condition], item.metric)
+                found.setdefault(key, {})[place] = item.value
     rows = []
     for (task, model), values in found.items():
         cells = tuple(_published_value(values, column, task) for column in columns)

@@ -107,12 +107,8 @@ def list_(as_json: options.Json = False) -> None:
     """List the prompt sets and their content hashes."""
     from agentflow.app.prompts import list_prompt_sets
 
-    found = list_prompt_sets()
-    if as_json:
-        print_json(found)
-        return
-    for item in found:
-        print(f"{item['name']:<12} {item['digest']}  {item['about']}")
+    lines = "{name:<12} {digest}  {about}".format_map
+    print_result(list_prompt_sets(), as_json, lambda found: print(*map(lines, found), sep="\n"))
 
 
 @prompts.command(epilog="Example: agentflow prompts show --role refiner --task throwing")

@@ -239,7 +239,7 @@ def show_run(run: Data) -> None:
     show_tools(run["stages"])
     show_makers(run)
     tell(table(SPENT, ({"role": role, **spent} for role, spent in run["spent"].items())))
-    _print_failures(run["failures"], every=False)
+    show_failures(run["failures"], every=False)
     for remark in run["remarks"]:
         tell(f"notice: {remark}")
 
@@ -273,13 +273,8 @@ def show_rescored(found: Data) -> None:
     tell(f"{found['identical']} of {total} machines have the same rollout as recorded")
 
 
-def show_failures(found: Data) -> None:
-    """Print the count of each kind of failure."""
-    _print_failures(found, every=True)
-
-
-def _print_failures(found: Data, *, every: bool) -> None:
-    """Print the count of each kind; with `every`, also of kinds that did not occur."""
+def show_failures(found: Data, *, every: bool = True) -> None:
+    """Print the count of each kind of failure; with `every`, also of kinds that did not occur."""
     tell(
         f"{found['refused']} of {found['replies']} replies rejected; "
         f"{found['machines']} machines simulated"
