@@ -65,12 +65,12 @@ class Loads:
         self._weights: dict[int, tuple[Array, Array]] = {}
         """By number of divisions: the weight of earlier loads, and of this step's over strength."""
         self.level, self._before, self._spare = np.zeros((3, len(joints), 6))
-        """Filtered force and moment over strength (0 where it broke), the same one step earlier,
-        and scratch space: allocating arrays would take longer than the sums."""
+        """Filtered force and moment over strength (0 where it broke), a new array in each step; the
+        same one step earlier; and scratch space."""
         self._squared = self._spare.reshape(-1)
-        self._foreseen: list[tuple[Array, Array, float, float]] = []
-        """Of parts of steps to come, the last one first: loads before and after, and the greatest
-        square of a component and of a force or moment."""
+        self._foreseen: list[tuple[Array, float, float]] = []
+        """Of parts of steps to come, the last one first: loads, and the greatest square of a
+        component and of a force or moment."""
         self._source = self.level
         """The array of their reactions: others are of steps that were not foreseen."""
         self.near: Mapping[int, float] = {}
@@ -122,7 +122,7 @@ class Loads:
             return
         keep, take = self._weigh(divisions)
         levels, squares = foreseen.filter(foreseen.reactions, self.level, keep, take)
-        parts = zip(levels[:-1], levels[1:], *squares.tolist(), strict=True)
+        parts = zip(levels[1:], *squares.tolist(), strict=True)
         self._foreseen, self._source = list(parts)[::-1], foreseen.reactions
 
     def update(self, reactions: Array, divisions: int = 1) -> dict[int, float]:
@@ -144,19 +144,17 @@ class Loads:
         if not self._joints:
             return {}
         if self._foreseen and reactions.base is self._source:
-            self._before, self.level, square, most = self._foreseen.pop()
+            self._before = self.level
+            self.level, square, most = self._foreseen.pop()
             return self._judge(square, most)
         self._foreseen = []
         if self._plan.loops:
             reactions = reactions.copy()
             for loop in self._plan.loops:
                 reactions[loop.joints] = loop.share(reactions)
-        # The two arrays change places: the last step's loads are kept, and the new ones written
-        # over those before them. Readers of `level` copy what they keep.
-        level, before, spare = self._before, self.level, self._spare
-        self.level, self._before = level, before
         keep, take = self._weigh(divisions)
-        np.multiply(reactions, take, level)
+        level, before, spare = np.multiply(reactions, take), self.level, self._spare
+        self.level, self._before = level, before
         np.multiply(before, keep, spare)
         np.add(level, spare, level)
         np.multiply(level, level, spare)
@@ -187,7 +185,7 @@ class Loads:
 
     def release(self, joints: Sequence[int]) -> None:
         """Drop joints that broke or were released; they no longer carry load."""
-        self._foreseen = []
+        self._foreseen, self.level = [], self.level.copy()
         self.level[list(joints)] = 0.0
         self._broken[list(joints)] = True
         self._plan = self._make_plan()

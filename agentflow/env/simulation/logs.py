@@ -20,7 +20,7 @@ from agentflow.env.scene import Body
 from agentflow.machine.geometry.vectors import Vec3
 
 BLOCK = 256
-"""Steps whose loads are stored together: copying into an array is faster than making one."""
+"""Steps whose loads are summed at once, which caches hold."""
 MOST_PEAKS = 5
 """Most peaks kept before, and after, the decisive moment."""
 RECOIL = 0.2
@@ -40,9 +40,8 @@ class LoadHistory:
 
     def __init__(self, loads: Loads, joints: tuple[Joint, ...]) -> None:
         self._loads, self._joints = loads, joints
-        self._blocks: list[Array] = []
-        self._block = np.empty((0, 0, 0))
-        """The last one."""
+        self._levels: list[Array] = []
+        """(J, 6) each."""
         self._times: list[float] = []
         self._disturbed: list[float] = []
         """When the simulation disturbed what rested, s."""
@@ -53,11 +52,7 @@ class LoadHistory:
 
     def add(self, time: float) -> None:
         """Keep the loads of the last step."""
-        at = len(self._times) % BLOCK
-        if not at:
-            self._block = np.empty((BLOCK, len(self._joints), 6))
-            self._blocks.append(self._block)
-        self._block[at] = self._loads.level
+        self._levels.append(self._loads.level)
         self._times.append(time)
 
     def steps_until(self, times: Array | Sequence[float]) -> NDArray[np.intp]:
@@ -71,10 +66,9 @@ class LoadHistory:
     @cached_property
     def shares(self) -> Array:
         """(S, E) load over strength of every connection in every step; 0 once it broke."""
-        last = len(self._times) - BLOCK * (len(self._blocks) - 1)
-        filled = [*self._blocks[:-1], self._blocks[-1][:last]]
-        columns = self._loads.connections
-        return np.concatenate([_shares(block.take(columns, 1)) for block in filled])
+        levels, columns = self._levels, self._loads.connections
+        blocks = (levels[first : first + BLOCK] for first in range(0, len(levels), BLOCK))
+        return np.concatenate([_shares(np.array(block).take(columns, 1)) for block in blocks])
 
     def greatest(self, times: Array) -> Array:
         """(T, E) greatest load over strength since the time before, of increasing `times`, s."""
@@ -123,8 +117,7 @@ class LoadHistory:
 
     def _peak(self, row: int, column: int, after: bool) -> Peak:
         joint = self._loads.connections[column]
-        level = self._blocks[row // BLOCK][row % BLOCK, joint]
-        force, moment = split_wrench(self._loads.wrench(level, joint))
+        force, moment = split_wrench(self._loads.wrench(self._levels[row][joint], joint))
         own, load = self._joints[joint], float(self.shares[row, column])
         return Peak(own.block, own.partner, self._times[row], load, force, moment, after)
 

@@ -46,7 +46,8 @@ class Monitor:
     ) -> None:
         self._world, self._loads, self._rate = world, loads, rate
         self.recorder = Recorder(world, assembly, loads.connections, objects)
-        self._history = LoadHistory(loads, assembly.joints)
+        self.history = LoadHistory(loads, assembly.joints)
+        """To be added to after each part of a step."""
         self._contacts = ContactLog(1.0 / rate)
         self._fine = max(1, round(FINE * rate - 0.5))
         self._seldom = max(1, round(SELDOM * rate))
@@ -66,7 +67,7 @@ class Monitor:
         """t = 0: what touches now stands."""
         self._contacts.add(0.0, self._world.contacts())
         self.look_closely()
-        self._history.add(0.0)
+        self.history.add(0.0)
         self.recorder.sample(0.0)
 
     def look_closely(self) -> None:
@@ -75,11 +76,7 @@ class Monitor:
 
     def disturb(self, time: float) -> None:
         """See `LoadHistory.disturb`."""
-        self._history.disturb(time)
-
-    def add_part(self, time: float) -> None:
-        """Look at a step or a part of one."""
-        self._history.add(time)
+        self.history.disturb(time)
 
     def add_step(self, time: float, speeds: tuple[float, float]) -> None:
         """Look at a whole step.
@@ -118,7 +115,7 @@ class Monitor:
 
     def trace(self) -> Trace:
         """The trace with all fine samples."""
-        return self.recorder.trace(self._history.greatest, self._pulls(self.recorder.times))
+        return self.recorder.trace(self.history.greatest, self._pulls(self.recorder.times))
 
     def thin_out(self, trace: Trace, moment: Moment | None, broken: tuple[Broken, ...]) -> Trace:
         """The trace with fine samples around events only.
@@ -137,8 +134,8 @@ class Monitor:
     def measure(self, moment: Moment | None, broken: tuple[Broken, ...]) -> Measured:
         """What was measured, before and after the decisive moment; the last call of all."""
         time = None if moment is None else moment.time
-        peaks = self._history.peaks(time, broken)
-        works, history = self._world.works(), self._history
+        peaks = self.history.peaks(time, broken)
+        works, history = self._world.works(), self.history
         works = works[len(works) - 1 - history.steps_until([inf])[0] :]
         energy = self._energy(moment, works)
         return Measured(
@@ -158,7 +155,7 @@ class Monitor:
 
     def _pulls(self, times: Sequence[float]) -> dict[int, tuple[Array, Array]]:
         """Pull of springs and winches at some times, N, and their work from t = 0, J."""
-        found, steps = {}, self._history.steps_until([inf, *times])
+        found, steps = {}, self.history.steps_until([inf, *times])
         for block, (pull, work) in self._lines.items():
             start = len(work) - 1 - steps[0]
             rows = start + steps[1:]
@@ -167,7 +164,7 @@ class Monitor:
 
     def _pulled(self, until: float) -> tuple[Pull, ...]:
         """What springs and winches did until a time, s."""
-        times = self._history.times_until(until)
+        times = self.history.times_until(until)
         return tuple(
             Pull(block, float(work[-1]), float(pull.max()), times[int(pull.argmax())])
             for block, (pull, work) in self._pulls(times).items()
@@ -177,6 +174,6 @@ class Monitor:
         _, start = self.recorder.snapshot_near(0.0)
         time, then = self.recorder.snapshot_near(inf if moment is None else moment.time)
         thrown = None if moment is None else moment.body
-        done = works[self._history.steps_until([time])[0]] - works[0]
+        done = works[self.history.steps_until([time])[0]] - works[0]
         energies = self._world.energies(start), self._world.energies(then)
         return energy_until(time, done, energies, thrown, self.recorder.objects)

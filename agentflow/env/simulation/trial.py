@@ -89,6 +89,7 @@ class Trial:
         self._stepping = Stepping(physics, rate, self._world.settle_rate)
         objects = tuple(item.name for item in self._scene.moving)
         self._monitor = Monitor(self._world, self._assembly, self._loads, objects, rate)
+        self._history = self._monitor.history
         self._view = RefereeView(self._world)
         self._referee = task.referee(machine)
         self._divisions = self._stepping.settling
@@ -246,42 +247,35 @@ class Trial:
         self._divisions = divisions
         thorough = self._steps % self._check_every == 0
         alike = divisions * (min(ahead, stepping.alike) if settled else ahead)
+        world, loads = self._world, self._loads
         for part in range(1, divisions + 1):
             self._time = self._steps + part / divisions
-            status = self._advance(divisions, thorough, alike - part + 1)
-            if status != "ok":
-                return status
+            if self._to_split:  # broken joints stay until now, so contacts can be read
+                world.split(self._to_split)
+            foreseen = world.step(divisions, alike - part + 1)
+            if foreseen:
+                loads.foresee(foreseen, divisions)
+            self._speeds = linear, angular = world.speeds(thorough)
+            if not (linear <= self._fastest and isfinite(angular)):
+                return "diverged"
+            broken = loads.update(world.reactions, divisions)
+            if not loads.finite:
+                return "diverged"
+            self._to_split = tuple(broken)
+            if settled:
+                self._view.time = seconds = (self._time - self._start_step) / self._rate
+                self._history.add(seconds)
+            if loads.near or broken:
+                self._note_loads(broken)
             if settled and not self._over:
                 self._over = bool(self._referee.watch(self._view))
         self._steps += 1
         if settled:
-            speeds = self._world.speeds(thorough=False) if thorough else self._speeds
+            speeds = world.speeds(thorough=False) if thorough else self._speeds
             self._monitor.add_step(self._elapsed / self._rate, speeds)
         # asking for the time takes as long as a tenth of a step
         over = thorough and thread_time() - self._started > self._cpu_limit
         return "timeout" if over else "ok"
-
-    def _advance(self, divisions: int, thorough: bool, ahead: int) -> Status:
-        """Take a part of a step. Broken joints stay until the next, so contacts can be read."""
-        world, loads = self._world, self._loads
-        if self._to_split:
-            world.split(self._to_split)
-        foreseen = world.step(divisions, ahead)
-        if foreseen:
-            loads.foresee(foreseen, divisions)
-        self._speeds = linear, angular = world.speeds(thorough)
-        if not (linear <= self._fastest and isfinite(angular)):
-            return "diverged"
-        broken = loads.update(world.reactions, divisions)
-        if not loads.finite:
-            return "diverged"
-        self._to_split = tuple(broken)
-        if self._settled:
-            self._view.time = seconds = (self._time - self._start_step) / self._rate
-            self._monitor.add_part(seconds)
-        if loads.near or broken:
-            self._note_loads(broken)
-        return "ok"
 
     def _note_loads(self, broken: Mapping[int, float]) -> None:
         """Keep which joints nearly broke, and which broke under what load."""

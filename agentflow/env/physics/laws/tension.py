@@ -91,9 +91,9 @@ class PullForce(ABC):
         times the rate at which it grew then, m."""
         self.half = 0.0
         """Half the length of the last step, s."""
-        self._works: list[list[float]] = []
+        self._works: list[Sequence[float] | Array] = []
         """Work of each line in each step but the last, after a step without any, J."""
-        self._pulls: list[list[float]] = []
+        self._pulls: list[Sequence[float] | Array] = []
         """Pull of each line in each step, N."""
 
     def __bool__(self) -> bool:
@@ -121,8 +121,8 @@ class PullForce(ABC):
 
     def catch_up(self, steps: Array, pulled: list[tuple[float, float]], half: float) -> None:
         """Note several steps: (S, 2, P) works and pulls, and `pulled` and `half` after the last."""
-        self._works += steps[:, 0].tolist()
-        self._pulls += steps[:, 1].tolist()
+        self._works += [*steps[:, 0]]
+        self._pulls += [*steps[:, 1]]
         self.pulled[:], self.half = pulled, half
 
     def _note(self, works: list[float], pulls: list[float]) -> None:

@@ -24,7 +24,7 @@ from numba.extending import intrinsic
 from agentflow.env.physics.engine import Foreseen
 from agentflow.env.physics.laws.tension import SpringForce
 from agentflow.env.physics.mujoco.couplings import TIGHT
-from agentflow.env.physics.mujoco.sensing import ROW_ORDER, Kept, address_of
+from agentflow.env.physics.mujoco.sensing import ROW_ORDER, Contacts, Found, Rows, address_of
 from agentflow.env.physics.mujoco.world import Model
 from agentflow.env.physics.rows import WIDTH
 from agentflow.env.physics.structure.drives import HOLD, STILL
@@ -33,7 +33,7 @@ from agentflow.env.rollout import Array
 MOST = 64
 """Steps that are taken at once."""
 ROOM = 4096
-"""Rows of constraints, and contacts, for which there is room in all of them."""
+"""Contacts for which there is room in all of them."""
 SPRING = 5
 """Numbers of a spring: level, natural length, ramp, force, damping."""
 
@@ -46,11 +46,10 @@ class Ahead:
         built, drag, motors = now.built, now.forces.drag, now.motors
         self._now, self._springs, self._motors = now, springs, motors
         self._model, self._data = built.model, built.data
-        self.queue: list[tuple[Array, tuple[float, float], float, Array, Kept]] = []
-        """Of the steps that were taken and not shown, the last one first: table and greatest speeds
-        of rows, power of drag, reactions, and contacts."""
-        self.taken = self._noted = 0
-        """Steps that were taken last, and how many of them were noted for work."""
+        self.taken = self.left = self._noted = 0
+        """Steps that were taken last, how many of them were not shown, and how many were noted for
+        work."""
+        self._found: Found = np.empty((ROOM, 2), np.int32), np.empty(ROOM), np.empty((ROOM, 3))
         self._first = 6 * len(built.links)
         """The first number of the rows among those of the sensors."""
         general, round_ = drag.general, drag.isotropic
@@ -77,6 +76,7 @@ class Ahead:
             np.array([(at[a], at[b]) for a, b in springs.parts], np.intp).reshape(-1, 2),
         )
         self._written = {*own, *self._lines[2].ravel().tolist()}
+        self._sensors = now.reactions.source, now.reactions.share, ROW_ORDER
 
     def run(self, steps: int, step: float) -> Foreseen | None:
         """Take so many steps of this length, s; None if not even one of them can be taken."""
@@ -89,15 +89,16 @@ class Ahead:
         lines = len(springs.parts)
         tuned = np.array(springs.tuned).reshape(-1, SPRING)
         pulled = np.empty((steps + 1, lines, 2))
-        pulled[0] = np.reshape(springs.pulled, (-1, 2))
+        if lines:
+            pulled[0] = springs.pulled
         self._qpos = np.empty((steps + 1, data.qpos.size))
         self._qvel = np.empty((steps + 1, data.qvel.size))
         self._warm = np.empty((steps, data.qvel.size))
-        sensed = np.empty((steps, data.sensordata.size))
-        self._efforts, self._contacts = np.empty(ROOM), np.empty((ROOM, 9), np.int32)
-        self._counts = np.zeros((steps + 1, 2), np.intp)
+        self._tables = np.empty((steps, (data.sensordata.size - self._first) // WIDTH, WIDTH))
+        self._reactions = np.empty((steps, *self._sensors[0].shape))
+        self._counts = np.zeros(steps + 1, np.intp)
         self._torques = np.empty((steps, len(motors.row)))
-        speeds, air = np.empty((steps, 2)), np.empty(steps)
+        told = np.empty((steps, 3))
         self._lengths = np.empty((steps, 2, lines))
         self._angles, self._pulled, self._step, self._began = angles, pulled, step, data.time
         taken = _run(
@@ -111,32 +112,32 @@ class Ahead:
             self._lines,
             (tuned, pulled, self._lengths),
             (motors.row, motors.changes, held, angles, self._torques),
-            (self._qpos, self._qvel, self._warm, sensed, speeds, air),
-            (self._efforts, self._contacts, self._counts),
+            (self._qpos, self._qvel, self._warm, self._tables, self._reactions, told),
+            (*self._found, self._counts),
+            self._sensors,
         )
-        self.taken, self._noted = taken, 0
+        self.taken, self.left, self._noted = taken, taken, 0
         if not taken:
             return None
         self._now.forces.written = self._written
-        sensed = sensed[:taken]
-        tables = sensed[:, self._first :].reshape(taken, -1, WIDTH)
-        reactions = self._now.reactions.of(sensed)
-        kept = self._contacts, self._efforts, self._counts
-        self.queue = [
-            *zip(
-                tables.take(ROW_ORDER, axis=2),
-                map(tuple, speeds[:taken].tolist()),
-                air[:taken].tolist(),
-                reactions,
-                [(*kept, i) for i in range(taken)],
-                strict=True,
-            )
-        ][::-1]
-        return Foreseen(reactions, filter_loads)
+        self._told = told.tolist()
+        if taken < steps:
+            self._reactions = self._reactions[:taken].copy()
+        self._now.reactions.correct(self._reactions)
+        return Foreseen(self._reactions, filter_loads)
+
+    def show(self, rows: Rows, contacts: Contacts) -> Array:
+        """Show the next step; the reactions in it."""
+        i = self.taken - self.left
+        self.left -= 1
+        linear, angular, air = self._told[i]
+        rows.show(self._tables[i], (linear, angular), air)
+        contacts.show((self._found, self._counts, i))
+        return self._reactions[i]
 
     def note(self) -> None:
         """Tell motors and springs of the steps that were shown."""
-        first, last = self._noted, self.taken - len(self.queue)
+        first, last = self._noted, self.taken - self.left
         if first == last:
             return
         self._noted = last
@@ -150,7 +151,7 @@ class Ahead:
     def rewind(self) -> None:
         """Take back the steps that were not shown; before anything else touches the engine."""
         self.note()
-        if not self.queue:
+        if not self.left:
             return
         data, i = self._data, self._noted
         data.qpos[:], data.qvel[:] = self._qpos[i], self._qvel[i]
@@ -159,7 +160,7 @@ class Ahead:
         for _ in range(i):
             time += self._step
         data.time = time
-        self.queue, self.taken = [], i
+        self.left, self.taken = 0, i
         mujoco.mj_step1(self._model, data)
 
 
@@ -393,13 +394,15 @@ def _run(
     motors: Any,
     motion: Any,
     kept: Any,
+    sensors: Any,
 ) -> int:
     """Take steps as `MuJoCoWorld._advance` does; how many there was room for."""
     qpos, qvel, warm, applied, sensordata = state
     dragged, bodies, round_, general = drag
     row, changes, held, angles, torques = motors
-    positions, velocities, warms, sensed, speeds, air = motion
-    efforts, contacts, counts = kept
+    positions, velocities, warms, tables, reactions, told = motion
+    shapes, normal, places, counts = kept
+    source, share, order = sensors
     model, data = addresses[0], addresses[1]
     ints = numba.carray(_pointer(data), (ROWS + 1,), np.int32)
     pointers = numba.carray(_pointer(data), (FORCES + 1,), np.intp)
@@ -407,8 +410,8 @@ def _run(
     positions[0], velocities[0] = qpos, qvel
     for s in range(steps):
         rows, touching = ints[ROWS], ints[COUNT]
-        used, met = counts[s, 0], counts[s, 1]
-        if used + rows > len(efforts) or met + touching > len(contacts):
+        met = counts[s]
+        if met + touching > len(shapes):
             return s
         for i in range(lines[2].shape[0]):
             for side in range(2):
@@ -431,17 +434,17 @@ def _run(
             aims[equalities + row[i]] += changes[i]
         _two(model, data)
         exerted = numba.carray(_pointer(pointers[FORCES]), (rows,), np.float64)
-        efforts[used : used + rows] = exerted
         for i in range(len(row)):
             torques[s, i] = exerted[equalities + row[i]]
         words = numba.carray(_pointer(pointers[CONTACTS]), (touching, SIZE), np.int32)
+        reals = numba.carray(_pointer(pointers[CONTACTS]), (touching, SIZE // 2), np.float64)
         for i in range(touching):
-            for k in range(6):
-                contacts[met + i, k] = words[i, PLACE + k]
-            contacts[met + i, 6] = words[i, SHAPES]
-            contacts[met + i, 7] = words[i, SHAPES + 1]
-            contacts[met + i, 8] = words[i, ROW]
-        counts[s + 1, 0], counts[s + 1, 1] = used + rows, met + touching
+            at, own = met + i, words[i, ROW]
+            shapes[at, 0], shapes[at, 1] = words[i, SHAPES], words[i, SHAPES + 1]
+            normal[at] = exerted[own] if own >= 0 else 0.0
+            for k in range(3):
+                places[at, k] = reals[i, PLACE // 2 + k]
+        counts[s + 1] = met + touching
         _one(model, data)
         power = 0.0
         for i in range(len(dragged)):
@@ -452,16 +455,20 @@ def _run(
             for k in range(3):
                 each += torque[k] * own[10 + k]
             power += each
-        air[s] = power
-        positions[s + 1], velocities[s + 1], warms[s], sensed[s] = qpos, qvel, warm, sensordata
+        positions[s + 1], velocities[s + 1], warms[s] = qpos, qvel, warm
+        for j in range(source.shape[0]):
+            for k in range(6):
+                reactions[s, j, k] = sensordata[source[j, k]] * share[j, k]
         linear = angular = 0.0
         for r in range(table.shape[0]):
+            for k in range(WIDTH):
+                tables[s, r, k] = table[r, order[k]]
             a, b, c = table[r, 7], table[r, 8], table[r, 9]
             d, e, f = table[r, 10], table[r, 11], table[r, 12]
             speed, spin = a * a + b * b + c * c, d * d + e * e + f * f
             linear = linear if speed <= linear else speed
             angular = angular if spin <= angular else spin
-        speeds[s, 0], speeds[s, 1] = sqrt(linear), sqrt(angular)
+        told[s, 0], told[s, 1], told[s, 2] = sqrt(linear), sqrt(angular), power
         if not (isfinite(linear) and isfinite(angular)):
             return s + 1
     return steps

@@ -22,6 +22,8 @@ from agentflow.env.rollout import Array
 
 TOGETHER = 256
 """Steps whose work is computed at once."""
+Ends = tuple[Array, Array]
+"""The same before and after each step."""
 
 
 class Motors:
@@ -98,6 +100,8 @@ class Motors:
         self._noted: list[tuple[float, int, Array, tuple[Array, ...]]] = []
         """Of each step, its length, the number of rows of equalities, what each constraint exerted,
         and the motion before it."""
+        self._taken: list[tuple[float, Array, Array, Array]] = []
+        """What `catch_up` got before these steps."""
         self._works: list[Array] = []
         """Results for earlier steps."""
 
@@ -178,8 +182,9 @@ class Motors:
     def catch_up(self, step: float, torques: Array, speeds: Array, places: Array) -> None:
         """Note steps of this length, s, with the (S, M) torque of each motor in them and, before
         each and after the last, the speeds and positions of all joints."""
-        self._add_works((speeds[0], None, places[0]))
-        self._works.append(self._work(step, torques, speeds, places))
+        if self._noted:
+            self._add_works((speeds[0], None, places[0]))
+        self._taken.append((step, torques, speeds, places))
 
     def take_works(self) -> Array:
         """(S, 2) work of suspensions and of motors in each step since the last call, J."""
@@ -190,7 +195,12 @@ class Motors:
     def _add_works(self, after: tuple[Any, ...]) -> None:
         """Compute the work in all steps that were noted, at once; `after` is the motion after
         the last of them."""
-        noted, self._noted = self._noted, []
+        (taken, noted), self._taken, self._noted = (self._taken, self._noted), [], []
+        if taken:
+            steps, turned, speed, place = zip(*taken, strict=True)
+            lengths = np.repeat(steps, [len(each) for each in turned])
+            moved = [_ends(each) for each in (speed, place)]
+            self._works.append(self._work(lengths, np.concatenate(turned), *moved))
         if not noted:
             return
         lengths, equalities, efforts, before = zip(*noted, strict=True)
@@ -204,21 +214,31 @@ class Motors:
         if len(self._sliding):
             places = np.array([*(each[2] for each in before), after[2]])
         speeds = np.array([*(each[0] for each in before), after[0]])
-        self._works.append(self._work(np.array(lengths), torques, speeds, places))
+        moved = [_ends([each]) for each in (speeds, places)]
+        self._works.append(self._work(np.array(lengths), torques, *moved))
 
-    def _work(self, lengths: Any, torques: Array, speeds: Array, places: Array) -> Array:
+    def _work(self, lengths: Array, torques: Array, speeds: Ends, places: Ends) -> Array:
         """(S, 2) work of suspensions and of motors in steps of these lengths, J."""
         works = np.zeros((len(torques), 2))
         if self._joints:
-            speeds = speeds[:, self._velocity]
-            works[:, 1] = (torques * (speeds[:-1] + speeds[1:])).sum(axis=1) / 2 * lengths
+            before, after = (each[:, self._velocity] for each in speeds)
+            twice = np.multiply(torques, before + after, order="C")  # sums depend on the order
+            works[:, 1] = twice.sum(axis=1) / 2 * lengths
         if len(self._sliding):
-            energy = (self._stiffness * places[:, self._sliding] ** 2).sum(axis=1)
-            works[:, 0] = -np.diff(energy) / 2
+            before, after = (
+                (self._stiffness * each[:, self._sliding] ** 2).sum(axis=1) for each in places
+            )
+            works[:, 0] = -(after - before) / 2
         return works
 
     def _aim(self, motor: int, speed: float) -> None:
         self.changes[motor] = speed / (self.step * TIGHT)
+
+
+def _ends(stretches: Sequence[Array]) -> Ends:
+    """What stretches of steps have before and after each step, from what they have around all."""
+    before = np.concatenate([each[:-1] for each in stretches])
+    return before, np.concatenate([each[1:] for each in stretches])
 
 
 def _indices(numbers: Sequence[int]) -> Indices:

@@ -22,13 +22,11 @@ from agentflow.env.scene import Body
 ROW_ORDER = np.array([0, 1, 2, 4, 5, 6, 3, 7, 8, 9, 10, 11, 12])
 """Where each number of a row is among MuJoCo's, whose quaternions begin with w."""
 
-COMPACT = slice(0, 6), slice(6, 8), slice(8, 9)
-"""Place, two shapes and row of a contact among its 4-byte words, where only these are kept."""
-NONE: Any = np.zeros((0, 9), np.int32)
-"""No contacts, kept like that."""
-Kept = tuple[Any, Array, Any, int]
-"""(C, 9) contacts and what constraints exerted in several steps, (S + 1, 2) where those of each
-step begin in both, and the number of a step."""
+Found = tuple[Any, Array, Array]
+"""Of C contacts: (C, 2) shapes, (C,) normal forces (N) and (C, 3) places."""
+NONE: Found = np.zeros((0, 2), np.int32), np.zeros(0), np.zeros((0, 3))
+Kept = tuple[Found, Any, int]
+"""Contacts in several steps, where those of each step begin, and the number of a step."""
 
 
 class Rows:
@@ -86,16 +84,16 @@ class Reactions:
 
     def __init__(self, built: CompiledModel, joints: tuple[Joint, ...]) -> None:
         self._sensed = built.data.sensordata
-        self._source = np.zeros((len(joints), 6), dtype=np.intp)
+        self.source = np.zeros((len(joints), 6), dtype=np.intp)
         """Where among the sensors each number of the reactions is."""
-        self._share = np.zeros((len(joints), 6))
+        self.share = np.zeros((len(joints), 6))
         """What it is multiplied with; 0 for joints in no tree."""
         self._oblique: list[tuple[int, Array]] = []
         """Joints whose free axis is none of the coordinate axes, and that axis (6,)."""
         for row, link in enumerate(built.links):
             sign = -1.0 if link.reversed else 1.0
-            self._source[link.joint] = 6 * row + WRENCH_ORDER
-            self._share[link.joint] = sign * WRENCH_SIGNS * self._borne(joints[link.joint], link)
+            self.source[link.joint] = 6 * row + WRENCH_ORDER
+            self.share[link.joint] = sign * WRENCH_SIGNS * self._borne(joints[link.joint], link)
 
     def _borne(self, joint: Joint, link: Link) -> Array:
         """(6,) 1 for what counts as borne, 0 along coordinate axes that are free."""
@@ -116,18 +114,16 @@ class Reactions:
 
     def read(self, reactions: Array) -> None:
         """Write the reactions of all joints, (J, 6), game frame; 0 for joints in no tree."""
-        self._sensed.take(self._source, out=reactions, mode="clip")  # "raise" would copy
-        np.multiply(reactions, self._share, out=reactions)
-        for joint, axis in self._oblique:
-            reactions[joint] -= np.add.reduce(reactions[joint] * axis) * axis
+        self._sensed.take(self.source, out=reactions, mode="clip")  # "raise" would copy
+        np.multiply(reactions, self.share, out=reactions)
+        if self._oblique:
+            self.correct(reactions[None])
 
-    def of(self, sensed: Array) -> Array:
-        """(S, J, 6) the same of (S, N) readings of all sensors."""
-        found: Array = sensed.take(self._source, axis=1) * self._share
+    def correct(self, reactions: Array) -> None:
+        """Leave out what (S, J, 6) readings have along oblique free axes."""
         for joint, axis in self._oblique:
-            for one in found[:, joint]:
+            for one in reactions[:, joint]:
                 one -= np.add.reduce(one * axis) * axis
-        return found
 
 
 def motions(built: CompiledModel) -> dict[int, tuple[float, float]]:
@@ -149,14 +145,14 @@ class Contacts:
         self._memory: Any = None
         """All contacts that MuJoCo has room for, as it stores them, as 4-byte words in rows; None
         until there are any."""
-        self._stored = COMPACT
-        """Where these are among the words."""
-        self._found: Any = NONE
-        """Contacts in the last step."""
-        self._at = COMPACT
-        self._late: Kept | None = None
-        """A step whose contacts are found here and have not been looked at."""
+        self._stored = (slice(0),) * 3
+        """Where place, two shapes and row of a contact are among these words."""
+        self._words: Any = None
         self._efforts: Array = np.zeros(0)
+        """Of the last step, if it was taken singly: contacts, if there are any, and what each
+        constraint exerted."""
+        self._kept: Kept | None = None
+        """Where the contacts of the last step are, if several were taken at once."""
         self._pairs = _Pairs(built.owners)
         self._shapes: dict[Body, set[int]] = {}
         """Of each body that was asked about."""
@@ -170,24 +166,25 @@ class Contacts:
         count = self._data.ncon
         if count and self._memory is None:
             self._locate(self._data.contact)
-        if self._memory is None:
-            self._found, self._at = NONE, COMPACT
-        else:
-            self._found, self._at = self._memory[:count].copy(), self._stored
-        self._efforts, self._late = efforts, None
+        self._words = self._memory[:count].copy() if count else None
+        self._efforts, self._kept = efforts, None
 
     def show(self, kept: Kept) -> None:
         """Show contacts that were kept."""
-        self._late = kept
+        self._kept = kept
 
-    def _look(self) -> Any:
+    def _look(self) -> Found:
         """The contacts."""
-        if self._late:
-            (found, efforts, counts, i), self._late = self._late, None
-            (first, begin), (last, end) = counts[i : i + 2].tolist()
-            self._found, self._efforts = found[begin:end], efforts[first:last]
-            self._at = COMPACT
-        return self._found
+        if self._kept:
+            (shapes, normal, places), counts, i = self._kept
+            first, last = counts.item(i), counts.item(i + 1)
+            return shapes[first:last], normal[first:last], places[first:last]
+        if self._words is None:
+            return NONE
+        place, geoms, row = self._stored
+        words, efforts = self._words, np.append(self._efforts, 0.0)  # without force: row -1
+        places = words[:, place].copy().view(np.float64).reshape(-1, 3)
+        return words[:, geoms], efforts[words[:, row].ravel()], places
 
     def _locate(self, contact: Any) -> None:
         """Find where MuJoCo stores contacts: always in the same place, one after another. Copying
@@ -208,7 +205,7 @@ class Contacts:
         if body not in self._shapes:
             self._shapes[body] = {i for i, owner in enumerate(owners) if owner == body}
         mine, found = self._shapes[body], set()
-        for one, other in self._look()[:, self._at[1]].tolist():
+        for one, other in self._look()[0].tolist():
             if one in mine:
                 found.add(owners[other])
             elif other in mine:
@@ -217,12 +214,9 @@ class Contacts:
 
     def all(self) -> list[Touch]:
         """Everything that was in contact."""
-        found, (place, geoms, row) = self._look(), self._at
-        forces = [*self._efforts.tolist(), 0.0]  # contacts without force: row -1
-        places = found[:, place].copy().view(np.float64).reshape(-1, 3).tolist()
-        pairs = map(self._pairs.__getitem__, map(tuple, found[:, geoms].tolist()))
-        normal = map(forces.__getitem__, found[:, row].ravel().tolist())
-        return sum_touches(zip(pairs, normal, places, strict=True))
+        shapes, normal, places = self._look()
+        pairs = map(self._pairs.__getitem__, map(tuple, shapes.tolist()))
+        return sum_touches(zip(pairs, normal.tolist(), places.tolist(), strict=True))
 
 
 class _Pairs(dict[tuple[int, int], Pair | None]):

@@ -122,16 +122,14 @@ class MuJoCoWorld(BaseWorld[Model]):
     def _advance(self, ahead: int) -> Foreseen | None:
         """Apply forces, then take the second half of a step and the first half of the next one,
         after which poses and velocities are current."""
-        now, known = self.now, None
-        if now.ahead is not None:
-            if not now.ahead.queue and ahead >= LEAST:
-                known = now.ahead.run(ahead, self._interval)
-            if now.ahead.queue:
-                table, speeds, air, self.reactions, kept = now.ahead.queue.pop()
-                now.rows.show(table, speeds, air)
-                now.contacts.show(kept)
+        now, known, taken = self.now, None, self.now.ahead
+        if taken is not None:
+            if not taken.left and ahead >= LEAST:
+                known = taken.run(ahead, self._interval)
+            if taken.left:
+                self.reactions = taken.show(now.rows, now.contacts)
                 return known
-            now.ahead.note()
+            taken.note()
         model, data = now.built.model, now.built.data
         now.forces()
         now.motors.drive()
@@ -154,7 +152,7 @@ class MuJoCoWorld(BaseWorld[Model]):
         """Take back steps that nothing has seen yet, before something else happens to the model."""
         ahead = self.now.ahead
         if ahead:
-            if ahead.queue:
+            if ahead.left:
                 self.reactions = self.reactions.copy()
             ahead.rewind()
 

@@ -88,9 +88,8 @@ def test_contacts_are_where_the_engine_stores_them(monkeypatch: pytest.MonkeyPat
             world.split([0])
         world.step()
         geoms, places = seen[-1]
-        found = world.now.contacts._found
+        shapes, _, found = world.now.contacts._look()
         counts.add(len(found))
-        assert found[:, world.now.contacts._at[1]].tolist() == geoms
-        stored = found[:, world.now.contacts._at[0]].copy().view(np.float64).tolist()
-        assert stored == places
+        assert shapes.tolist() == geoms
+        assert found.tolist() == places
     assert len(counts) > 3
