@@ -146,7 +146,10 @@ class Loads:
         if self._foreseen and reactions.base is self._source:
             self._before = self.level
             self.level, square, most = self._foreseen.pop()
-            return self._judge(square, most)
+            if not square <= most <= SAFE:  # as with NaN
+                return self._judge(square, most)
+            self.peak, self.near = sqrt(square), {}
+            return {}
         self._foreseen = []
         if self._plan.loops:
             reactions = reactions.copy()

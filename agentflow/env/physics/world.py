@@ -159,8 +159,11 @@ class BaseWorld(ABC, Generic[Own]):
             for timed in (self._springs, self._winches, self._wind, self.now.motors):
                 timed.step = self._interval
             self._change_interval()
-        foreseen = self._advance(ahead)
-        self._ledger.add(self.now.forces, self._interval)
+        foreseen, ledger = self._advance(ahead), self._ledger
+        ledger.steps += 1
+        ledger.time += self._interval
+        if ledger.steps >= ledger.due:
+            ledger.read(self.now.forces)
         return foreseen
 
     def split(self, broken: Sequence[int]) -> None:

@@ -167,8 +167,8 @@ class Trial:
         due = self._schedule()
         last = round(self._task.window * self._rate)
         long = self._constants["rest_time"] * self._rate
-        samples = 1
-        while (elapsed := self._elapsed) < last:
+        samples, start = 1, self._start_step
+        while (elapsed := self._steps - start) < last:
             while due and due[0][0] <= elapsed:
                 self._switch(*due.pop(0)[1:])
                 rest = 0
@@ -182,8 +182,8 @@ class Trial:
                 return status
             if elapsed + 1 >= samples * self._sample_every - 1e-6:
                 samples += 1
-                self._monitor.recorder.sample(self._elapsed / self._rate)
-            rest = rest + 1 if self._resting() else 0
+                self._monitor.recorder.sample((elapsed + 1) / self._rate)
+            rest = rest + 1 if self._speeds[0] < self._still and self._resting() else 0
             # what senses may wait for something, so a rollout goes on
             if self._over or (not (due or self._pilot) and rest >= long):
                 break
@@ -272,10 +272,14 @@ class Trial:
         self._steps += 1
         if settled:
             speeds = world.speeds(thorough=False) if thorough else self._speeds
-            self._monitor.add_step(self._elapsed / self._rate, speeds)
-        # asking for the time takes as long as a tenth of a step
-        over = thorough and thread_time() - self._started > self._cpu_limit
-        return "timeout" if over else "ok"
+            self._monitor.add_step((self._steps - self._start_step) / self._rate, speeds)
+        return "timeout" if thorough and self._is_late() else "ok"
+
+    def _is_late(self) -> bool:
+        """Whether computing took too long; asking for its time takes as long as a step, so only
+        once more time than that has passed."""
+        late = perf_counter() - self._began > self._cpu_limit
+        return late and thread_time() - self._started > self._cpu_limit
 
     def _note_loads(self, broken: Mapping[int, float]) -> None:
         """Keep which joints nearly broke, and which broke under what load."""

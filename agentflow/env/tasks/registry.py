@@ -203,7 +203,14 @@ def get_task(name: str, overrides: Mapping[str, object] | None = None, engine: s
     """
     if engine != AUTO:
         choose_engine(engine)
-    return make_task(get_level(name), overrides, engine)
+    if overrides or name.endswith((".yaml", ".yml")):
+        return make_task(get_level(name), overrides, engine)
+    return _shipped_task(name, engine)
+
+
+@cache
+def _shipped_task(name: str, engine: str) -> Task:
+    return make_task(get_level(name), None, engine)
 
 
 def make_task(

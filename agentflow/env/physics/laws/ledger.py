@@ -19,25 +19,19 @@ class Ledger:
         """Start with no work done; the wind adds up its own."""
         self._wind, self._blown = wind, [0.0]
         """Its work until each reading, J."""
-        self._steps, self._time, self._due = 0, 0.0, SELDOM
-        """Steps noted so far, how long they took (s), and how many they are at the next reading."""
+        self.steps, self.time, self.due = 0, 0.0, SELDOM
+        """Steps that worlds have taken so far, how long they took (s), and how many they are at the
+        next reading."""
         self._at, self._times = [0], [0.0]
         """The same of each reading."""
         self._powers = [Power(0.0, 0.0)]
         """What was read each time."""
 
-    def add(self, forces: Forces, step: float) -> None:
-        """Note that a step of this length, s, was taken with these forces."""
-        self._steps += 1
-        self._time += step
-        if self._steps >= self._due:
-            self._read(forces)
-
     def interrupt(self, forces: Forces) -> None:
         """Note that something is switched or splits: from now on, the power may be another."""
-        if self._at[-1] != self._steps:
-            self._read(forces)
-        self._due = self._steps + 1
+        if self._at[-1] != self.steps:
+            self.read(forces)
+        self.due = self.steps + 1
 
     def works(self, forces: Forces) -> Array:
         """(2, S + 1) work of thrusters and of the air until the end of each step, J."""
@@ -46,11 +40,12 @@ class Ledger:
         each = np.diff(self._times) * (powers[:, :-1] + powers[:, 1:]) / 2
         works = np.concatenate([np.zeros((2, 1)), each.cumsum(axis=1)], axis=1)
         works[1] += self._blown
-        return np.array([np.interp(np.arange(self._steps + 1), self._at, work) for work in works])
+        return np.array([np.interp(np.arange(self.steps + 1), self._at, work) for work in works])
 
-    def _read(self, forces: Forces) -> None:
-        self._at.append(self._steps)
-        self._times.append(self._time)
+    def read(self, forces: Forces) -> None:
+        """Read the power in the last step."""
+        self._at.append(self.steps)
+        self._times.append(self.time)
         self._powers.append(forces.power())
         self._blown.append(self._wind.work)
-        self._due = self._steps + SELDOM
+        self.due = self.steps + SELDOM

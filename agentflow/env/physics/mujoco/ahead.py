@@ -95,10 +95,10 @@ class Ahead:
         self._qvel = np.empty((steps + 1, data.qvel.size))
         self._warm = np.empty((steps, data.qvel.size))
         self._tables = np.empty((steps, (data.sensordata.size - self._first) // WIDTH, WIDTH))
-        self._reactions = np.empty((steps, *self._sensors[0].shape))
+        self._reactions: Array = np.empty((steps, *self._sensors[0].shape))
         self._counts = np.zeros(steps + 1, np.intp)
         self._torques = np.empty((steps, len(motors.row)))
-        told = np.empty((steps, 3))
+        told = np.empty((3, steps))
         self._lengths = np.empty((steps, 2, lines))
         self._angles, self._pulled, self._step, self._began = angles, pulled, step, data.time
         taken = _run(
@@ -120,7 +120,8 @@ class Ahead:
         if not taken:
             return None
         self._now.forces.written = self._written
-        self._told = told.tolist()
+        *speeds, self._air = told.tolist()
+        self._speeds = list(zip(*speeds, strict=True))
         if taken < steps:
             self._reactions = self._reactions[:taken].copy()
         self._now.reactions.correct(self._reactions)
@@ -130,10 +131,10 @@ class Ahead:
         """Show the next step; the reactions in it."""
         i = self.taken - self.left
         self.left -= 1
-        linear, angular, air = self._told[i]
-        rows.show(self._tables[i], (linear, angular), air)
-        contacts.show((self._found, self._counts, i))
-        return self._reactions[i]
+        rows.table, rows.known, rows.speeds = self._tables[i], [], self._speeds[i]
+        rows.air, contacts.kept = self._air[i], (self._found, self._counts, i)
+        found: Array = self._reactions[i]
+        return found
 
     def note(self) -> None:
         """Tell motors and springs of the steps that were shown."""
@@ -468,7 +469,7 @@ def _run(
             speed, spin = a * a + b * b + c * c, d * d + e * e + f * f
             linear = linear if speed <= linear else speed
             angular = angular if spin <= angular else spin
-        told[s, 0], told[s, 1], told[s, 2] = sqrt(linear), sqrt(angular), power
+        told[0, s], told[1, s], told[2, s] = sqrt(linear), sqrt(angular), power
         if not (isfinite(linear) and isfinite(angular)):
             return s + 1
     return steps

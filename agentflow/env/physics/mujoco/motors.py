@@ -198,9 +198,8 @@ class Motors:
         (taken, noted), self._taken, self._noted = (self._taken, self._noted), [], []
         if taken:
             steps, turned, speed, place = zip(*taken, strict=True)
-            lengths = np.repeat(steps, [len(each) for each in turned])
-            moved = [_ends(each) for each in (speed, place)]
-            self._works.append(self._work(lengths, np.concatenate(turned), *moved))
+            each = np.repeat(steps, [len(some) for some in turned])
+            self._works.append(self._work(each, np.concatenate(turned), _ends(speed), _ends(place)))
         if not noted:
             return
         lengths, equalities, efforts, before = zip(*noted, strict=True)
@@ -214,8 +213,8 @@ class Motors:
         if len(self._sliding):
             places = np.array([*(each[2] for each in before), after[2]])
         speeds = np.array([*(each[0] for each in before), after[0]])
-        moved = [_ends([each]) for each in (speeds, places)]
-        self._works.append(self._work(np.array(lengths), torques, *moved))
+        work = self._work(np.array(lengths), torques, _ends([speeds]), _ends([places]))
+        self._works.append(work)
 
     def _work(self, lengths: Array, torques: Array, speeds: Ends, places: Ends) -> Array:
         """(S, 2) work of suspensions and of motors in steps of these lengths, J."""

@@ -35,43 +35,40 @@ class Rows:
     def __init__(self, built: CompiledModel) -> None:
         numbers = 6 * len(built.links)
         self._source = built.data.sensordata[numbers:].reshape(-1, WIDTH)
-        self._list: list[Row] = []
-        self._speeds: tuple[float, float] | None = None
+        self.known: list[Row] = []
+        """Every row as numbers, if `all` was asked for."""
+        self.speeds: tuple[float, float] | None = None
         self.air: float | None = None
-        """Power of drag at these rows, W, if it is known."""
+        """What is known already of these rows: `top_speeds`, and power of drag, W."""
         self.table: Array = self._source.take(ROW_ORDER, axis=1)
         """(C, 13) every row; a new array after each step."""
 
     def read(self) -> None:
         """Read the rows after a step."""
         self.table = self._source.take(ROW_ORDER, axis=1)
-        self._list = []
-        self._speeds = self.air = None
-
-    def show(self, table: Array, speeds: tuple[float, float], air: float) -> None:
-        """Show rows that were read before, with their greatest speeds and power of drag."""
-        self.table, self._list, self._speeds, self.air = table, [], speeds, air
+        self.known = []
+        self.speeds = self.air = None
 
     def __getitem__(self, row: int) -> Row:
         """One row."""
-        if self._list:
-            return self._list[row]
+        if self.known:
+            return self.known[row]
         found: Row = self.table[row].tolist()
         return found
 
     @property
     def all(self) -> list[Row]:
         """Every row as numbers."""
-        if not self._list:
-            self._list = self.table.tolist()
-        return self._list
+        if not self.known:
+            self.known = self.table.tolist()
+        return self.known
 
     @property
     def top_speeds(self) -> tuple[float, float]:
         """Greatest linear and angular speed, m/s and rad/s."""
-        if self._speeds is None:
-            self._speeds = top_speeds(self.all)
-        return self._speeds
+        if self.speeds is None:
+            self.speeds = top_speeds(self.all)
+        return self.speeds
 
 
 class Reactions:
@@ -151,7 +148,7 @@ class Contacts:
         self._efforts: Array = np.zeros(0)
         """Of the last step, if it was taken singly: contacts, if there are any, and what each
         constraint exerted."""
-        self._kept: Kept | None = None
+        self.kept: Kept | None = None
         """Where the contacts of the last step are, if several were taken at once."""
         self._pairs = _Pairs(built.owners)
         self._shapes: dict[Body, set[int]] = {}
@@ -167,16 +164,12 @@ class Contacts:
         if count and self._memory is None:
             self._locate(self._data.contact)
         self._words = self._memory[:count].copy() if count else None
-        self._efforts, self._kept = efforts, None
-
-    def show(self, kept: Kept) -> None:
-        """Show contacts that were kept."""
-        self._kept = kept
+        self._efforts, self.kept = efforts, None
 
     def _look(self) -> Found:
         """The contacts."""
-        if self._kept:
-            (shapes, normal, places), counts, i = self._kept
+        if self.kept:
+            (shapes, normal, places), counts, i = self.kept
             first, last = counts.item(i), counts.item(i + 1)
             return shapes[first:last], normal[first:last], places[first:last]
         if self._words is None:

@@ -171,7 +171,8 @@ class MuJoCoWorld(BaseWorld[Model]):
         self._refresh()
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:  # noqa: ARG002
-        return self.now.rows.top_speeds
+        rows = self.now.rows
+        return rows.speeds or rows.top_speeds
 
     # --- internals --------------------------------------------------------------------------
 

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import mujoco
-import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
