@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from agentflow.metrics.cells import Scores
@@ -21,79 +22,87 @@ PLAIN = {
     "of": "part",
     "rollouts": "simulations",
     "rollouts/s": "simulations/s",
-    "first": "one reply, no feedback",
-    "refined": "refined with feedback",
     "score against expansions": "best score after N new machines",
 }
 """Names in tables -> what the page calls them."""
 
 
+@dataclass(frozen=True)
+class Spread:
+    """The scores of one variant at a task."""
+
+    scores: Scores
+    runs: Sequence[str] = ()
+    """The run of each score, the lowest score first."""
+    unit: str = ""
+    best: Mapping[str, Any] | None = None
+    """The best machine: run, score, and content hash or picture (URL)."""
+
+    def to_json(self, task: str, name: str) -> dict[str, Any]:
+        """What the page draws, with at most `MOST_DOTS` scores."""
+        interval = self.scores.mean_all_interval()
+        ordered = sorted(self.scores.all)
+        step = max(1, -(-len(ordered) // MOST_DOTS))
+        return {
+            "task": task,
+            "name": name.replace("_", " "),
+            "count": len(ordered),
+            "invalid": self.scores.invalid,
+            "values": ordered[::step],
+            "runs": self.runs[::step],
+            "mean": self.scores.mean_all,
+            "low": interval and interval.low,
+            "high": interval and interval.high,
+            "unit": self.unit,
+            "best": self.best,
+        }
+
+
 def sweep_data(
     title: str,
     about: str,
-    spreads: Mapping[tuple[str, str], Scores],
+    spreads: Mapping[tuple[str, str], Spread],
     tables: Sequence[Table],
     runs: Sequence[Mapping[str, Any]] = (),
-    units: Mapping[str, str] | None = None,
-    best: Mapping[tuple[str, str], Mapping[str, Any]] | None = None,
-    origins: Mapping[tuple[str, str], Sequence[str]] | None = None,
-    *,
-    zeros: bool = False,
 ) -> dict[str, Any]:
-    """Everything that the page shows; `spreads` are scores by task and variant, `units` those of
-    tasks, `best` the best machines: run, score, and machine (content hash) or picture (URL),
-    `origins` the run of each score, the lowest score first.
-
-    Columns of tables without any value but 0 are left out unless `zeros` keeps them.
-    """
+    """Everything that the page shows; `spreads` are by task and variant."""
     shared = [note for note in tables[0].notes if all(note in t.notes for t in tables)]
+    shown = [
+        table_data(replace(table, title=table.title.removeprefix(f"{title}: ")), shared)
+        for table in tables
+        if table.columns
+    ]
     return {
         "kind": "sweep",
         "title": title,
         "about": about,
         "notes": shared,
-        "spreads": [
-            {
-                **_spread(task, name, scores, (origins or {}).get((task, name), ())),
-                "unit": (units or {}).get(task, ""),
-                "best": (best or {}).get((task, name)),
-            }
-            for (task, name), scores in spreads.items()
-        ],
-        "tables": [_table(table, title, shared, zeros) for table in tables if table.columns],
+        "spreads": [spread.to_json(*key) for key, spread in spreads.items()],
+        "tables": shown,
         "runs": [dict(run) for run in runs],
     }
 
 
-def _spread(task: str, name: str, scores: Scores, runs: Sequence[str]) -> dict[str, Any]:
-    interval = scores.mean_all_interval()
-    ordered = sorted(scores.all)
-    step = max(1, -(-len(ordered) // MOST_DOTS))
-    return {
-        "task": task,
-        "name": name.replace("_", " "),
-        "count": len(ordered),
-        "invalid": scores.invalid,
-        "values": ordered[::step],
-        "runs": runs[::step],
-        "mean": scores.mean_all,
-        "low": interval and interval.low,
-        "high": interval and interval.high,
-    }
-
-
-def _table(table: Table, title: str, shared: Sequence[str], zeros: bool) -> dict[str, Any]:
+def table_data(
+    table: Table,
+    known: Collection[str] = (),
+    words: Mapping[str, str] = PLAIN,
+    *,
+    zeros: bool = False,
+) -> dict[str, Any]:
+    """A table as a page shows it, without the notes that are `known`; columns without any value
+    but 0 are left out unless `zeros` keeps them."""
     kept = [place for place in range(len(table.columns)) if zeros or _has_values(table, place)]
     columns = [table.columns[place] for place in kept]
     return {
-        "title": PLAIN.get(name := table.title.removeprefix(f"{title}: "), name),
-        "heads": [PLAIN.get(head, head) for head in table.heads],
-        "columns": [[_words(column.group), _words(column.name)] for column in columns],
+        "title": words.get(table.title, table.title),
+        "heads": [words.get(head, head) for head in table.heads],
+        "columns": [[_word(part, words) for part in (each.group, each.name)] for each in columns],
         "rows": [_cells(table, row, kept) for row in table.rows],
         "published": [_cells(table, row, kept) for row in table.published],
         "publishedTitle": PUBLISHED,
         "scored": OURS[-1] not in table.heads,
-        "notes": [_reword(note, table.columns) for note in table.notes if note not in shared],
+        "notes": [_reword(note, table.columns, words) for note in table.notes if note not in known],
     }
 
 
@@ -119,19 +128,17 @@ def _cell(value: Value, column: Column) -> str:
 
 
 def _label(head: str, label: str) -> str:
-    if head not in OURS:
-        return label
-    return STAGE_WORDS.get(label, _words(label))
+    return STAGE_WORDS.get(label, label.replace("_", " ")) if head in OURS else label
 
 
-def _words(name: str) -> str:
-    return PLAIN.get(name, name.replace("_", " "))
+def _word(name: str, words: Mapping[str, str]) -> str:
+    return words.get(name, name.replace("_", " "))
 
 
-def _reword(note: str, columns: Sequence[Column]) -> str:
+def _reword(note: str, columns: Sequence[Column], words: Mapping[str, str]) -> str:
     """Replace column names in a note by their headings."""
     for column in columns:
-        note = note.replace(column.name, _words(column.name))
-        if column.group in PLAIN:
-            note = re.sub(rf"\b{column.group}(?=[:.])", PLAIN[column.group], note)
+        note = note.replace(column.name, _word(column.name, words))
+        if column.group in words:
+            note = re.sub(rf"\b{column.group}(?=[:.])", words[column.group], note)
     return note

@@ -19,6 +19,8 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
 
+from agentflow.app.benchmark.card import read_card
+from agentflow.app.benchmark.page import leaderboard_data
 from agentflow.app.machines.files import read_one
 from agentflow.app.pages.compare import compare
 from agentflow.app.pages.gallery import gallery
@@ -32,7 +34,7 @@ from agentflow.machine import Machine
 from agentflow.metrics.cells import Scores
 from agentflow.metrics.tables import Column, Row, Table
 from agentflow.report.page import page as whole_page
-from agentflow.report.sweep import sweep_data
+from agentflow.report.sweep import Spread, sweep_data
 from agentflow.runs import read_result
 from agentflow.training.record import About, TrainingRun
 from tests.app.pages.test_robustness import FOUND
@@ -438,12 +440,11 @@ def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_pat
     columns = tuple(Column("", name) for name in "abcdefghijk")
     values = tuple(float(value) for value in range(11))
     wide = Table(NASTY, ("task", "variant"), columns, (Row(("throwing", NASTY), values),))
-    spreads = {("throwing", NASTY): Scores((1.0, 2.0), 1)}
     failed = {"name": NASTY, "state": "failed", "score": None, "why": NASTY}
-    best = {("throwing", NASTY): {"run": NASTY, "score": 2.0, "picture": "data:,"}}
-    units = {"throwing": "m"}
-    rows, runs = [failed, {**failed, "name": "r-1"}], {("throwing", NASTY): ["r-1", NASTY, NASTY]}
-    data = sweep_data(NASTY, "about", spreads, [wide], rows, units, best, runs)
+    best = {"run": NASTY, "score": 2.0, "picture": "data:,"}
+    spread = Spread(Scores((1.0, 2.0), 1), ["r-1", NASTY, NASTY], "m", best)
+    rows = [failed, {**failed, "name": "r-1"}]
+    data = sweep_data(NASTY, "about", {("throwing", NASTY): spread}, [wide], rows)
     file = tmp_path / "sweep.html"
     file.write_text(whole_page("sweep", data), encoding="utf-8")
     complaints(browser)
@@ -529,11 +530,11 @@ def test_a_training_page_fits_a_phone(
 def test_where_nothing_scored_the_axis_has_plain_numbers(
     browser: webdriver.Chrome, tmp_path: Path
 ) -> None:
-    spreads = {("throwing", "none"): Scores((0.0, 0.0), 0)}
+    best = {"run": "a", "score": 0.0, "picture": png_url(CAR, **STILL)}
+    spread = Spread(Scores((0.0, 0.0), 0), unit="m", best=best)
     table = Table("", ("task", "variant"), (Column("", "a"),), (Row(("throwing", "none"), (0.0,)),))
     file = tmp_path / "sweep.html"
-    best = {("throwing", "none"): {"run": "a", "score": 0.0, "picture": png_url(CAR, **STILL)}}
-    data = sweep_data("zero", "about", spreads, [table], [], {"throwing": "m"}, best)
+    data = sweep_data("zero", "about", {("throwing", "none"): spread}, [table])
     file.write_text(whole_page("sweep", data), "utf-8")
     browser.get(file.as_uri())
     until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".chart .tick"))
@@ -542,6 +543,30 @@ def test_where_nothing_scored_the_axis_has_plain_numbers(
     assert "score, m" in find(browser, ".chart").text
     assert find(browser, ".cards .card").text == "0 m\nthrowing, none"
     assert find(browser, ".cards img").get_property("naturalWidth") == 32
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_parts_of_a_benchmark_differ_in_colour_and_in_shape(
+    browser: webdriver.Chrome, tmp_path: Path, dark: bool
+) -> None:
+    data = leaderboard_data([read_card(RECORDED.parents[1] / "docs/cards/procedural.json")])
+    known, parts = data["parts"][0], ["a", "b", "c", "d"]
+    card = data["cards"][0]
+    for of_part in (card["total"], card["outcomes"], *card["families"].values()):
+        of_part.update(dict.fromkeys(parts, of_part[known]))
+    data.update(parts=parts, words={part: part for part in parts}, machines={})
+    file = tmp_path / "parts.html"
+    file.write_text(whole_page("parts", data), "utf-8")
+    with on_phone(browser, 900, 700, dark=dark):
+        browser.get(file.as_uri())
+        until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .tick")) > 4)
+        looks = browser.execute_script(
+            """return [...document.querySelectorAll(".key svg")].map((key) => [
+              getComputedStyle(key.firstChild).stroke,
+              [...key.children].map((part) => part.getAttribute("d")).join() +
+                (getComputedStyle(key.firstChild).fill === getComputedStyle(key.firstChild).stroke)])"""
+        )
+    assert [len(set(each)) for each in zip(*looks, strict=True)] == [4, 4]
 
 
 def test_robustness_is_a_chart_and_a_picture(browser: webdriver.Chrome, tmp_path: Path) -> None:

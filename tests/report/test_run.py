@@ -41,7 +41,7 @@ def test_a_finished_run() -> None:
         "seed": 0,
         "score": result.score,
         "verified": with_holding(result.to_json()["verified"]),
-        "sentence": "the best machine, found in the stage of refinement with feedback",
+        "sentence": "by the best machine, found in refinement with feedback",
         "about": f"procedural (no language model): {calls} calls, 8 machines simulated",
         "prices": False,
     }
@@ -128,8 +128,7 @@ def test_a_run_in_which_nothing_scored_praises_no_machine(tmp_path: Path) -> Non
     result = a_result(valid=True, machine=[{}], score=0.0, stages=stages, best_stage="env_feedback")
     story = RunStory.read(hostile_run(tmp_path), result, None)
     assert story.to_json(no_price, priced=False)["run"]["sentence"] == (
-        "is the highest score of any machine; one found in the stage of refinement with feedback "
-        "is shown"
+        "is the highest score of any machine; one found in refinement with feedback is shown"
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from agentflow.metrics.cells import Scores
 from agentflow.metrics.intervals import Rate
 from agentflow.metrics.tables import PUBLISHED, Column, Row, Table
-from agentflow.report.sweep import DASH, sweep_data
+from agentflow.report.sweep import DASH, Spread, sweep_data, table_data
 
 TABLE = Table(
     title="Hand",
@@ -20,7 +20,7 @@ TABLE = Table(
 
 
 def test_tables_are_texts_and_spreads_have_intervals() -> None:
-    spreads = {("throwing", "best_of_n"): Scores((2.0, 1.0, 3.0), 1)}
+    spreads = {("throwing", "best_of_n"): Spread(Scores((2.0, 1.0, 3.0), 1))}
     data = sweep_data("Title", "about", spreads, [TABLE, replace(TABLE, notes=("8 runs",))])
     assert data["notes"] == ["8 runs"]
     assert data["tables"][0] == {
@@ -40,19 +40,16 @@ def test_tables_are_texts_and_spreads_have_intervals() -> None:
     assert 0.0 <= spread["low"] < 1.5 < spread["high"] <= 3.0
 
 
-def test_a_leaderboard_keeps_columns_of_zeros() -> None:
+def test_a_leaderboard_keeps_columns_of_zeros_and_has_words_of_its_own() -> None:
     table = Table("", ("model",), (Column("lifting", "first"),), (Row(("m",), (0.0,)),))
-    assert sweep_data("", "", {}, [table])["tables"][0]["columns"] == []
-    (kept,) = sweep_data("", "", {}, [table], zeros=True)["tables"]
-    assert (kept["columns"], kept["rows"]) == (
-        [["lifting", "one reply, no feedback"]],
-        [["m", "0.00"]],
-    )
+    assert table_data(table)["columns"] == []
+    kept = table_data(table, words={"first": "one reply"}, zeros=True)
+    assert (kept["columns"], kept["rows"]) == ([["lifting", "one reply"]], [["m", "0.00"]])
 
 
 def test_tables_without_columns_are_left_out_and_nothing_has_no_interval() -> None:
     empty = Table("Empty", ("task",), (), (Row(("throwing",), ()),))
-    data = sweep_data("Title", "", {("throwing", "none"): Scores((), 0)}, [empty])
+    data = sweep_data("Title", "", {("throwing", "none"): Spread(Scores((), 0))}, [empty])
     assert data["tables"] == []
     (spread,) = data["spreads"]
     assert (spread["values"], spread["mean"], spread["low"], spread["high"]) == ([], None) + (
@@ -80,6 +77,6 @@ def test_columns_that_say_nothing_are_left_out_and_names_are_words() -> None:
 
 
 def test_many_scores_are_thinned_evenly() -> None:
-    many = {("throwing", "many"): Scores(tuple(map(float, range(1000))), 0)}
+    many = {("throwing", "many"): Spread(Scores(tuple(map(float, range(1000))), 0))}
     values = sweep_data("", "", many, [TABLE])["spreads"][0]["values"]
     assert (len(values), values[0], values[-1]) == (334, 0.0, 999.0)

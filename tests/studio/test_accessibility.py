@@ -1,4 +1,4 @@
-"""Every page against the rules of axe-core: wide and narrow, light and dark."""
+"""Every page: what it says at its top, and the rules of axe-core."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.metrics.cells import Scores
 from agentflow.metrics.tables import Column, Row, Table
 from agentflow.report.page import page as whole_page
-from agentflow.report.sweep import sweep_data
+from agentflow.report.sweep import Spread, sweep_data
 from tests.app.pages.test_robustness import FOUND
 from tests.machine.builders import CAR
 from tests.report.accessibility import SCREENS, violations
@@ -48,6 +48,33 @@ STUDIO = {
     "build": "build?task=movement&guide=car",
 }
 
+HEADS = {
+    "runs": ("Runs", "Language models design machines from blocks; physics scores them."),
+    "run": ("agentflow run · hierarchical · seed 0", "throwing", "walled arena", "11.63 m"),
+    "pair": ("agentflow comparison · both simulated with seed 0 on ", "throwing"),
+    "gallery": ("Gallery", "The best machines of each task."),
+    "leaderboard": ("Models side by side", "Leaderboard", "Benchmark version 2, mujoco "),
+    "curves": ("2 runs compared at throwing", "Build a machine that throws"),
+    "tasks": ("agentflow tasks", "Tasks", "What machines are built for: "),
+    "task": ("agentflow task · throwing/4", "one ring", "Build a machine that throws"),
+    "sessions": ("Sessions", "A session records what a person does while building"),
+    "replay": ("Sessions / one", "movement", "free · "),
+    "build": ("Build for movement",),
+}
+"""What each page says at its top: how the lines begin."""
+HEADS_OF_REPORTS = {
+    **{name: HEADS[name] for name in ("leaderboard", "tasks")},
+    "run": ("agentflow run · hierarchical · seed 0", "throwing", "walled arena", "12.50 m"),
+    "gallery": ("agentflow gallery", "Machines · ", "The best machine of each run, by task"),
+    "compare": ("agentflow comparison · both simulated with seed 0 on ", "movement"),
+    "robustness": ("agentflow robustness", "movement", "pybullet 3.2.7, seed 0"),
+    "training": ("agentflow training · reinforcement learning (GRPO), 6 steps", "training", "m"),
+    "sweep": ("agentflow sweep", "sweep", "about"),
+    "guide": ("Instructions: car",),
+}
+HEAD = """return [...document.querySelectorAll(
+  "main header > *, main > h1, main > section > h1")].map((item) => item.textContent)"""
+
 REPORTS = (
     "run", "gallery", "compare", "leaderboard", "robustness", "training", "sweep", "tasks"
 )  # fmt: skip
@@ -68,6 +95,12 @@ def found_on(driver: webdriver.Chrome) -> dict[str, list[str]]:
     return found
 
 
+def says(driver: webdriver.Chrome, beginnings: tuple[str, ...]) -> bool:
+    """Whether the lines at the top of the page begin like this."""
+    lines = driver.execute_script(HEAD)
+    return all(map(str.startswith, lines, beginnings)) and len(lines) >= len(beginnings)
+
+
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
@@ -80,10 +113,12 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("page", STUDIO)
-def test_axe_finds_nothing_in_the_studio(
+def test_each_page_says_what_it_is_and_axe_finds_nothing(
     browser: webdriver.Chrome, served: Served, page: str
 ) -> None:
     open_page(browser, served, STUDIO[page])
+    assert says(browser, HEADS[page])
+    assert browser.title == f"{find(browser, 'h1').get_property('textContent')} · agentflow studio"
     assert found_on(browser) == {}
 
 
@@ -101,9 +136,9 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     leaderboard_page([read_card(CARD)], made["leaderboard"])
     page_writer(made["robustness"])(FOUND)
     training_report(write_training(folder / "training", label="m"), made["training"], **quick)
-    scores = {("throwing", "none"): Scores((0.0, 1.0), 0)}
+    spreads = {("throwing", "none"): Spread(Scores((0.0, 1.0), 0))}
     table = Table("", ("task", "variant"), (Column("", "a"),), (Row(("throwing", "none"), (0.0,)),))
-    data = sweep_data("sweep", "about", scores, [table], [])
+    data = sweep_data("sweep", "about", spreads, [table])
     made["sweep"].write_text(whole_page("sweep", data), encoding="utf-8")
     write_guide(str(car), made["guide"])
     write_tasks(("movement", "throwing/2"), made["tasks"])
@@ -111,12 +146,13 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize("page", [*REPORTS, *WRITTEN])
-def test_axe_finds_nothing_in_reports(
+def test_each_report_says_what_it_is_and_axe_finds_nothing(
     browser: webdriver.Chrome, pages: dict[str, Path], page: str
 ) -> None:
     browser.get(pages[page].as_uri())
     if page in REPORTS:
         until(browser, lambda: find(browser, "body").get_attribute("data-ready") == page)
+    assert says(browser, HEADS_OF_REPORTS[page])
     assert found_on(browser) == {}
 
 

@@ -54,12 +54,12 @@ def test_a_car_is_built_by_keyboard_alone_tested_and_undone(
         attach(browser, face)
         blocks(browser, number)
     keys(browser, "p")
-    said(browser, "Trial 1: score")
+    said(browser, "Test 1: score")
     score = float(find(browser, ".strip b").text.removesuffix(" m"))
     assert score >= 40
     told = f"score {score:.2f} m, {round(100 * score / RECORD)} % of the record. Starting Block: "
     assert told in find(browser, ".said").text
-    until(browser, lambda: find(browser, ".player .title").text == "Trial 1")
+    until(browser, lambda: find(browser, ".player .title").text == "Test 1")
     clock = find(browser, ".player output")
     until(browser, lambda: float(clock.text.removesuffix(" s")) > 0.3)
     assert view(browser) == "Film"
@@ -106,7 +106,7 @@ def test_work_is_kept_in_the_browser_and_two_tabs_never_share_it(
     find(browser, "input[type=file]").send_keys(str(tmp_path / "car.json"))
     blocks(browser, 7)
     keys(browser, "p")
-    said(browser, "Trial 1: score")
+    said(browser, "Test 1: score")
     score = find(browser, ".strip b").text
     for page in ("build", "runs", "build"):  # leaving and coming back, then reloading
         open_page(browser, served, page)
@@ -139,7 +139,7 @@ def test_work_is_kept_in_the_browser_and_two_tabs_never_share_it(
     blocks(browser, 7)
     until(browser, lambda: not browser.find_elements(By.CSS_SELECTOR, ".earlier"))
     keys(browser, "p")
-    said(browser, "Trial 1: score")
+    said(browser, "Test 1: score")
     assert find(browser, ".trials-strip a").text != first  # nobody asked to join it
     assert complaints(browser) == []
 
@@ -216,7 +216,7 @@ def test_a_car_is_built_by_mouse_or_touch_saved_and_reopened(
         find(browser, "button[title^=Mirror]").click()
         blocks(browser, count)
     find(browser, ".test").click()
-    said(browser, "Trial 1: score")
+    said(browser, "Test 1: score")
     assert float(find(browser, ".strip b").text.removesuffix(" m")) >= 40
     find(browser, ".top .tab").click()
     details = browser.find_elements(By.CSS_SELECTOR, ".more summary")
@@ -273,7 +273,7 @@ def test_a_catapult_with_springs_and_a_brace_is_built_tested_and_undone(
     assert boulder.text.endswith("1 of 1")
     assert boulder.get_attribute("aria-disabled") == "true"
     keys(browser, "p")
-    said(browser, "Trial 1: score")
+    said(browser, "Test 1: score")
     assert float(find(browser, ".strip b").text.removesuffix(" m")) > 5
     keys(browser, "e")
     whole = tree(browser)
@@ -429,7 +429,7 @@ def test_control_is_edited_checked_and_shown_as_curves_under_the_film(
     said(browser, "The machine has this control now")
     assert not apply.is_enabled()
     find(browser, ".test").click()
-    said(browser, "Trial 1: score")
+    said(browser, "Test 1: score")
     until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".player .lanes li")) == 3)
     lanes = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".player .lanes li span")]
     assert lanes[-1].startswith("law approach (target 2)")

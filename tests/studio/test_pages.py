@@ -109,7 +109,7 @@ def test_a_session_is_recorded_while_a_person_builds(
     browser.refresh()
     blocks(browser, 2)
     find(browser, ".test").click()
-    said(browser, "Trial 1: score")
+    said(browser, "Test 1: score")
     until(browser, lambda: "filming" in str(find(browser, ".centre").get_attribute("class")))
     find(browser, ".top .tab").click()
     keys(browser, Keys.CONTROL, "z", Keys.NULL)

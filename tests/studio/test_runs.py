@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from datetime import datetime, timezone
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from agentflow.cli import main
 from agentflow.runs import RunDirectory, read_events, state_of
 from agentflow.runs.reading import document_text
 from agentflow.studio.folder import RunFolder
-from agentflow.studio.watching.listing import Listing, usual_seconds
+from agentflow.studio.watching.listing import CORES, START_S, Listing, usual_seconds
 from tests.app.sweeps.test_tables import sweep
 from tests.metrics.events import candidate
 from tests.studio.serving import Browser, studio
@@ -168,7 +168,35 @@ def test_the_time_of_a_design_is_judged_by_the_last_ones_here(runs: Path) -> Non
     [row] = listing.rows()
     usual = usual_seconds(RunPlan.of_run(runs / "throwing", document))
     assert listing.pace("throwing/3") == listing.pace("movement") == row["seconds"] / usual
-    assert Listing(RunFolder(runs / "none")).pace("throwing") >= 1
+
+
+def test_of_several_designs_the_middle_of_the_last_three_sets_the_pace(runs: Path) -> None:
+    document = yaml.safe_load((runs / "throwing" / "run.yaml").read_text())
+    del document["seal"]
+    events = (runs / "throwing" / "events.jsonl").read_text().splitlines()
+    now, ends = datetime.now(timezone.utc), (90.0, 20.0, 50.0, 10.0)  # s; the first is the oldest
+    for number, end in enumerate(ends):
+        path = shutil.copytree(runs / "throwing", runs / f"run-{number}")
+        document["began"] = (now - timedelta(hours=len(ends) - number)).isoformat()
+        (path / "run.yaml").write_text(document_text(document))
+        late = json.dumps({**json.loads(events[-1]), "at": end})
+        (path / "events.jsonl").write_text("\n".join([*events[:-1], late, ""]))
+    shutil.rmtree(runs / "throwing")
+    listing = Listing(RunFolder(runs))
+    listing.rows()
+    usual = usual_seconds(RunPlan.of_run(runs / "run-0", document))
+    assert listing.pace("throwing") == pytest.approx(20.0 / usual)
+
+
+def test_without_designs_the_pace_is_that_of_a_busy_computer(
+    runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    listing = Listing(RunFolder(runs / "none"))
+    for load, pace in ((0.0, 1.0), (1.5 * CORES, 2.5)):
+        monkeypatch.setattr(os, "getloadavg", lambda load=load: (load, 0.0, 0.0))
+        assert listing.pace("throwing") == pace
+    idle = usual_seconds(RunPlan.of(load_config(None, (), {"task": "throwing"})))
+    assert idle == pytest.approx(START_S + 37.6 / min(2, CORES))
 
 
 def test_a_page_of_a_sweep_is_made_again_only_when_a_run_ends(tmp_path: Path) -> None:

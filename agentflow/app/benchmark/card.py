@@ -22,6 +22,14 @@ SCHEMA = 2
 """Cards of schema 1, which has two parts, are read too."""
 FIRST, REFINED, LONG = "first", "refined", "long"
 """Parts: single replies; the second part of schema 1; the one whose course is kept."""
+PARTS = {
+    FIRST: "one reply, no feedback",
+    REFINED: "refined with feedback",
+    "search": "search with feedback",
+    "agent": "agent with tools",
+    LONG: "long search",
+}
+"""What pages call the parts."""
 DIGITS = 6
 """Decimals of scores and shares in cards."""
 

@@ -8,14 +8,14 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from agentflow.app.benchmark.card import LONG, CountedMachine, Point, Scorecard
+from agentflow.app.benchmark.card import LONG, PARTS, CountedMachine, Point, Scorecard
 from agentflow.app.benchmark.leaderboard import leaderboard, shown_parts
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.machine import read_machine
 from agentflow.machine.blocks.library import library
 from agentflow.metrics.tables import counted
 from agentflow.report.page import require_writable, write_page
-from agentflow.report.sweep import sweep_data
+from agentflow.report.sweep import PLAIN, table_data
 
 
 def leaderboard_page(cards: Sequence[Scorecard], out: Path, told: Sequence[str] = ()) -> Path:
@@ -36,9 +36,12 @@ def leaderboard_data(cards: Sequence[Scorecard], told: Sequence[str] = ()) -> di
     about = f"{counted(len(cards), 'model')} on {counted(len(cards[0].items), 'item')}"
     shapes, machines = Shapes(), dict[str, dict[str, Any]]()
     return {
-        **sweep_data(name, f"{about}, conditions {conditions.strip('()')}", {}, tables, zeros=True),
         "kind": "leaderboard",
-        "parts": shown_parts(cards[0]),
+        "title": name,
+        "about": f"{about}, conditions {conditions.strip('()')}",
+        "tables": [table_data(table, words={**PLAIN, **PARTS}, zeros=True) for table in tables],
+        "parts": (parts := shown_parts(cards[0])),
+        "words": {part: PARTS.get(part, part) for part in parts},
         "cards": [
             {
                 **card.model_dump(mode="json", include=shown),

@@ -14,14 +14,13 @@ from agentflow.app.sweeps.tables import (
     layout_table,
     read_sweep_result,
     record_of,
-    task_of,
 )
 from agentflow.app.sweeps.views import last_cell, variants
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.tasks.registry import known_unit
 from agentflow.machine import library, read_machine
 from agentflow.report.page import require_writable, write_page
-from agentflow.report.sweep import sweep_data
+from agentflow.report.sweep import Spread, sweep_data
 from agentflow.runs.record import RunRecord
 
 PICTURE = (320, 240)
@@ -47,22 +46,17 @@ def sweep_page_data(
         if not any(row.values[-1] is not None for row in views[name].rows):
             del views[name]
     tables = [layout_table(result, published=bool(result.sweep.table.published)), *views.values()]
-    units = {task_of(run.planned): known_unit(run.planned.config.task) for run in result.finished}
-    groups, about = _groups(result), result.sweep.about
-    spreads = {key: last_cell(result, runs).scores for key, runs in groups.items()}
-    found = {key: _best(runs, pictures) for key, runs in groups.items()}
-    best = {key: one for key, one in found.items() if one}
-    origins = {key: _origins(result, runs) for key, runs in groups.items()}
-    told = (tables, _runs(result), units, best, origins)
-    return sweep_data(result.sweep.title, about, spreads, *told)
+    spreads = {key: _spread(result, runs, pictures) for key, runs in _groups(result).items()}
+    return sweep_data(result.sweep.title, result.sweep.about, spreads, tables, _runs(result))
 
 
-def _origins(result: SweepResult, runs: Sequence[FinishedRun]) -> list[str]:
-    """The run of each score of a group, the lowest score first."""
+def _spread(result: SweepResult, runs: Sequence[FinishedRun], pictures: bool) -> Spread:
+    """The scores of a group, the lowest first, with their runs, and its best machine."""
     cell = last_cell(result, runs)
     each = ((run.planned.name, replace(cell, runs=(run.numbers,))) for run in runs)
-    found = [(score, name) for name, own in each for score in own.scores.all]
-    return [name for _, name in sorted(found)]
+    found = sorted((score, name) for name, own in each for score in own.scores.all)
+    unit = known_unit(runs[0].planned.config.task)
+    return Spread(cell.scores, [name for _, name in found], unit, _best(runs, pictures))
 
 
 def _groups(result: SweepResult) -> dict[tuple[str, str], list[FinishedRun]]:

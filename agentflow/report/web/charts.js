@@ -124,6 +124,18 @@ export function intervalChart(title, axis, rows, mark, pick = null) {
   return chart;
 }
 
+// What tells the bars of a row apart, besides colour: full, hollow, ending in a disc, ending in a diamond.
+const THICK = [5, 5, 1.5, 1.5]; // half of it, pixels
+const ENDS = [null, null, "m-5 0a5 5 0 1 0 10 0a5 5 0 1 0 -10 0z", "m0 -6l6 6l-6 6l-6 -6z"];
+
+/** A bar from x to `to` with what lies `over` it but under its end. */
+function ratio(index, x, to, y, over = []) {
+  const kind = index % THICK.length;
+  const thick = THICK[kind];
+  const shape = (d) => svg("path", { class: `ratio hue${kind}`, d });
+  return [shape(`M${x} ${y - thick}H${Math.max(to, x + 1)}v${2 * thick}H${x}z`), ...over, ENDS[kind] && shape(`M${to} ${y}${ENDS[kind]}`)];
+}
+
 /** Shares from 0 to 1.5 as bars with intervals: {name, bars: [{name, value, low, high}]}, all rows with the same bars. */
 export function shareChart(title, rows) {
   const [bar, head] = [15, 20];
@@ -140,18 +152,17 @@ export function shareChart(title, rows) {
       ...rows.flatMap(({ name, bars }, row) => [
         svg("text", { class: "name", x: xs.from, y: row * tall + 14 }, svg("title", {}, name), truncate(name, width - 20)),
         ...bars.flatMap((item, index) => {
-          const y = row * tall + head + index * bar;
-          const middle = y + bar / 2;
+          const middle = row * tall + head + (index + 0.5) * bar;
+          const interval = (Number.isFinite(item.low) ? ["halo", "interval"] : []).map((kind) => svg("path", { class: kind, d: `M${xs(item.low)} ${middle}H${xs(item.high)}M${xs(item.low)} ${middle - 3}v6M${xs(item.high)} ${middle - 3}v6` }));
           return [
-            svg("rect", { class: index ? "ratio lesser" : "ratio", x: xs.from, y: y + 2, width: Math.max(1, xs(item.value ?? 0) - xs.from), height: bar - 4, rx: 2 }),
-            ...(Number.isFinite(item.low) ? ["halo", "interval"] : []).map((kind) => svg("path", { class: kind, d: `M${xs(item.low)} ${middle}H${xs(item.high)}M${xs(item.low)} ${middle - 3}v6M${xs(item.high)} ${middle - 3}v6` })),
-            svg("text", { class: "tick", x: xs(Math.max(item.value ?? 0, item.high ?? 0)) + 8, y: middle + 4 }, percent(item.value), svg("title", {}, item.name)),
+            ...(Number.isFinite(item.value) ? ratio(index, xs.from, xs(item.value), middle, interval) : []),
+            svg("text", { class: "tick", x: xs(Math.max(item.value ?? 0, item.high ?? 0)) + 10, y: middle + 4 }, percent(item.value), svg("title", {}, item.name)),
           ];
         }),
       ]),
     ];
   }, { height, rows: () => [["name", "bar", "value", "low", "high"], ...rows.flatMap(({ name, bars }) => bars.map((item) => [name, item.name, item.value, item.low, item.high]))] });
-  chart.append(el("p", { class: "key" }, ...rows[0].bars.map(({ name }, index) => el("span", {}, svg("svg", { width: 24, height: 10 }, svg("rect", { class: index ? "ratio lesser" : "ratio", width: 18, height: 10, rx: 2 })), name))));
+  chart.append(el("p", { class: "key" }, ...rows[0].bars.map(({ name }, index) => el("span", {}, svg("svg", { width: 28, height: 12 }, ...ratio(index, 1, 18, 6)), name))));
   return chart;
 }
 

@@ -26,9 +26,9 @@ export function comparePage(data, made = []) {
   else differ.disabled = true;
   return [
     el("main", { class: "alone compare" },
-      el("header", {}, el("p", { class: "kind" }, `agentflow comparison · seed ${data.seed} · ${data.engine}`), el("h1", {}, data.task)),
+      el("header", {}, el("p", { class: "kind" }, `agentflow comparison · both simulated with seed ${data.seed} on ${data.engine}`), el("h1", {}, data.task)),
       el("p", { class: "ahead" }, ahead(data.machines, data.asked.unit)),
-      data.verified ? el("p", { class: "quiet" }, `Verified: ${data.verified.join(" against ")}.`) : "",
+      data.verified ? el("p", { class: "quiet" }, `Verified: ${NAMES.map((name, side) => `${name} ${data.verified[side]}`).join(", ")}.`) : "",
       el("p", { class: "actions" }, el("button", { class: "play both", click: both }, "Play both"), differ),
       el("div", { class: "pair" }, ...players.map((player) => player.element)),
       taskDetails(data.asked),
@@ -63,7 +63,6 @@ function ahead([{ score: a }, { score: b }], unit) {
 
 function rows({ machines, types, asked }) {
   return [
-    ["Machine", ...machines.map((machine) => machine.source)],
     [asked.unit ? `Score, ${asked.unit}` : "Score", ...machines.map((machine) => machine.score)],
     ["Blocks", ...machines.map((machine) => machine.blocks)],
     ["Mass, kg", ...machines.map((machine) => machine.mass)],

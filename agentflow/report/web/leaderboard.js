@@ -11,39 +11,29 @@ const OUTCOMES = {
   unverified: "Not verified", stopped: "Budget used up", missing: "Missing",
 };
 
-const WORDS = {
-  first: "one reply, no feedback",
-  refined: "refined with feedback",
-  search: "search with feedback",
-  agent: "agent with tools",
-  long: "long search",
-};
-/** What a part of the benchmark is called. */
-const wordsOf = (part) => WORDS[part] ?? part;
-
 export function leaderboardPage(data) {
-  return [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "agentflow leaderboard"), el("h1", {}, data.title), el("p", { class: "lede" }, data.about)), ...leaderboardParts(data))];
+  return [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, "Leaderboard"), el("p", { class: "lede" }, `${data.title}: ${data.about}.`)), ...leaderboardParts(data))];
 }
 
 /** Everything below the heading.
  *  @param actions makes elements for what can be done with a machine, by content hash */
 export function leaderboardParts(data, actions = () => [], players = []) {
-  const { cards, parts, tables } = data;
+  const { cards, parts, words, tables } = data;
   const [all, ...others] = tables;
   const lines = cards.filter(({ course }) => course.length).map(({ model, course }) => ({ name: model, points: course }));
   return [
-    section("Ranking", shareChart("Mean share over all items, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts))), ...all.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
+    section("Ranking", shareChart("Mean share over all items, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts, words))), ...all.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
     section("Families", heatMap("Mean shares by family", "family", Object.keys(cards[0].families), cards, ({ families }, name) => familyCell(name, families[name], parts)),
-      el("p", { class: "quiet" }, `${parts[1] ? `Large: ${wordsOf(parts[0])}; small: ${wordsOf(parts[1])}. ` : ""}Stronger colour means a greater share.`)),
+      el("p", { class: "quiet" }, `${parts[1] ? `Large: ${words[parts[0]]}; small: ${words[parts[1]]}. ` : ""}Stronger colour means a greater share.`)),
     machinesSection(data, actions, players),
     lines.length ? section("Share over simulations", lineChart("Mean share of the best machine so far, by plain score", "", "simulations", lines)) : null,
-    section("How it ended", table("Number of machines by how their simulation ended", ["Model", "Machines of", ...Object.values(OUTCOMES)], cards.flatMap((card) => parts.map((part) => outcomes(card, part))), 2)),
+    section("How it ended", table("Number of machines by how their simulation ended", ["Model", "Machines of", ...Object.values(OUTCOMES)], cards.flatMap((card) => parts.map((part) => [card.model, words[part], ...Object.keys(OUTCOMES).map((name) => card.outcomes[part][name] ?? 0)])), 2)),
     tableSection({ ...all, notes: [] }, "All numbers"), ...others.map((item) => el("details", {}, el("summary", {}, item.title), compactTable(item.title, "", item.heads, item.columns, item.rows))),
   ].filter(Boolean);
 }
 
 /** The machines that count, by item and model: a share opens its machine. */
-function machinesSection({ cards, parts, machines, shapes, files }, actions, players) {
+function machinesSection({ cards, parts, words, machines, shapes, files }, actions, players) {
   if (!Object.keys(machines).length) return null;
   const player = new Player(shapes, files);
   players.push(player);
@@ -56,17 +46,17 @@ function machinesSection({ cards, parts, machines, shapes, files }, actions, pla
   };
   const cell = (card, name) => {
     const found = card.items.find(({ item }) => item === name);
-    const button = el("button", { disabled: found.machine ? null : "", "aria-pressed": "false", "aria-label": `${name}, ${card.model}: ${percent(found.share)}`, click: () => choose(button, card, found) }, percent(found.share));
+    const button = el("button", { disabled: found.machine ? null : "", title: found.machine ? null : "No valid machine", "aria-pressed": "false", "aria-label": `${name}, ${card.model}: ${percent(found.share)}`, click: () => choose(button, card, found) }, percent(found.share));
     return shaded(el("td", { "data-family": card.model }, button), found.share);
   };
   const map = heatMap("Machines by item", "item", cards[0].items.map(({ item }) => item), cards, cell, true);
   map.querySelector("button:enabled").click();
-  return section("Machines", el("p", {}, `The machine that counts for each item, of “${wordsOf(parts[0])}”. Select a share to see its machine as built.`), el("div", { class: "shown" }, player.element), told, map);
+  return section("Machines", el("p", {}, `The machine that counts for each item, of “${words[parts[0]]}”. Select a share to see its machine as built.`), el("div", { class: "shown" }, player.element), told, map);
 }
 
-const ranked = ({ model, complete, total }, index, parts) => ({
+const ranked = ({ model, complete, total }, index, parts, words) => ({
   name: `${complete ? `${index + 1}. ` : "Incomplete: "}${model}`,
-  bars: parts.map((part) => ({ name: wordsOf(part), value: total[part].mean, low: total[part].interval?.[0], high: total[part].interval?.[1] })),
+  bars: parts.map((part) => ({ name: words[part], value: total[part].mean, low: total[part].interval?.[0], high: total[part].interval?.[1] })),
 });
 
 /** Models against families or items, every one of them, also where nothing was scored; `turned` has a column for each model. */
@@ -88,5 +78,3 @@ function shaded(cell, share) {
 
 const familyCell = (name, shares, [main, lesser]) =>
   shaded(el("td", { "data-family": name }, el("b", {}, percent(shares[main].mean)), lesser ? el("small", {}, percent(shares[lesser].mean)) : ""), shares[main].mean);
-
-const outcomes = (card, part) => [card.model, wordsOf(part), ...Object.keys(OUTCOMES).map((name) => card.outcomes[part][name] ?? 0)];

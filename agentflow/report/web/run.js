@@ -32,6 +32,7 @@ export class RunView {
     this.axis = {}; // of the chart of scores
     this.following = false; // whether the best machine is shown as soon as there is a better one
     this.growing = false; // whether the run goes on: then the film of a better machine plays
+    this.level = ""; // a picture of it, shown until there is a machine
     this.picking = () => {}; // called when somebody picks a machine
     this.top = el("div", {});
     this.rest = el("div", {});
@@ -57,7 +58,7 @@ export class RunView {
     this.put("usage", [begun, data.usage], this.rest, () => begun && usage(data));
     this.put("talk", data.calls, this.rest, () => conversations(data, this.calls));
     this.put("facts", data.facts, this.rest, () => settings(data));
-    if (!first) this.player.show(null, "", this.growing ? "The first machine appears here when it has been simulated." : "");
+    if (!first) this.player.show(null, "", ...(this.growing ? ["The level. The first machine appears here when it has been simulated.", this.level] : []));
     else if (!this.picked || (this.following && this.picked !== first.id)) {
       this.tree.select(first.id);
       this.show(first, true);
@@ -124,10 +125,10 @@ async function describe(place, node, title, machine, calls, actions) {
   const talk = el("div", {}, node.calls.length ? el("p", { class: "quiet" }, "Loading calls …") : "");
   place.replaceChildren(
     el("h2", {}, title),
-    el("p", {}, [STATUS[node.status] ?? node.status, node.broken && "broke", machine && `${machine.solids.length} blocks`, node.machine].filter(Boolean).join(" · ")),
+    el("p", { class: "quiet" }, [STATUS[node.status] ?? node.status, node.broken && "broke", machine && `${machine.solids.length} blocks`, node.machine && `hash ${node.machine}`].filter(Boolean).join(" · ")),
     actions.length ? el("p", { class: "actions" }, ...actions) : "",
     node.problem ? problem(node.problem) : "",
-    node.edit ? el("div", { class: "edit" }, el("h3", {}, "Edit"), plain(node.edit)) : "",
+    node.edit ? el("div", { class: "edit" }, el("h3", {}, "Edit"), /^Add /.test(node.edit) ? el("p", { class: "quiet" }, "In numbers: Add (type of block) to (block) in (face).") : null, plain(node.edit)) : "",
     machine?.feedback ? el("details", {}, el("summary", {}, "Simulation feedback"), plain(machine.feedback)) : "",
     talk);
   const known = node.calls.length ? await calls() : new Map();

@@ -59,6 +59,7 @@ export class Tree {
       row += 1;
     }
     const single = this.roots.filter(({ children }) => !children.length);
+    if (row && single.length) this.singles = row++; // a row for their heading
     single.forEach((root, index) => Object.assign(root, { depth: 0, row: row + Math.floor(index / across), beside: index % across }));
     this.rows = row + Math.ceil(single.length / across);
   }
@@ -77,6 +78,7 @@ export class Tree {
     const links = [...this.nodes.values()].map((node) => this.link(node)).filter(Boolean);
     const every = Math.ceil(26 / this.column);
     const heads = Array.from({ length: this.deepest && Math.floor(this.deepest / every) + 1 }, (_, index) => index * every).map((depth) => svg("text", { x: this.x({ depth }) - 6, y: 11 }, depth === 0 ? "first" : this.column < 60 ? `${depth}` : depth === 1 ? "1 edit" : `${depth} edits`));
+    if (this.singles) heads.push(svg("text", { x: EDGE - 6, y: this.y({ row: this.singles }) + 4 }, "first machines that nobody edited"));
     this.element.replaceChildren(svg("g", { "aria-hidden": "true" }, ...heads), svg("g", { class: "links", "aria-hidden": "true" }, ...links), ...this.marks.values());
     this.select(this.selected ?? this.nodes.keys().next().value);
     this.element.parentElement.scrollTop = this.y(this.nodes.get(this.selected) ?? { row: 0 }) - this.element.parentElement.clientHeight / 2;

@@ -12,6 +12,7 @@ from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from secrets import token_hex
 from time import time
@@ -24,7 +25,7 @@ from agentflow.app.design.config import load_config, urls_with_credentials
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.trust import unnamed
 from agentflow.config.run import KEY_VARIABLE, build_config
-from agentflow.env.tasks.registry import task_names
+from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.interpreter import python_command, python_environment
 from agentflow.models.completion import PATH_STARTS
@@ -91,6 +92,16 @@ def workflow_names() -> list[str]:
     """The workflows that a page may start: none that runs other programs."""
     names = [name for name, workflow in WORKFLOWS.items() if not workflow.runs_program]
     return sorted(names, key=lambda name: name != USUAL)
+
+
+@lru_cache
+def workflows_of_families() -> dict[str, list[str]]:
+    """Family of tasks -> the workflows that a page may start on them."""
+    briefs = {name: get_task(name).brief for name in task_names() if "/" not in name}
+    return {
+        family: [name for name in workflow_names() if WORKFLOWS[name].fits(brief)]
+        for family, brief in briefs.items()
+    }
 
 
 def require_possible(form: NewDesign) -> RunPlan:

@@ -28,7 +28,7 @@ from agentflow.env.tasks.records import record_share
 from agentflow.errors import AgentflowError, RunError, UsageError
 from agentflow.runs import find_runs, read_document, state_of
 from agentflow.runs.events import EvaluationEvent, RunEvent, read_new_typed_events
-from agentflow.runs.locations import stage_words
+from agentflow.runs.locations import INITIAL, stage_words
 from agentflow.runs.reading import AGAIN, CALLS, EVENTS, FILE_NAME, RESULT, Event
 from agentflow.runs.record import RunRecord
 from agentflow.studio.building.person_runs import PERSON
@@ -252,6 +252,11 @@ def _told_state(state: str, model: str | None) -> str:
     return "open" if state == "running" and model == PERSON else state
 
 
+def _told_stage(record: RunRecord) -> str:
+    """The stage of a run: until it has tried a machine, there is nothing to refine."""
+    return record.stage.location.name if record.stage and record.evaluations else INITIAL
+
+
 def _last_change(path: Path) -> float:
     """When the files of a run were last added or replaced, as its folder tells."""
     try:
@@ -329,7 +334,7 @@ async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[N
             "problem": failing,
             "best": record.best,
             "machine": follower.best,
-            "stage": record.stage and stage_words(record.stage.location.name, model or ""),
+            "stage": record.stage and stage_words(_told_stage(record), model or ""),
             "calls": record.calls,
             "refused": record.calls - record.valid_calls,
             "simulations": record.evaluations,

@@ -38,7 +38,7 @@ from agentflow.studio.watching.designs import (
     NewDesign,
     for_page,
     require_possible,
-    workflow_names,
+    workflows_of_families,
 )
 from agentflow.studio.watching.listing import (
     BY_HAND,
@@ -131,7 +131,7 @@ class Watching:
         """What forms offer: tasks, workflows and the default model; never a key."""
         return {
             "tasks": await asyncio.to_thread(list_tasks),
-            "workflows": await asyncio.to_thread(workflow_names),
+            "workflows": await asyncio.to_thread(workflows_of_families),
             "model": load_config(None, (), {}).model.name,
             "key_variable": KEY_VARIABLE,
             "runs": str(self._folder.root),

@@ -9,7 +9,6 @@ import { pictureOf, shortName } from "./list.js";
 
 const CARD = "card.json"; // the name of a scorecard
 const FIRST = 5; // cards of a task that are shown at once
-const FEW = 3; // cards of a task that has a row of its own
 
 /** The best runs of each task, best verified score first. */
 export async function galleryPage() {
@@ -26,13 +25,10 @@ export async function galleryPage() {
     const cards = el("div", { class: "cards" }, ...best.slice(0, FIRST).map(card));
     const more = best.length > FIRST ? el("button", { click: () => { cards.append(...best.slice(FIRST).map(card)); more.remove(); } }, `Show all ${best.length}`) : "";
     const { title = "", objective = "" } = levels.get(task) ?? {};
-    const shown = el("section", {}, el("h2", {}, title ? `${task} · ${title}` : task), el("p", { class: "quiet" }, objective), cards, more);
-    shown.style.gridColumn = best.length < FEW ? `span ${best.length}` : "1 / -1"; // small groups share a row
-    if (best.length < FEW) cards.style.gridTemplateColumns = `repeat(${best.length}, minmax(0, 1fr))`;
-    return shown;
+    return el("section", {}, el("h2", {}, title ? `${task} · ${title}` : task), el("p", { class: "quiet" }, objective), cards, more);
   };
   return { elements: [el("main", { class: "alone wall" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task. Open one to see its film and how it was found.")),
-    ...(tasks.length ? [el("div", { class: "cards" }, ...tasks.map(part))] : [el("p", {}, "No run has a scored machine yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
+    ...(tasks.length ? tasks.map(part) : [el("p", {}, "No run has a scored machine yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
 }
 
 const levelAddress = (task, on = "card") => `/api/level/picture?${new URLSearchParams({ task, on })}`;
@@ -55,11 +51,11 @@ export async function leaderboardPage({ board = 0 }) {
       command("--model NAME --base-url URL --lite", "The same with one task of each family. Only cards of the same tasks are compared.")),
     el("p", { class: "quiet" }, `If you have scorecards already, put each in a folder of its own: ${runs}/NAME/${CARD}.`));
   const shown = boards[board] ?? boards[0];
-  const name = ({ title, about }) => `${title}: ${about}`;
+  const name = ({ cards: [{ items }], title }) => `${formatNumber(items.length)} items · ${title}`;
   const others = boards.map((item, index) => el("a", { class: "button", href: address("leaderboard", { board: index }), "aria-current": item === shown ? "page" : null }, name(item)));
   const runOf = (machine) => rows.filter((row) => row.machine === machine).slice(0, 1).map(({ run }) => el("a", { class: "button", href: address("run", { run }) }, "Its run, with films"));
   const players = [];
-  return { close: () => players.forEach((player) => player.close()), elements: [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, shown?.title ?? "Leaderboard"), shown ? el("p", { class: "lede" }, shown.about) : ""),
+  return { close: () => players.forEach((player) => player.close()), elements: [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, "Leaderboard"), shown ? el("p", { class: "lede" }, `${shown.title}: ${shown.about}.`) : ""),
     others.length > 1 ? el("nav", { class: "picks", "aria-label": "Benchmarks" }, ...others) : "",
     ...(shown ? leaderboardParts(shown, runOf, players) : [none]))] };
 }

@@ -89,7 +89,7 @@ class BuildPage {
     this.trials.resume(draft);
     await editor.resume(draft);
     bar.remove();
-    editor.say(alone ? "This is your machine as you left it, with undo and trials." : "Another tab works on this machine too; here, you go on with a copy of it.");
+    editor.say(alone ? "This is your machine as you left it, with undo and tests." : "Another tab works on this machine too; here, you go on with a copy of it.");
     this.stage.canvas.focus();
   }
 

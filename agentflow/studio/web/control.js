@@ -15,7 +15,7 @@ const LAWS = {
 
 export function controlEditor(editor) {
   const { designed, senses, sensors } = editor.start;
-  const text = el("textarea", { rows: 12, spellcheck: "false", "aria-label": "Control as JSON", input: () => changed() });
+  const text = el("textarea", { class: "json", rows: 12, spellcheck: "false", "aria-label": "Control as JSON", input: () => changed() });
   const problems = el("ul", { class: "problems", "aria-live": "polite" });
   const apply = el("button", { class: "play", disabled: "", click: () => take() }, "Apply");
   const back = el("button", { disabled: "", click: () => show() }, "Discard");

@@ -11,6 +11,7 @@ const SERVERS = {
   "llama.cpp, on this computer": "http://127.0.0.1:8080/v1", "LM Studio, on this computer": "http://127.0.0.1:1234/v1", "Another endpoint": "",
 };
 const BUILT_IN = "procedural";
+const TUNE = "tune"; // the workflow that only improves a given machine
 
 /** A labelled field; numbers may stay empty. */
 export function field(name, label, input) {
@@ -29,12 +30,14 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
   const given = fixed();
   const tasks = el("select", {}, ...start.tasks.map(({ name, title }) => option(name, `${name} · ${title}`, name === "throwing")));
   const asked = el("div", { class: "asked wide" });
+  const workflows = el("select", {});
   const ask = () => {
     const level = start.tasks.find(({ name }) => name === tasks.value);
+    const fit = start.workflows[level.family].filter((name) => name !== TUNE || given.machine);
+    workflows.replaceChildren(...fit.map((name) => option(name, name, name === workflows.value)));
     asked.replaceChildren(levelPicture(level.name), el("p", {}, level.objective, " ", goodFrom(level)));
   };
   tasks.addEventListener("input", ask);
-  const workflows = el("select", {}, ...start.workflows.map((name) => option(name, name)));
   const told = el("p", { class: "problem", role: "alert" });
   const needs = el("p", { class: "quiet wide", role: "status" });
   const button = el("button", { type: "submit", class: "play" }, given.machine ? "Refine this" : "Start");
@@ -49,9 +52,10 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
       field("calls", "Max calls", number("no limit")),
       field("tokens", "Max tokens", number("no limit")))),
     needs, el("p", { class: "wide" }, button), told);
-  for (const [name, value] of Object.entries(before)) if (form.elements[name]) form.elements[name].value = value;
+  if (before.task ?? given.task) tasks.value = before.task ?? given.task;
   ask();
-  const usual = ["task", "model", "base_url", ...(before.workflow === start.workflows[0] ? ["workflow"] : [])];
+  for (const [name, value] of Object.entries(before)) if (form.elements[name]) form.elements[name].value = value;
+  const usual = ["task", "model", "base_url", ...(before.workflow === workflows.options[0].value ? ["workflow"] : [])];
   form.querySelector("details").open = Object.keys(before).some((name) => !usual.includes(name));
   let timer = null;
   const later = () => {
@@ -63,9 +67,9 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     if (!form.isConnected || !form.checkValidity()) return;
     try {
       const { calls, simulations, seconds } = await send("/api/designs/estimate", { ...read(form), ...fixed() });
-      const work = `up to ${formatNumber(simulations)} simulations: ${spell(seconds)} on this computer.`;
-      needs.textContent = (read(form).model ?? start.model) === BUILT_IN ? work.replace("up", "Up")
-        : `About ${formatNumber(calls)} calls of the model, each as long as it takes to answer, and ${work}${read(form).calls ? "" : " Each call may cost money: Max calls, under Advanced, sets a limit."}`;
+      const work = `Up to ${formatNumber(simulations)} simulations: ${spell(seconds)} on this computer.`;
+      needs.textContent = !calls || (read(form).model ?? start.model) === BUILT_IN ? work
+        : `${work} About ${formatNumber(calls)} calls of the model come on top, each as long as it takes to answer.${read(form).calls ? "" : " Each call may cost money: Max calls, under Advanced, sets a limit."}`;
     } catch (error) {
       needs.textContent = error.message;
     }

@@ -30,7 +30,7 @@ export class RunList {
     this.pickers = Object.fromEntries(FILTERS.map((key) => [key, el("select", { "aria-label": key, ...changed })]));
     this.count = el("span", { class: "quiet", role: "status" });
     this.compare = el("button", { click: () => this.open() }, "Tick two to compare");
-    this.heads = COLUMNS.map(([name, key, title]) => el("th", { scope: "col", title, class: NUMBERS.has(key) ? "number" : null }, key ? el("button", { class: "sort", click: () => this.sort(key) }, name) : name || el("span", { class: "unseen" }, "Picture")));
+    this.heads = COLUMNS.map(([name, key, title]) => el("th", { scope: "col", title, class: NUMBERS.has(key) ? `number ${key === "score" ? "reached" : key}` : key }, key ? el("button", { class: "sort", click: () => this.sort(key) }, name) : name || el("span", { class: "unseen" }, "Picture")));
     this.body = el("tbody", {});
     this.more = el("button", { hidden: "", click: () => { this.most = Infinity; this.draw(); } }, "Show all");
     this.elements = [

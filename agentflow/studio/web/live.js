@@ -4,6 +4,7 @@ import { el, formatNumber } from "../../report/web/dom.js";
 import { RunView } from "../../report/web/run.js";
 import { problem } from "../../report/web/text.js";
 import { address, ask, follow, send } from "./api.js";
+import { levelPicture } from "./boards.js";
 import { pictureOf } from "./list.js";
 import { making } from "./making.js";
 
@@ -29,6 +30,7 @@ export async function livePage({ run }) {
     el("a", { class: "button", href: address("build", { run, machine }) }, "Edit in Build"), " To make it ",
     ...making(() => ask("/api/build/from", { run, machine }), (text) => (told.textContent = text)), told,
   ] : []), (machine) => pictureOf({ run, machine }, 320, 240, "card"));
+  view.level = levelPicture(data.run.task);
   const live = new Live(run, view);
   view.main.prepend(live.element);
   view.update(data);
@@ -40,6 +42,8 @@ export async function livePage({ run }) {
   let first = true;
   const stop = follow({ run }, async (news) => {
     if (news.ended && news.state === "failed") { // nothing is left to show
+      view.growing = false;
+      view.player.show(null, "", "No machine was made.");
       view.main.replaceChildren(...(await lost(run, news)).children);
       return;
     }

@@ -23,7 +23,7 @@ let asked = 0;
 async function open() {
   const number = ++asked;
   const [name, query] = location.hash.slice(1).split("?");
-  const page = PAGES[name] ? name : "runs";
+  const page = name || "runs";
   close();
   close = () => {};
   document.body.dataset.page = page;
@@ -34,6 +34,7 @@ async function open() {
   const waiting = setTimeout(() => document.body.replaceChildren(bar, el("main", { class: "alone" }, el("p", { class: "quiet", role: "status" }, "Loading …"))), number > 1 ? PATIENCE : 0);
   let made;
   try {
+    if (!PAGES[page]) throw new Error(`There is no page #${page}.`);
     made = await PAGES[page](Object.fromEntries(new URLSearchParams(query ?? "")));
   } catch (error) {
     made = { elements: [el("main", { class: "alone" }, el("h1", {}, "This page cannot be shown"), problem(error.message), el("p", {}, el("a", { class: "button", href: "#runs" }, "All runs")))] };
@@ -41,6 +42,8 @@ async function open() {
   clearTimeout(waiting);
   if (number !== asked) return made.close?.();
   close = () => made.close?.();
+  const heading = made.elements.find((element) => element?.querySelector?.("h1"))?.querySelector("h1").textContent;
+  document.title = `${heading ?? BAR[page]} · agentflow studio`; // tabs are told apart by it
   document.body.replaceChildren(bar, ...made.elements.filter(Boolean));
   scrollTo(0, 0); // else a page begins where the one before was
   document.body.dataset.ready = page;

@@ -14,9 +14,10 @@ export async function runsPage({ again, design: task, ...fields }) {
   const first = firstVisit();
   const form = designForm(start, () => (before.machine ? { machine: before.machine } : {}), undefined, before);
   const design = el("details", { class: "design", open: again || task ? "" : null, toggle: () => form.dispatchEvent(new Event("input")) }, el("summary", {}, "New design"), form);
+  const hint = el("p", { class: "quiet" }, "New here? ", ...links());
   const show = (empty) => {
     first.hidden = !empty;
-    for (const element of list.elements) element.classList.toggle("unused", empty);
+    for (const element of [hint, ...list.elements.slice(0, 2)]) element.hidden = empty;
   };
   show(false);
   const stop = follow({}, (news) => {
@@ -25,8 +26,7 @@ export async function runsPage({ again, design: task, ...fields }) {
     show(!list.rows.size);
   });
   return {
-    elements: [el("main", { class: "alone runs" }, el("header", {}, el("h1", {}, "Runs"), el("p", { class: "lede" }, `Runs and sweeps in the folder ${start.runs}.`),
-      el("p", { class: "quiet" }, "New here? ", ...links())), first, design, ...list.elements)],
+    elements: [el("main", { class: "alone runs" }, el("header", {}, el("h1", {}, "Runs"), el("p", { class: "lede" }, `Language models design machines from blocks; physics scores them. These are the runs and sweeps in the folder ${start.runs}.`), hint), first, design, ...list.elements)],
     close: stop,
   };
 }

@@ -14,7 +14,7 @@ export class Trials {
     this.list = [];
     this.name = ""; // of the run that the tests are recorded in; the first one begins it
     this.player = new Player();
-    this.strip = el("ol", { class: "strip", "aria-label": "Trials" });
+    this.strip = el("ol", { class: "strip", "aria-label": "Tests" });
     this.run = el("p", { class: "quiet" });
     this.element = el("section", { class: "trials-strip" }, this.strip, this.run);
     this.draw();
@@ -38,7 +38,7 @@ export class Trials {
       const ended = this.name && this.name !== found.run ? " The earlier run has ended, so this test began another one." : "";
       this.name = found.run;
       editor.tellTrial({ machine: given.machine, seconds: (performance.now() - begun) / 1000, score: found.score, status: found.status, run: found.run });
-      editor.say(`Trial ${trial.number}: ${this.told(trial)}${ended}`);
+      editor.say(`Test ${trial.number}: ${this.told(trial)}${ended}`);
     } catch (error) {
       trial.status = "failed";
       editor.say(error.message, true);
@@ -73,7 +73,7 @@ export class Trials {
     const before = this.list.findLast((other) => other.number < number && other.score !== null);
     const { record, good } = this.editor.start;
     const [share, of] = record?.score > 0 ? [score / record.score, "the record"] : [score / good, "a good score"];
-    return [`score ${withUnit(score, this.editor.start.unit)}`, ...(before ? [`${signed(score - before.score)} on trial ${before.number}`] : []), `${formatNumber(Math.round(100 * share))} % of ${of}`].join(", ") + `. ${cause}`;
+    return [`score ${withUnit(score, this.editor.start.unit)}`, ...(before ? [`${signed(score - before.score)} on test ${before.number}`] : []), `${formatNumber(Math.round(100 * share))} % of ${of}`].join(", ") + `. ${cause}`;
   }
 
   film(state, given) {
@@ -97,7 +97,7 @@ export class Trials {
       if (editor.state.digest === trial.state.digest) this.showFilm();
       editor.record("watch");
       this.player.use(shapes, files);
-      await this.player.show(machine, `Trial ${trial.number}`, machine.remark);
+      await this.player.show(machine, `Test ${trial.number}`, machine.remark);
       this.player.play();
     } catch (error) {
       editor.say(error.message, true);
@@ -110,7 +110,7 @@ export class Trials {
       "aria-current": trial === this.shown ? "true" : null, class: trial.score === best && this.list.length > 1 ? "best" : null, title: trial.feedback, click: () => this.open(trial),
     }, el("small", {}, `#${trial.number} · ${trial.state.count} blocks`), el("span", {}, el("b", {}, trial.score === null ? trial.status : withUnit(trial.score, this.editor.start.unit)))))));
     this.run.replaceChildren(...(this.name ? ["Recorded in ", el("a", { href: address("run", { run: this.name }) }, this.name), " ", el("button", { title: "Complete the run with its best machine as the result; the next test begins another run", click: () => this.finish() }, "Finish this run")]
-      : ["Choose Test (P) to simulate this machine. Each trial stays here, and in a run of the list."]));
+      : ["Choose Test (P) to simulate this machine. Each test stays here, and in a run of the list."]));
   }
 
   /** Complete the run; the next test begins another one. */

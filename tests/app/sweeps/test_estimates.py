@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from agentflow.agents.registry import ROLES
+from agentflow.api import design
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.sweeps.estimates import NOTHING, Estimate, estimate
 from agentflow.config.run import build_config, load_document
@@ -83,6 +84,29 @@ def test_cost_needs_a_price_for_every_model_used() -> None:
         priced.money
     )
     assert (priced + of(model={"name": "m"})).money is None
+
+
+def test_a_limit_on_calls_scales_tokens_and_money() -> None:
+    model = {"name": "m", "prices": {"m": {"input": 1.0, "output": 10.0}}}
+    whole = of(model=model)
+    part = of(model={**model, "budget": {"calls": whole.calls // 3}})
+    share = part.calls / whole.calls
+    assert part.calls == whole.calls // 3
+    assert part.prompt_tokens == pytest.approx(share * whole.prompt_tokens, abs=1)
+    assert part.completion_tokens == pytest.approx(share * whole.completion_tokens, abs=1)
+    assert part.money == pytest.approx(share * (whole.money or 0.0))
+    assert part.rollouts == whole.rollouts  # edits without a call are simulated as well
+    assert of(model={**model, "budget": {"calls": whole.calls}}) == whole
+
+
+@pytest.mark.slow
+def test_the_estimate_of_the_first_demo_is_what_it_takes(tmp_path: Path) -> None:
+    """Of the one that the studio offers to a newcomer."""
+    planned = of(workflow="hierarchical", settings={"trajectories": 2})
+    made = design("throwing", settings={"trajectories": 2}, out=tmp_path, say=lambda _: None)
+    result = read_result(made.path)
+    assert planned.calls / 1.5 <= result.calls <= planned.calls * 1.5
+    assert planned.rollouts / 1.5 <= result.rollouts <= planned.rollouts
 
 
 def test_a_search_among_models_costs_at_most_as_if_the_dearest_were_asked() -> None:
