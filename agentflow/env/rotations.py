@@ -123,3 +123,12 @@ def _axis(machine: Machine, block: int) -> Array:
 def _within_half_turn(angle: Array) -> Array:
     """The same angles between -pi and pi."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def unify_signs(rotation: Array) -> Array:
+    """Flip the signs of (T, ..., 4) quaternions so that neighbours in time interpolate the short
+    way."""
+    same = np.sum(rotation[1:] * rotation[:-1], axis=-1, keepdims=True) >= 0
+    flips = np.concatenate([np.ones((1, *same.shape[1:])), np.where(same, 1.0, -1.0)])
+    steady: Array = rotation * np.cumprod(flips, axis=0)
+    return steady

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agentflow.env.rotations import unify_signs
+
 STEPS = 65535
 """Steps of a coordinate between its minimum and maximum: 1.5 mm over 100 m."""
 TURN = 32767
@@ -48,7 +50,7 @@ def pack_motion(motion: FilmMotion) -> dict[str, Any]:
     low = motion.position.min(axis=(0, 1))
     extent = np.maximum(np.ptp(motion.position, axis=(0, 1)), PRECISION)
     places = np.round((motion.position - low) * (STEPS / extent)) - STEPS // 2 - 1
-    turns = np.round(_same_hemisphere(motion.rotation) * TURN)
+    turns = np.round(unify_signs(motion.rotation) * TURN)
     rows = np.concatenate([places, turns], axis=2).transpose(2, 1, 0).reshape(-1, samples)
     changes = np.diff(rows.astype(np.int64), axis=1, prepend=0).astype(np.uint16).ravel()
     loads = np.round(np.nan_to_num(motion.load).clip(0.0, 255 / LOAD) * LOAD).astype(np.int64).T
@@ -76,11 +78,3 @@ def deflate(content: bytes) -> str:
 def deflate_json(value: object) -> str:
     """Deflate JSON data to base64 text."""
     return deflate(json.dumps(value).encode())
-
-
-def _same_hemisphere(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Flip quaternions (T, B, 4) that are in the other hemisphere than their predecessor."""
-    sides = np.where(np.sum(rotation[1:] * rotation[:-1], axis=2, keepdims=True) < 0, -1.0, 1.0)
-    first = np.ones((1, *sides.shape[1:]))
-    steady: NDArray[np.float64] = rotation * np.cumprod(np.concatenate([first, sides]), axis=0)
-    return steady

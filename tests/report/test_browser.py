@@ -561,10 +561,11 @@ def test_parts_of_a_benchmark_differ_in_colour_and_in_shape(
         browser.get(file.as_uri())
         until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .tick")) > 4)
         looks = browser.execute_script(
-            """return [...document.querySelectorAll(".key svg")].map((key) => [
-              getComputedStyle(key.firstChild).stroke,
-              [...key.children].map((part) => part.getAttribute("d")).join() +
-                (getComputedStyle(key.firstChild).fill === getComputedStyle(key.firstChild).stroke)])"""
+            """return [...document.querySelectorAll(".key svg")].map((key) => {
+              const { fill, stroke } = getComputedStyle(key.firstChild);
+              const ways = [...key.children].map((part) => part.getAttribute("d"));
+              return [stroke, `${ways} ${fill === stroke}`];
+            })"""
         )
     assert [len(set(each)) for each in zip(*looks, strict=True)] == [4, 4]
 

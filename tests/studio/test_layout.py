@@ -36,13 +36,16 @@ SHARED = {
     "cards",
     "facts",
     "files",
-    "pair",
+    "guide",
+    "kind-id",
     "picks",
     "player",
     "problem",
+    "problems",
     "quiet",
     "said",
     "task",
+    "views",
 }
 """Names of classes that both style sheets use on purpose."""
 FAULTS = """

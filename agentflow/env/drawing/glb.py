@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from agentflow.env.drawing.film import TRAIL, tracked_block
 from agentflow.env.drawing.solids import BROKEN, MachineSolids, Pose
 from agentflow.env.rollout import Array, Rollout, Trace
+from agentflow.env.rotations import unify_signs
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine, Step
@@ -109,6 +110,11 @@ class Glb:
             {"sampler": len(self._samplers), "target": {"node": node, "path": path}}
         )
         self._samplers.append(sampler)
+
+    def move(self, node: int, times: Array, places: Array, turns: Array) -> None:
+        """Animate where a node is, (T, 3) m, and how it is turned, (T, 4) quaternions."""
+        self.animate(node, "translation", times, places)
+        self.animate(node, "rotation", times, unify_signs(turns))
 
     def to_bytes(self, roots: Sequence[int]) -> bytes:
         """Contents of the file; `roots` are the nodes without a parent."""
@@ -271,15 +277,13 @@ def _animate_block(
 ) -> None:
     """Animate a block's node along the trace; two-ended blocks disappear when they disconnect."""
     if not step.two_ended:
-        glb.animate(node, "translation", trace.times, trace.centre[:, step.id])
-        glb.animate(node, "rotation", trace.times, _unify_signs(trace.rotation[:, step.id]))
+        glb.move(node, trace.times, trace.centre[:, step.id], trace.rotation[:, step.id])
         return
     rods = [shapes.rod(step.id, pose) for pose in poses]
-    turns = _unify_signs(np.array([rod.rotation for rod in rods]))
+    turns = np.array([rod.rotation for rod in rods])
     connected = trace.alive[:, [step.id]]
     sizes = np.where(connected, np.array([rod.size for rod in rods]), HIDDEN)
-    glb.animate(node, "translation", trace.times, np.array([rod.position for rod in rods]))
-    glb.animate(node, "rotation", trace.times, turns)
+    glb.move(node, trace.times, np.array([rod.position for rod in rods]), turns)
     glb.animate(node, "scale", trace.times, sizes)
 
 
@@ -289,16 +293,6 @@ def _scene(glb: Glb, scene: Scene, trace: Trace) -> int:
     for item in scene.objects:
         nodes.append(glb.solid(item))
         if item.name in trace.objects:
-            column = trace.objects.index(item.name)
-            turns = _unify_signs(trace.object_rotation[:, column])
-            glb.animate(nodes[-1], "translation", trace.times, trace.object_position[:, column])
-            glb.animate(nodes[-1], "rotation", trace.times, turns)
+            at = (slice(None), trace.objects.index(item.name))
+            glb.move(nodes[-1], trace.times, trace.object_position[at], trace.object_rotation[at])
     return glb.node("scene", nodes)
-
-
-def _unify_signs(rotation: Array) -> Array:
-    """Flip the signs of (T, 4) quaternions so that neighbours interpolate the short way."""
-    sides = np.sign(np.sum(rotation[1:] * rotation[:-1], axis=1))
-    flips = np.cumprod(np.concatenate([[1.0], np.where(sides < 0, -1.0, 1.0)]))
-    steady: Array = rotation * flips[:, None]
-    return steady

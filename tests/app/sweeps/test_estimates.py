@@ -104,7 +104,7 @@ def test_the_estimate_of_the_first_demo_is_what_it_takes(tmp_path: Path) -> None
     """Of the one that the studio offers to a newcomer."""
     planned = of(workflow="hierarchical", settings={"trajectories": 2})
     made = design("throwing", settings={"trajectories": 2}, out=tmp_path, say=lambda _: None)
-    result = read_result(made.path)
+    result = read_result(made.run)
     assert planned.calls / 1.5 <= result.calls <= planned.calls * 1.5
     assert planned.rollouts / 1.5 <= result.rollouts <= planned.rollouts
 
