@@ -196,7 +196,7 @@ def test_without_designs_the_pace_is_that_of_a_busy_computer(
         monkeypatch.setattr(os, "getloadavg", lambda load=load: (load, 0.0, 0.0))
         assert listing.pace("throwing") == pace
     idle = usual_seconds(RunPlan.of(load_config(None, (), {"task": "throwing"})))
-    assert idle == pytest.approx(START_S + 37.6 / min(2, CORES))
+    assert idle == pytest.approx(START_S + 42.4 / min(2, CORES))
 
 
 def test_a_page_of_a_sweep_is_made_again_only_when_a_run_ends(tmp_path: Path) -> None:

@@ -42,7 +42,8 @@ class Estimate:
     verification: int
     """Most simulations to verify the finalists; not among the rollouts."""
     worker_seconds: float
-    """For all simulations, with one finalist verified: others are only if they could still win."""
+    """For all simulations, with the best finalist and half of the others verified: these are only if
+    they could still win."""
 
     def __add__(self, other: Estimate) -> Estimate:
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
@@ -82,7 +83,8 @@ def estimate(plan: RunPlan) -> Estimate:
         rollouts=rollouts,
         perturbation=rollouts * len(perturbed),
         verification=finalists * len(verified),
-        worker_seconds=(rollouts * (1 + sum(perturbed)) + sum(verified)) * seconds,
+        worker_seconds=(rollouts * (1 + sum(perturbed)) + (1 + finalists) / 2 * sum(verified))
+        * seconds,
     )
 
 
