@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.rotations import unify_signs
-
 STEPS = 65535
 """Steps of a coordinate between its minimum and maximum: 1.5 mm over 100 m."""
 TURN = 32767
@@ -35,7 +33,7 @@ class FilmMotion:
     position: NDArray[np.float64]
     """(T, B, 3) m."""
     rotation: NDArray[np.float64]
-    """(T, B, 4) unit quaternions x, y, z, w."""
+    """(T, B, 4) unit quaternions x, y, z, w; neighbours in time have the same signs."""
     load: NDArray[np.float64]
     """(T, E) load divided by strength; NaN after a break."""
 
@@ -50,7 +48,7 @@ def pack_motion(motion: FilmMotion) -> dict[str, Any]:
     low = motion.position.min(axis=(0, 1))
     extent = np.maximum(np.ptp(motion.position, axis=(0, 1)), PRECISION)
     places = np.round((motion.position - low) * (STEPS / extent)) - STEPS // 2 - 1
-    turns = np.round(unify_signs(motion.rotation) * TURN)
+    turns = np.round(motion.rotation * TURN)
     rows = np.concatenate([places, turns], axis=2).transpose(2, 1, 0).reshape(-1, samples)
     changes = np.diff(rows.astype(np.int64), axis=1, prepend=0).astype(np.uint16).ravel()
     loads = np.round(np.nan_to_num(motion.load).clip(0.0, 255 / LOAD) * LOAD).astype(np.int64).T

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.env.rotations import compose, conjugate, rotate, rotated_axes
+from agentflow.env.rotations import compose, conjugate, rotate, rotated_axes, unify_signs
 
 HALF = 0.5**0.5
 ORIENTATIONS = [
@@ -52,3 +52,10 @@ def test_a_frame_holds_the_turned_axes(turn: np.ndarray) -> None:
     x, y, z, w = turn.tolist()
     expected = rotate(np.tile(turn, (3, 1)), np.eye(3))
     assert rotated_axes((x, y, z, w)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_neighbours_in_time_lie_on_one_side() -> None:
+    turn = np.array([0.0, HALF, 0.0, HALF])
+    turns = np.array([[turn, turn], [-turn, turn], [turn, -turn]])
+    assert unify_signs(turns).tolist() == [[turn.tolist()] * 2] * 3
+    assert unify_signs(turns[:, 0]).tolist() == [turn.tolist()] * 3

@@ -47,14 +47,6 @@ def test_places_turns_and_loads_come_back() -> None:
     assert np.abs(loaded - load).max() <= 0.0025 + 1e-9
 
 
-def test_neighbouring_turns_lie_on_one_side() -> None:
-    turns = np.array([[STILL], [tuple(-part for part in STILL)], [STILL]])
-    _, turned, _ = unpacked(
-        pack_motion(FilmMotion(np.arange(3), np.zeros((3, 1, 3)), turns, np.zeros((3, 0))))
-    )
-    assert turned.tolist() == [[list(STILL)]] * 3
-
-
 def test_what_has_broken_and_what_is_overloaded_fits_a_byte() -> None:
     load = np.array([[np.nan, 7.0]])
     place = np.zeros((1, 1, 3))

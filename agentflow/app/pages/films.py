@@ -15,6 +15,7 @@ from agentflow.env.mechanism import classify
 from agentflow.env.physics.model import Color
 from agentflow.env.query import CONTROLLERS
 from agentflow.env.rollout import Broken, Rollout, RolloutEvent, Trace
+from agentflow.env.rotations import unify_signs
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.simulation.trials import SHOWN_TRIAL
 from agentflow.machine.blocks.library import library
@@ -248,7 +249,7 @@ def _motion(
         if step.two_ended:
             position[:, step.id] = position[:, 0]
             rotation[:, step.id] = IDENTITY
-    return FilmMotion(trace.times, position, rotation, trace.utilisation)
+    return FilmMotion(trace.times, position, unify_signs(rotation), trace.utilisation)
 
 
 def solid_row(solid: SceneObject) -> Row:

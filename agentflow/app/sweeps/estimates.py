@@ -42,7 +42,7 @@ class Estimate:
     verification: int
     """Most simulations to verify the finalists; not among the rollouts."""
     worker_seconds: float
-    """For all simulations, with the best finalist and half of the others verified: these are only if
+    """For all simulations, with the best finalist verified and half of the others: they are only if
     they could still win."""
 
     def __add__(self, other: Estimate) -> Estimate:
