@@ -74,10 +74,6 @@ class Monitor:
         """Something happened or was switched."""
         self._alert, self._pressing = round(ALERT * self._rate), PRESSING
 
-    def disturb(self, time: float) -> None:
-        """See `LoadHistory.disturb`."""
-        self.history.disturb(time)
-
     def add_step(self, time: float, speeds: tuple[float, float]) -> None:
         """Look at a whole step.
 

@@ -243,7 +243,7 @@ class Trial:
         settled, stepping = self._settled, self._stepping
         divisions = stepping.advance(self._loads.peak) if settled else stepping.settling
         if divisions != self._divisions and settled and self._resting():
-            self._monitor.disturb(self._elapsed / self._rate)
+            self._history.disturb(self._elapsed / self._rate)
         self._divisions = divisions
         thorough = self._steps % self._check_every == 0
         alike = divisions * (min(ahead, stepping.alike) if settled else ahead)
@@ -273,13 +273,9 @@ class Trial:
         if settled:
             speeds = world.speeds(thorough=False) if thorough else self._speeds
             self._monitor.add_step((self._steps - self._start_step) / self._rate, speeds)
-        return "timeout" if thorough and self._is_late() else "ok"
-
-    def _is_late(self) -> bool:
-        """Whether computing took too long; asking for its time takes as long as a step, so only
-        once more time than that has passed."""
-        late = perf_counter() - self._began > self._cpu_limit
-        return late and thread_time() - self._started > self._cpu_limit
+        # asking for the time of computing takes as long as a step, so only once as much has passed
+        late = thorough and perf_counter() - self._began > self._cpu_limit
+        return "timeout" if late and thread_time() - self._started > self._cpu_limit else "ok"
 
     def _note_loads(self, broken: Mapping[int, float]) -> None:
         """Keep which joints nearly broke, and which broke under what load."""

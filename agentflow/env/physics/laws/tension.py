@@ -91,10 +91,10 @@ class PullForce(ABC):
         times the rate at which it grew then, m."""
         self.half = 0.0
         """Half the length of the last step, s."""
-        self._works: list[Sequence[float] | Array] = []
-        """Work of each line in each step but the last, after a step without any, J."""
-        self._pulls: list[Sequence[float] | Array] = []
-        """Pull of each line in each step, N."""
+        self._noted: list[tuple[list[float], list[float]]] = []
+        """Of each step, the work of each line in the step before, J, and the pull of each, N."""
+        self._blocks: list[Array] = []
+        """(S, 2, P) the same of steps before these."""
 
     def __bool__(self) -> bool:
         return bool(self.parts)
@@ -111,24 +111,31 @@ class PullForce(ABC):
             pull * (before - distance + self.half * rate) if pull else 0.0
             for (pull, before), (*_, distance, rate) in zip(self.pulled, lines, strict=True)
         ]
-        works: Array = np.array([*self._works, last] if self._works else [last]).cumsum(axis=0)
+        works: Array = np.concatenate([self._told[:, 0], [last]]).cumsum(axis=0)
         return works
 
     @property
     def pulls(self) -> Array:
         """(S + 1, P) pull of each line in each step, N, after a row without any."""
-        return np.array([[0.0] * len(self.parts), *self._pulls])
+        return np.concatenate([np.zeros((1, len(self.parts))), self._told[:, 1]])
+
+    @property
+    def _told(self) -> Array:
+        """(S, 2, P) all that was noted."""
+        last = np.array(self._noted).reshape(-1, 2, len(self.parts))
+        self._noted, self._blocks = [], [np.concatenate([*self._blocks, last])]
+        return self._blocks[0]
 
     def catch_up(self, steps: Array, pulled: list[tuple[float, float]], half: float) -> None:
         """Note several steps: (S, 2, P) works and pulls, and `pulled` and `half` after the last."""
-        self._works += [*steps[:, 0]]
-        self._pulls += [*steps[:, 1]]
+        if self._noted:
+            self._blocks = [self._told]  # in order
+        self._blocks.append(steps)
         self.pulled[:], self.half = pulled, half
 
     def _note(self, works: list[float], pulls: list[float]) -> None:
         """Keep the work of the step before and the pulls of this one."""
-        self._works.append(works)
-        self._pulls.append(pulls)
+        self._noted.append((works, pulls))
 
     @abstractmethod
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:

@@ -24,7 +24,8 @@ ROW_ORDER = np.array([0, 1, 2, 4, 5, 6, 3, 7, 8, 9, 10, 11, 12])
 
 Found = tuple[Any, Array, Array]
 """Of C contacts: (C, 2) shapes, (C,) normal forces (N) and (C, 3) places."""
-NONE: Found = np.zeros((0, 2), np.int32), np.zeros(0), np.zeros((0, 3))
+NONE: Any = np.zeros((0, 9), np.int32)
+"""No contacts, as MuJoCo stores them."""
 Kept = tuple[Found, Any, int]
 """Contacts in several steps, where those of each step begin, and the number of a step."""
 
@@ -35,19 +36,17 @@ class Rows:
     def __init__(self, built: CompiledModel) -> None:
         numbers = 6 * len(built.links)
         self._source = built.data.sensordata[numbers:].reshape(-1, WIDTH)
+        self.read()
+
+    def read(self) -> None:
+        """Read the rows after a step."""
+        self.table: Array = self._source.take(ROW_ORDER, axis=1)
+        """(C, 13) every row; a new array after each step."""
         self.known: list[Row] = []
         """Every row as numbers, if `all` was asked for."""
         self.speeds: tuple[float, float] | None = None
         self.air: float | None = None
         """What is known already of these rows: `top_speeds`, and power of drag, W."""
-        self.table: Array = self._source.take(ROW_ORDER, axis=1)
-        """(C, 13) every row; a new array after each step."""
-
-    def read(self) -> None:
-        """Read the rows after a step."""
-        self.table = self._source.take(ROW_ORDER, axis=1)
-        self.known = []
-        self.speeds = self.air = None
 
     def __getitem__(self, row: int) -> Row:
         """One row."""
@@ -144,10 +143,8 @@ class Contacts:
         until there are any."""
         self._stored = (slice(0),) * 3
         """Where place, two shapes and row of a contact are among these words."""
-        self._words: Any = None
-        self._efforts: Array = np.zeros(0)
-        """Of the last step, if it was taken singly: contacts, if there are any, and what each
-        constraint exerted."""
+        self._words, self._efforts = NONE, np.zeros(0)
+        """Of the last step, if it was taken singly: contacts, and what each constraint exerted."""
         self.kept: Kept | None = None
         """Where the contacts of the last step are, if several were taken at once."""
         self._pairs = _Pairs(built.owners)
@@ -163,21 +160,17 @@ class Contacts:
         count = self._data.ncon
         if count and self._memory is None:
             self._locate(self._data.contact)
-        self._words = self._memory[:count].copy() if count else None
+        self._words = self._memory[:count].copy() if count else NONE
         self._efforts, self.kept = efforts, None
 
     def _look(self) -> Found:
-        """The contacts."""
+        """The contacts; of a step that was taken singly with rows for forces, and words."""
         if self.kept:
             (shapes, normal, places), counts, i = self.kept
             first, last = counts.item(i), counts.item(i + 1)
             return shapes[first:last], normal[first:last], places[first:last]
-        if self._words is None:
-            return NONE
         place, geoms, row = self._stored
-        words, efforts = self._words, np.append(self._efforts, 0.0)  # without force: row -1
-        places = words[:, place].copy().view(np.float64).reshape(-1, 3)
-        return words[:, geoms], efforts[words[:, row].ravel()], places
+        return self._words[:, geoms], self._words[:, row], self._words[:, place]
 
     def _locate(self, contact: Any) -> None:
         """Find where MuJoCo stores contacts: always in the same place, one after another. Copying
@@ -208,6 +201,9 @@ class Contacts:
     def all(self) -> list[Touch]:
         """Everything that was in contact."""
         shapes, normal, places = self._look()
+        if not self.kept:
+            normal = np.append(self._efforts, 0.0)[normal.ravel()]  # without force: row -1
+            places = places.copy().view(np.float64).reshape(-1, 3)
         pairs = map(self._pairs.__getitem__, map(tuple, shapes.tolist()))
         return sum_touches(zip(pairs, normal.tolist(), places.tolist(), strict=True))
 

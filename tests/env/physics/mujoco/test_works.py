@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import mujoco
+import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
@@ -90,5 +91,5 @@ def test_contacts_are_where_the_engine_stores_them(monkeypatch: pytest.MonkeyPat
         shapes, _, found = world.now.contacts._look()
         counts.add(len(found))
         assert shapes.tolist() == geoms
-        assert found.tolist() == places
+        assert found.copy().view(np.float64).tolist() == places
     assert len(counts) > 3
