@@ -1,4 +1,4 @@
-"""Writes docs/results/published.md from finished sweeps: tables, and each family's best machine.
+"""Writes docs/results/published.md: tables of finished sweeps, and the best known machines.
 
 `scripts/results` runs the sweeps first.
 """
@@ -11,11 +11,12 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from agentflow.app.pages.pictures import render_run
+from agentflow.app.pages.tasks import level_picture
 from agentflow.app.sweeps.folder import read_folder
 from agentflow.app.sweeps.registry import VIEWS
 from agentflow.app.sweeps.tables import FinishedRun, layout_table, read_sweep_result
-from agentflow.env.tasks.registry import get_level
+from agentflow.env.tasks.records import record_of
+from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.metrics.tables import markdown
 from agentflow.runs import read_document
 
@@ -43,6 +44,14 @@ FURTHER = {
     "additional_tasks": ("human",),
 }
 """Sweep -> views to show in addition to the published layout."""
+RECORDED = "pybullet"
+"""The engine of the records that are shown."""
+SIZE = (640, 480)
+"""Of pictures, pixels."""
+OF_RECORDS = """\
+What the scores above can be compared with: the [record](../reference/tasks.md) of the first level
+of each family, from any of the models and searches that have been tried, where it starts. The
+sweeps above keep their own best machines in the folders of their runs."""
 HEAD = """\
 # Results of the shipped sweeps
 
@@ -93,7 +102,7 @@ def main() -> None:
     folders = [given.sweeps / name for name in ORDER if (given.sweeps / name).is_dir()]
     pictures = Path(__file__).parent.parent / "docs" / "pictures" / "results"
     pictures.mkdir(parents=True, exist_ok=True)
-    parts = [HEAD, *map(section, folders), gallery(folders, pictures, given.out.parent)]
+    parts = [HEAD, *map(section, folders), gallery(pictures, given.out.parent)]
     given.out.write_text("\n".join(parts), encoding="utf-8")
     print(f"{given.out}: {len(folders)} of {len(ORDER)} sweeps")
 
@@ -120,25 +129,19 @@ def commits(runs: Iterable[FinishedRun]) -> str:
     return ", ".join(f"`{commit[:10]}`" for commit in made)
 
 
-def gallery(folders: Iterable[Path], pictures: Path, base: Path) -> str:
-    """Section with a picture of the best machine of each family."""
-    best: dict[str, tuple[float, FinishedRun]] = {}
-    for folder in folders:
-        for run in read_sweep_result(folder).finished:
-            family = get_level(run.planned.config.task).file.family
-            score = run.result.score
-            if score is not None and score > best.get(family, (0.0, run))[0]:
-                best[family] = (score, run)
-    lines = ["## The best machine of each family", ""]
-    for family, (score, run) in sorted(best.items()):
-        file = pictures / f"{family}.png"
-        render_run(run.path, file)
-        place = os.path.relpath(file, base)
+def gallery(pictures: Path, base: Path) -> str:
+    """Section with a picture of the best known machine of each family, on its first level."""
+    lines = ["## The best known machine of each family", "", OF_RECORDS, ""]
+    for family in sorted(name for name in task_names() if "/" not in name):
+        task = get_task(family, engine=RECORDED)
+        record, file = record_of(task), pictures / f"{family}.png"
+        assert record is not None
+        file.write_bytes(level_picture(family, SIZE))
+        score = f"{record.verified:,.2f} {task.unit}".strip()
         lines += [
-            f"![The best machine of {family}]({place})",
+            f"![The best known machine of {family}]({os.path.relpath(file, base)})",
             "",
-            f"{run.planned.config.task}: score {score:.2f}, model {run.result.model}, "
-            f"run `{run.path}`",
+            f"{family}: verified score {score}, `records/{record.name}.json`, {record.how}",
             "",
         ]
     return "\n".join(lines)
