@@ -158,7 +158,8 @@ def markdown(table: Table) -> str:
     def part(rows: Iterable[Row]) -> list[str]:
         heads = [*table.heads, *(column.full for column in table.columns)]
         marks = ["---"] * len(table.heads) + ["---:"] * len(table.columns)
-        return [_pipes(cells) for cells in (heads, marks, *(_cells(table, row) for row in rows))]
+        lines = (heads, marks, *(_cells(table, row) for row in rows))
+        return [f"| {' | '.join(map(_escape_markdown, cells))} |" for cells in lines]
 
     lines = [f"**{_escape_markdown(table.title)}**", "", *part(table.rows)]
     if table.published:
@@ -286,10 +287,6 @@ def _group_line(table: Table, widths: list[int]) -> list[str]:
 def _cells(table: Table, row: Row) -> list[str]:
     pairs = zip(row.values, table.columns, strict=True)
     return [*row.labels, *(cell_text(value, c.digits, in_percent=c.percent) for value, c in pairs)]
-
-
-def _pipes(cells: Iterable[str]) -> str:
-    return f"| {' | '.join(_escape_markdown(cell) for cell in cells)} |"
 
 
 def _escape_markdown(text: str) -> str:

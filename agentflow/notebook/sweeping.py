@@ -13,7 +13,7 @@ from agentflow.app.sweeps.plan import plan_sweep as plan_sweep_file
 from agentflow.app.sweeps.run import run_blocking, run_sweep_async
 from agentflow.config.grid import ANSWER, METRICS, function_name, sweep_document
 from agentflow.config.run import DesignConfig
-from agentflow.config.sweep import SweepConfig, SweepRun, TableLayout, read_sweep
+from agentflow.config.sweep import SweepConfig, TableLayout, read_sweep
 from agentflow.env.pool.pool import Pool
 from agentflow.errors import RunError, UsageError
 from agentflow.llm.function import FunctionClient, ModelFunction
@@ -62,18 +62,17 @@ class SweepWork:
         Raises:
             RunError: Every run has failed, or the folder cannot be used.
         """
+        every = self.functions.get(EVERY)
         watcher = SweepLine(len(self.plan.runs), say, listener)
         outcome = await run_sweep_async(
             self.plan, self.folder, watcher,
-            jobs=jobs, resume=resume, pool=pool, client_of=self._client_of,
+            jobs=jobs, resume=resume, pool=pool,
+            client_of=lambda run: self.functions.get(run.labels.get(ANSWER, EVERY), every),
         )  # fmt: skip
         if not outcome.done:
             first, reason = next(iter(outcome.failed.items()))
             raise RunError(f"every run of {self.folder} has failed; {first}: {reason}")
         return Sweep(self.folder)
-
-    def _client_of(self, run: SweepRun) -> FunctionClient | None:
-        return self.functions.get(run.labels.get(ANSWER, EVERY), self.functions.get(EVERY))
 
 
 def plan_sweep(

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from agentflow.errors import DamagedError
-from agentflow.files.lines import damaged_line
+from agentflow.files.lines import damaged_line, read_new_lines
 from agentflow.holding import Holding
 from agentflow.runs.locations import Location
-from agentflow.runs.reading import EVENTS, Event, read_events, read_new_events
+from agentflow.runs.reading import EVENTS, Event, parse_event, read_events
 
 
 @dataclass(frozen=True)
@@ -579,7 +579,7 @@ def read_new_typed_events(path: Path, offset: int) -> tuple[list[RunEvent | Even
     Raises:
         RunError: The file cannot be read, or a line is damaged.
     """
-    events, now = read_new_events(path, offset)
+    events, now = read_new_lines(path / EVENTS, parse_event, offset)
     return [_typed(event, path) for event in events], now
 
 

@@ -15,7 +15,7 @@ from agentflow.files.atomic import os_errors
 from agentflow.files.chains import Chains
 from agentflow.files.documents import break_seal, read_yaml_document, sealed
 from agentflow.files.folders import lock_file
-from agentflow.files.lines import parse_object, read_lines, read_new_lines
+from agentflow.files.lines import parse_object, read_lines
 
 
 class _ToolCall(BaseModel):
@@ -167,20 +167,9 @@ def read_events(path: Path) -> Iterator[Event]:
     for number, again in enumerate(read_lines(path / EVENTS, _parse_again), start=1):
         if again is not None:
             replaced[again.kind, again.label] = number
-    for number, event in enumerate(read_lines(path / EVENTS, _parse_event), start=1):
+    for number, event in enumerate(read_lines(path / EVENTS, parse_event), start=1):
         if replaced.get((event.kind, event.label), 0) <= number:
             yield replace(event, line=number)
-
-
-def read_new_events(path: Path, offset: int) -> tuple[list[Event], int]:
-    """The events whose lines are complete beyond a byte offset, and the offset behind them.
-
-    Events that replace earlier ones are among them, as they come.
-
-    Raises:
-        RunError: The file cannot be read, or a line is damaged.
-    """
-    return read_new_lines(path / EVENTS, _parse_event, offset)
 
 
 def read_machine_text(path: Path, digest: str) -> str:
@@ -243,10 +232,11 @@ def require_runs(folder: Path) -> list[Path]:
 
 
 def _parse_again(line: bytes) -> Event | None:
-    return _parse_event(line) if line.startswith(AGAIN) else None
+    return parse_event(line) if line.startswith(AGAIN) else None
 
 
-def _parse_event(line: bytes) -> Event:
+def parse_event(line: bytes) -> Event:
+    """The event in a line of events.jsonl; ValueError if there is none."""
     item = parse_object(line)
     if item is not None:
         kind, label, data = item.get("kind"), item.get("label"), item.get("data")

@@ -1,6 +1,8 @@
 """Segments a session: cuts it into episodes, which a model labels one at a time among their
 neighbours, or rules; reads and writes the result."""
 
+from __future__ import annotations
+
 import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -87,38 +89,43 @@ class LabelPrompt(Prompt[Window, Label]):
 
 async def label_by_model(
     session: Session,
-    said: Sequence[Utterance],
-    episodes: Sequence[Episode],
-    objective: str,
-    context: AskContext,
+    segments: Segments,
+    config: DesignConfig,
+    client: Client | None,
+    notify: Notify,
     say: Progress,
-) -> list[Episode]:
-    """The episodes with their labels.
+) -> Segments:
+    """The segments with the labels that a model gives.
 
     An episode that may have only one label has it without a question. One for which no reply had an
     allowed label stays without.
 
     Args:
         session: The session.
-        said: Everything that was said or noted.
-        episodes: In the order of time.
-        objective: The task in one sentence.
-        context: How to ask.
+        segments: Its episodes, and what was said.
+        config: The model, and how to ask it.
+        client: Answers in place of the configured model.
+        notify: Receives remarks for the user.
         say: Receives progress: episodes that are labelled, of how many.
     """
-    labelled = list(episodes)
-    for index, episode in enumerate(episodes):
-        allowed = ALLOWED[episode.coarse]
-        label = next(iter(allowed), None)
-        if len(allowed) > 1:
-            rows = range(max(index - BEFORE, 0), min(index + AFTER + 1, len(episodes)))
-            shown = [_row(session, said, number, labelled[number]) for number in rows]
-            window = Window(objective, index + 1, shown, allowed)
-            question = f"episode-{index + 1}"
-            label = (await ask(LabelPrompt(), window, context, question)).output
-        labelled[index] = episode.model_copy(update={"label": label})
-        say(index + 1, len(episodes))
-    return labelled
+    objective = find_task(session.start.task).brief.objective
+    said, labelled = everything_said(session, segments), list(segments.episodes)
+    async with recorded_models(config, session.path, notify, client) as models:
+        asked = models.clients[ROLE]
+        notify(f"{asked.name} gets the actions and words of this session to label them")
+        context = AskContext(asked, PromptSet(config.prompts), models.choices[ROLE].sampling)
+        for index, episode in enumerate(segments.episodes):
+            allowed = ALLOWED[episode.coarse]
+            label = next(iter(allowed), None)
+            if len(allowed) > 1:
+                rows = range(max(index - BEFORE, 0), min(index + AFTER + 1, len(labelled)))
+                shown = [_row(session, said, number, labelled[number]) for number in rows]
+                window = Window(objective, index + 1, shown, allowed)
+                question = f"episode-{index + 1}"
+                label = (await ask(LabelPrompt(), window, context, question)).output
+            labelled[index] = episode.model_copy(update={"label": label})
+            say(index + 1, len(labelled))
+    return segments.model_copy(update={"model": asked.name, "episodes": tuple(labelled)})
 
 
 def _row(
@@ -283,7 +290,7 @@ def segment(
             episodes = label_by_rules(session, cut_only.episodes)
             labelled = cut_only.model_copy(update={"episodes": tuple(episodes)})
         else:
-            asked = _ask_model(session, cut_only, config, client, notify, say)
+            asked = label_by_model(session, cut_only, config, client, notify, say)
             labelled = asyncio.run(asked)
         DOCUMENT.write(session.path, labelled)
     return labelled
@@ -312,25 +319,6 @@ def everything_said(session: Session, segments: Segments) -> tuple[Utterance, ..
     """What was said and what was noted, in the order of time."""
     noted = [Utterance(begin=n.at, end=n.at, text=n.text) for n in session.of(Note)]
     return tuple(sorted((*segments.spoken, *noted), key=lambda one: one.begin))
-
-
-async def _ask_model(
-    session: Session,
-    segments: Segments,
-    config: DesignConfig,
-    client: Client | None,
-    notify: Notify,
-    say: Progress,
-) -> Segments:
-    objective = find_task(session.start.task).brief.objective
-    async with recorded_models(config, session.path, notify, client) as models:
-        asked = models.clients[ROLE]
-        notify(f"{asked.name} gets the actions and words of this session to label them")
-        sampling = models.choices[ROLE].sampling
-        context = AskContext(asked, PromptSet(config.prompts), sampling)
-        said = everything_said(session, segments)
-        episodes = await label_by_model(session, said, segments.episodes, objective, context, say)
-    return segments.model_copy(update={"model": asked.name, "episodes": tuple(episodes)})
 
 
 def table_of(segments: Segments) -> Table:

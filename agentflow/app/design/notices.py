@@ -59,19 +59,16 @@ def tell_unusable(remarks: Remarks, task: str, statuses: Mapping[str, int]) -> N
 def _differences(run: RunDirectory) -> Iterator[str]:
     if run.dropped:
         yield f"{run.path / EVENTS}: dropped a half-written last line ({run.dropped} bytes)"
-    if run.replaced:
-        first = run.replaced[0]
-        yield (
-            f"recorded events that now differ: {len(run.replaced)} (first: {first.kind} "
-            f"{first.label}), because {_why(run)}; both versions are kept, the later one counts"
-        )
     missing = [event for event in run.unreproduced() if event.kind != REMARK]
-    if missing:
-        first = missing[0]
-        yield (
-            f"recorded events that were not reproduced: {len(missing)} (first: {first.kind} "
-            f"{first.label}), because {_why(run)}; they are kept"
-        )
+    for what, events, kept in (
+        ("now differ", run.replaced, "both versions are kept, the later one counts"),
+        ("were not reproduced", missing, "they are kept"),
+    ):
+        for first in events[:1]:
+            yield (
+                f"recorded events that {what}: {len(events)} (first: {first.kind} {first.label}), "
+                f"because {_why(run)}; {kept}"
+            )
 
 
 def _why(run: RunDirectory) -> str:

@@ -258,16 +258,15 @@ class DesignRun:
             with _damage_told(), CallLog(self.directory.call_log, remarks.tell) as call_log:
                 try:
                     return await self._finish(call_log, remarks)
-                except EndpointError as error:
-                    if not self._worth_keeping(call_log):
+                except (EndpointError, ConfigError) as error:
+                    # there is nothing to resume without a reply or the work of an earlier process
+                    resumable = self.directory.resumed or bool(len(call_log))
+                    if not resumable:
                         self.directory.discard()
+                    if not resumable or not isinstance(error, EndpointError):
                         raise
                     remarks.record(str(error))
                     raise type(error)(f"{error}; {self._resume_hint}") from error
-                except ConfigError:  # e.g. a missing key
-                    if not self._worth_keeping(call_log):
-                        self.directory.discard()
-                    raise
         except DamagedError:
             raise
         except RunError as error:
@@ -318,10 +317,6 @@ class DesignRun:
         if book is not None:
             added = extend_book(book, self.plan.task.name, execution.result.lessons)
             self.options.notify(f"{book}: {counted(added, 'lesson')} added")
-
-    def _worth_keeping(self, call_log: CallLog) -> bool:
-        """Whether there is anything to resume: a reply, or the work of an earlier process."""
-        return self.directory.resumed or bool(len(call_log))
 
     @property
     def _resume_hint(self) -> str:

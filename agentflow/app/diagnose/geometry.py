@@ -24,11 +24,6 @@ SIZES = (5, 20)
 """Fewest and most blocks of a machine; as in the published question."""
 
 
-def diagnosed_levels() -> tuple[str, ...]:
-    """Levels whose designs are used: the first one of each family that is `diagnosed`."""
-    return tuple(name for name, family in FAMILIES.items() if family.diagnosed)
-
-
 def draw_design(rng: Random, level: str) -> Machine:
     """A design of the built-in model for a level, of a size in `SIZES`."""
     while True:
@@ -48,12 +43,6 @@ def describe_blocks(machine: Machine) -> Mapping[str, object]:
     """Template variables of a machine and of the types that it uses, without its geometry."""
     kinds = [library()[kind] for kind in sorted({step.type for step in machine})]
     return {"representation": "tree", "machine": machine.to_text(), **types_context(kinds)}
-
-
-def list_ids(blocks: Sequence[int]) -> str:
-    """Block ids in a sentence: "3, 5 and 8"."""
-    *first, last = map(str, blocks)
-    return f"{', '.join(first)} and {last}" if first else last
 
 
 MOST = 8
@@ -155,10 +144,9 @@ class Facing(Diagnostic):
         ]
 
     def variables(self, question: Question) -> Mapping[str, object]:
-        return {
-            **describe_blocks(question.machine),
-            "asked": list_ids([item["id"] for item in question.truth]),
-        }
+        *first, last = (str(item["id"]) for item in question.truth)
+        asked = f"{', '.join(first)} and {last}"
+        return {**describe_blocks(question.machine), "asked": asked}
 
     def read(self, text: str, question: Question) -> list[dict[str, Any]] | None:
         """The poses of the blocks that were asked about."""
@@ -186,7 +174,8 @@ def _random(rng: Random) -> Iterator[Machine]:
 
 
 def _designs(rng: Random) -> Iterator[Machine]:
-    levels = diagnosed_levels()
+    """Designs for the first level of each family that is `diagnosed`."""
+    levels = [name for name, family in FAMILIES.items() if family.diagnosed]
     while True:
         yield draw_design(rng, rng.choice(levels))
 

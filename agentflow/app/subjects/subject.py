@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping, Sequence
+from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -249,32 +249,26 @@ async def simulate_lines(
     async def begin(line: str | Exception | None) -> None:
         await ahead.put(asyncio.create_task(result(line)) if isinstance(line, str) else line)
 
-    async with open_pool(workers) as pool:
-        loop = asyncio.get_running_loop()
-        threading.Thread(target=_feed, args=(lines, begin, loop), daemon=True).start()
-        while (item := await ahead.get()) is not None:
-            if isinstance(item, Exception):
-                raise item
-            yield await item
-
-
-def _feed(
-    lines: Iterable[str],
-    begin: Callable[[str | Exception | None], Coroutine[Any, Any, None]],
-    loop: asyncio.AbstractEventLoop,
-) -> None:
-    """Read lines, which may block, in a daemon thread."""
+    loop = asyncio.get_running_loop()
 
     def hand_over(item: str | Exception | None) -> None:
         asyncio.run_coroutine_threadsafe(begin(item), loop).result()
 
-    try:
-        for line in lines:
-            hand_over(line)
-    except Exception as problem:  # noqa: BLE001 - passed to the consumer, which raises it
-        hand_over(problem)
-    else:
-        hand_over(None)
+    def feed() -> None:
+        try:
+            for line in lines:
+                hand_over(line)
+        except Exception as problem:  # noqa: BLE001 - passed to the consumer, which raises it
+            hand_over(problem)
+        else:
+            hand_over(None)
+
+    async with open_pool(workers) as pool:
+        threading.Thread(target=feed, daemon=True).start()  # reading a line may block
+        while (item := await ahead.get()) is not None:
+            if isinstance(item, Exception):
+                raise item
+            yield await item
 
 
 def _rollout_data(
