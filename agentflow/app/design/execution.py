@@ -40,11 +40,10 @@ from agentflow.workflows.workflow import Workflow
 
 def finding_of(plan: RunPlan, execution: Execution) -> RunFinding:
     """What a run found, by the result of its workflow."""
-    result = execution.result
-    best = result.best
+    result, rollouts = execution.result, execution.evaluator.rollouts
+    best, verification = result.best, execution.verification
     machine = best.machine if best else None
-    counts_passes = WORKFLOWS[result.workflow].counts_passes
-    verification = execution.verification
+    judged = rollouts[machine.digest].requirements if machine and machine.digest in rollouts else ()
     found = {
         "task": plan.task.name,
         "workflow": result.workflow,
@@ -56,35 +55,28 @@ def finding_of(plan: RunPlan, execution: Execution) -> RunFinding:
         **plan.task.brief.budget_json(machine),
         "best_stage": result.best_stage,
         "stages": [stage_row(stage) for stage in result.stages],
-        "rollouts": len(execution.evaluator.rollouts),
+        "rollouts": len(rollouts),
         "stopped": result.stopped,
         "reason": result.reason,
-        **({"attempts": _pass_rate(result)} if counts_passes else {}),
-        **_objective_json(plan.config, result),
-        **_requirements_json(execution, machine),
-        **_finalists_json(execution),
-        **({"makers": [asdict(maker) for maker in result.makers]} if result.makers else {}),
     }
-    return RunFinding.model_validate(found)
+    objective = plan.config.settings.objective
+    if objective != "score":
+        found["robust"] = best.evaluation.value if best and best.evaluation else None
+    if objective == "pareto":
+        found["front"] = [_front_member(*member) for member in result.front]
+    some = {
+        "attempts": _pass_rate(result) if WORKFLOWS[result.workflow].counts_passes else None,
+        "requirements": [item.to_json() for item in judged],
+        "finalists": _finalists(execution),
+        "makers": [asdict(maker) for maker in result.makers],
+    }
+    return RunFinding.model_validate(found | {key: value for key, value in some.items() if value})
 
 
-def _objective_json(config: DesignConfig, result: WorkflowResult) -> dict[str, Any]:
-    """The robust score of the best machine, and the Pareto front, if the run compared these."""
-    objective, best = config.settings.objective, result.best
-    if objective == "score":
-        return {}
-    robust = {"robust": best.evaluation.value if best and best.evaluation else None}
-    if objective == "robust":
-        return robust
-    return {**robust, "front": [_front_member(*found) for found in result.front]}
-
-
-def _finalists_json(execution: Execution) -> dict[str, Any]:
+def _finalists(execution: Execution) -> list[dict[str, Any]]:
     """What was verified to choose the best machine, if more than this was."""
     rollouts, verified = execution.evaluator.rollouts, execution.verified
-    if len(verified) < 2:
-        return {}
-    rows = [
+    return [
         {
             "machine": machine.digest,
             "score": rollouts[machine.digest].score,
@@ -93,17 +85,8 @@ def _finalists_json(execution: Execution) -> dict[str, Any]:
             "simulations": len(found.rollouts) - 1,
         }
         for machine, found in verified.items()
+        if len(verified) > 1
     ]
-    return {"finalists": rows}
-
-
-def _requirements_json(execution: Execution, machine: Machine | None) -> dict[str, Any]:
-    """What the best machine has of what the task requires."""
-    rollouts = execution.evaluator.rollouts
-    if machine is None or machine.digest not in rollouts:
-        return {}
-    judged = rollouts[machine.digest].requirements
-    return {"requirements": [item.to_json() for item in judged]} if judged else {}
 
 
 def _front_member(machine: Machine, found: Evaluation) -> dict[str, Any]:

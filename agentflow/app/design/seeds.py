@@ -55,44 +55,32 @@ def design_seeds(
         UsageError, InterruptedRunError: As `design` does; earlier runs are kept.
     """
     end = float("inf") if minutes is None else clock() + 60 * minutes
-    finished: list[RunResult] = []
-    rows: list[dict[str, Any]] = []
-    faults: list[AgentflowError] = []
+    found: dict[int, RunResult | AgentflowError] = {}
     for seed in range(config.seed, config.seed + count):
-        if rows and clock() >= end:
-            options.notify(f"{minutes:g} minutes are over: {count - len(rows)} seeds not run")
+        if found and clock() >= end:
+            options.notify(f"{minutes:g} minutes are over: {count - len(found)} seeds not run")
             break
-        options.notify(f"seed {seed}: run {len(rows) + 1} of {count}")
+        options.notify(f"seed {seed}: run {len(found) + 1} of {count}")
         try:
-            result = design(config.model_copy(update={"seed": seed}), out, options)
+            found[seed] = design(config.model_copy(update={"seed": seed}), out, options)
         except FAULTS as error:
-            faults.append(error)
-            rows.append(_failed_row(seed, error))
-            options.notify(f"seed {seed} failed: {rows[-1]['failed']}")
-        else:
-            finished.append(result)
-            rows.append(_row(result))
+            found[seed] = error
+            options.notify(f"seed {seed} failed: {_row(seed, error)['failed']}")
+    rows = [_row(*item) for item in found.items()]
+    finished = [one for one in found.values() if isinstance(one, RunResult)]
     if not finished:
-        raise _failure(rows, faults)
+        ours = all(isinstance(one, EndpointError) for one in found.values())
+        told = "; ".join(f"seed {row['seed']}: {row['failed']}" for row in rows)
+        raise (EndpointError if ours else RunError)(f"no run finished: {told}")
     return SeedsResult(max(finished, key=_rank), rows)
 
 
-def _row(result: RunResult) -> dict[str, Any]:
-    known = {key: getattr(result, key) for key in KEYS}
-    verified = {"verified": result.verified_score, "fragile": result.fragile}
-    return {**known, **verified, "failed": ""}
-
-
-def _failed_row(seed: int, error: AgentflowError) -> dict[str, Any]:
-    unknown = dict.fromkeys((*KEYS, "verified", "fragile"))
-    return {**unknown, "seed": seed, "failed": str(error).strip().partition("\n")[0]}
-
-
-def _failure(rows: list[dict[str, Any]], faults: list[AgentflowError]) -> AgentflowError:
-    """The error of a series in which every run failed."""
-    kind = EndpointError if all(isinstance(error, EndpointError) for error in faults) else RunError
-    told = "; ".join(f"seed {row['seed']}: {row['failed']}" for row in rows)
-    return kind(f"no run finished: {told}")
+def _row(seed: int, found: RunResult | AgentflowError) -> dict[str, Any]:
+    if isinstance(found, AgentflowError):
+        unknown = dict.fromkeys((*KEYS, "verified", "fragile"))
+        return {**unknown, "seed": seed, "failed": str(found).strip().partition("\n")[0]}
+    known = {key: getattr(found, key) for key in KEYS}
+    return {**known, "verified": found.verified_score, "fragile": found.fragile, "failed": ""}
 
 
 def _rank(result: RunResult) -> tuple[float, ...]:

@@ -69,8 +69,12 @@ async def _carry_out(
         tell, tell, client, pool=store, limiters=limiters, named=config_json(run.config)
     )
     try:
-        result = await _run(run, folder / RUNS, options)
-        store.share(folder / RUNS / run.name, RunPlan.of(run.config).task, run.config.seed)
+        if _can_resume(path := folder / RUNS / run.name):
+            require_same_plan(RunPlan.of(run.config), path)
+            result = await resume_async(path, options)
+        else:
+            result = await design_async(run.config, folder / RUNS, options, run.name)
+        store.share(path, RunPlan.of(run.config).task, run.config.seed)
     except AgentflowError as error:
         # A run says how to resume it alone; here, the sweep is resumed.
         own = error.__cause__ if isinstance(error.__cause__, type(error)) else error
@@ -78,14 +82,6 @@ async def _carry_out(
     except Exception as error:  # noqa: BLE001 - logged in full; other runs continue
         return Failure(f"{type(error).__name__}: {error}", traceback.format_exc())
     return result
-
-
-async def _run(run: SweepRun, runs: Path, options: RunOptions) -> RunResult:
-    path = runs / run.name
-    if not _can_resume(path):
-        return await design_async(run.config, runs, options, run.name)
-    require_same_plan(RunPlan.of(run.config), path)
-    return await resume_async(path, options)
 
 
 def require_same_plan(plan: RunPlan, path: Path) -> None:
