@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from agentflow.agents.designer import Designer
@@ -71,14 +71,46 @@ def diagnose(
     diagnostic = _open_diagnostic(name, config, size, client)
     questions = diagnostic.questions(size, config.seed)
     about = _describe(name, config, size, client, questions)
+    prompts, tick = PromptSet(config.prompts), counter(say, len(questions))
+
+    async def ask(asked: Client, question: Question) -> str:
+        system, user = prompts.render(f"{QUESTIONS}/{name}", diagnostic.variables(question))
+        request = Request(
+            role="diagnose",
+            label=question.label,
+            messages=(Message(role="system", text=system), Message(role="user", text=user)),
+            sampling=about.sampling,
+        )
+        reply = await asked.complete(request)
+        tick()
+        return reply.text
+
+    async def complete() -> Diagnosis:
+        texts: list[str] = []
+        async with recorded_models(config, out, notify, client) as models:
+            work = partial(ask, models.clients[ROLE])
+            await work_in_order(questions, work, texts.append, AT_ONCE)
+        judged = await diagnostic.judge(questions, config.workers)
+        marks = tuple(
+            Mark(
+                label=question.label,
+                machine=question.machine.to_json(),
+                truth=question.truth,
+                answer=diagnostic.read(text, question),
+            )
+            for question, text in zip(judged, texts, strict=True)
+        )
+        unreadable = sum(mark.answer is None for mark in marks)
+        results = {"questions": len(marks), "unreadable": unreadable, **diagnostic.score(marks)}
+        finished = about.model_copy(update={"answers": marks, "results": results})
+        return Diagnosis.model_validate_json(finished.model_dump_json())  # as it will be read again
+
     with continuable(), hold_folder(out):
         found = DOCUMENT.begin(out, about, (CALLS,))
-        if found.results is not None:
-            return found
-        session = _Session(diagnostic, questions, config, notify, say)
-        finished = asyncio.run(session.complete(found, out, client))
-        DOCUMENT.write(out, finished)
-        return finished
+        if found.results is None:
+            found = asyncio.run(complete())
+            DOCUMENT.write(out, found)
+        return found
 
 
 def _open_diagnostic(
@@ -118,61 +150,3 @@ def _describe(
         prompts=f"{config.prompts} {prompts.digest_for((QUESTIONS,))}",
         conditions=physics_conditions(config.engine),
     )
-
-
-@dataclass(frozen=True)
-class _Session:
-    """One process at work on a diagnosis."""
-
-    diagnostic: Diagnostic
-    questions: Sequence[Question]
-    config: DesignConfig
-    notify: Notify
-    say: Progress
-
-    async def complete(self, about: Diagnosis, out: Path, client: Client | None) -> Diagnosis:
-        """The diagnosis with answers and results; recorded calls are not made again."""
-        async with recorded_models(self.config, out, self.notify, client) as models:
-            texts = await self._ask(models.clients[ROLE], about)
-        judged = await self.diagnostic.judge(self.questions, self.config.workers)
-        marks = [
-            Mark(
-                label=question.label,
-                machine=question.machine.to_json(),
-                truth=question.truth,
-                answer=self.diagnostic.read(text, question),
-            )
-            for question, text in zip(judged, texts, strict=True)
-        ]
-        return _finish(about, self.diagnostic, marks)
-
-    async def _ask(self, client: Client, about: Diagnosis) -> list[str]:
-        prompts = PromptSet(self.config.prompts)
-        tick = counter(self.say, len(self.questions))
-
-        async def ask(question: Question) -> str:
-            variables = self.diagnostic.variables(question)
-            system, user = prompts.render(f"{QUESTIONS}/{self.diagnostic.name}", variables)
-            request = Request(
-                role="diagnose",
-                label=question.label,
-                messages=(Message(role="system", text=system), Message(role="user", text=user)),
-                sampling=about.sampling,
-            )
-            reply = await client.complete(request)
-            tick()
-            return reply.text
-
-        texts: list[str] = []
-        await work_in_order(self.questions, ask, texts.append, AT_ONCE)
-        return texts
-
-
-def _finish(about: Diagnosis, diagnostic: Diagnostic, marks: Sequence[Mark]) -> Diagnosis:
-    results = {
-        "questions": len(marks),
-        "unreadable": sum(mark.answer is None for mark in marks),
-        **diagnostic.score(marks),
-    }
-    finished = about.model_copy(update={"answers": tuple(marks), "results": results})
-    return Diagnosis.model_validate_json(finished.model_dump_json())  # as it will be read again

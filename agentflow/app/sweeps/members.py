@@ -36,6 +36,11 @@ class Failure:
     endpoint: bool = False
     """Whether the endpoint could not be used."""
 
+    @property
+    def line(self) -> str:
+        """The reason in one line."""
+        return self.reason.strip().partition("\n")[0]
+
 
 Outcome = RunResult | Failure
 Tell = Callable[[RunEvent | Event | str], None]

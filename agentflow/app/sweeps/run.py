@@ -125,8 +125,8 @@ async def run_sweep_async(
     return SweepOutcome(
         folder,
         tuple(name for name in order if name in work.done),
-        {name: work.failed[name] for name in order if name in work.failed},
-        work.failed.keys() == work.endpoint and bool(work.endpoint),
+        {name: work.failed[name].line for name in order if name in work.failed},
+        bool(work.failed) and all(failure.endpoint for failure in work.failed.values()),
     )
 
 
@@ -143,9 +143,7 @@ class _Work:
     folder: Path
     watcher: Watcher
     done: set[str] = field(default_factory=set)
-    failed: dict[str, str] = field(default_factory=dict)
-    endpoint: set[str] = field(default_factory=set)
-    """Runs that failed because the endpoint could not be used."""
+    failed: dict[str, members.Failure] = field(default_factory=dict)
 
     async def carry_out(
         self, jobs: int, place: AbstractAsyncContextManager[members.CarryOut]
@@ -174,7 +172,10 @@ class _Work:
             self.watcher.run_started(name)
             outcome = await carry(run, partial(self._tell, name))
             if isinstance(outcome, members.Failure):
-                self._fail(name, outcome, log)
+                self.failed[name] = outcome
+                row = {"reason": outcome.line, "traceback": outcome.trace}
+                self._write(log, {"run": name, "state": "failed", **row})
+                self.watcher.run_failed(name, outcome.line)
             else:
                 self.done.add(name)
                 self._write(log, {"run": name, "state": "done", "seconds": outcome.seconds})
@@ -185,15 +186,6 @@ class _Work:
             self.watcher.remark(name, told)
         else:
             self.watcher.event(name, told)
-
-    def _fail(self, name: str, failure: members.Failure, log: LineFile) -> None:
-        line = failure.reason.strip().partition("\n")[0]
-        self.failed[name] = line
-        if failure.endpoint:
-            self.endpoint.add(name)
-        row = {"run": name, "state": "failed", "reason": line, "traceback": failure.trace}
-        self._write(log, row)
-        self.watcher.run_failed(name, line)
 
     def _write(self, log: LineFile, item: Mapping[str, Any]) -> None:
         try:
