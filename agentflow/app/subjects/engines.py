@@ -61,7 +61,19 @@ def compare_engines(
     ]
     drawn = asyncio.run(_draw_machines(machines))
     cases = [*known, *drawn]
-    results = asyncio.run(_simulate_all(cases, engines, workers, say))
+    tick = counter(say, len(cases) * len(engines))
+
+    async def simulate(pool: RolloutPool, case: Subject, engine: EngineSpec) -> dict[str, Any]:
+        rollout = await case.on(engine.name).simulate(pool)
+        tick()
+        return _result(rollout)
+
+    async def simulate_all() -> list[list[dict[str, Any]]]:
+        async with RolloutPool(workers) as pool:
+            each = (asyncio.gather(*(simulate(pool, case, e) for e in engines)) for case in cases)
+            return await asyncio.gather(*each)
+
+    results = asyncio.run(simulate_all())
     told = dict(zip((case.origin for case in cases), results, strict=True))
     return {
         "engines": [str(spec.identity) for spec in engines],
@@ -111,24 +123,6 @@ async def _draw_machines(count: int) -> list[Subject]:
             for digest, machine in found.items()
         ]
     return cases
-
-
-async def _simulate_all(
-    cases: Sequence[Subject], engines: Sequence[EngineSpec], workers: int, say: Progress
-) -> list[list[dict[str, Any]]]:
-    """The results of each case, one per engine."""
-    tick = counter(say, len(cases) * len(engines))
-
-    async def simulate(case: Subject, engine: EngineSpec) -> dict[str, Any]:
-        rollout = await case.on(engine.name).simulate(pool)
-        tick()
-        return _result(rollout)
-
-    async def simulate_on_each(case: Subject) -> list[dict[str, Any]]:
-        return list(await asyncio.gather(*(simulate(case, engine) for engine in engines)))
-
-    async with RolloutPool(workers) as pool:
-        return list(await asyncio.gather(*map(simulate_on_each, cases)))
 
 
 def _result(rollout: Rollout) -> dict[str, Any]:

@@ -46,31 +46,29 @@ def measure_robustness(
         ConfigError: The engine of the run is not installed.
     """
     subject.require_engine()
+    task, seed, machine = subject.task, subject.seed, subject.machine
     found: dict[str, Any] = {
-        "task": subject.task.name,
-        "seed": subject.seed,
-        "engine": str(choose_engine(subject.task.engine).identity),
-        **_find(subject, count, workers, say),
+        "task": task.name,
+        "seed": seed,
+        "engine": str(choose_engine(task.engine).identity),
     }
+    if machine is None or subject.problems:
+        found |= dict.fromkeys(("machine", "score", "robust", "world", "edits"))
+        found |= {"conditions": [], "others": [], "blocks": [], "faces": []}
+        found["problems"] = [item.to_json() for item in subject.problems]
+    else:
+        rng = Random(f"perturb/{seed}")
+        neighbours: Sequence[Neighbour] = (
+            list(all_neighbours(machine, task.brief, rng))
+            if count is None
+            else sample_neighbours(machine, task.brief, rng, count)
+        )
+        perturbed, others = asyncio.run(_simulate(subject, machine, neighbours, workers, say))
+        found |= {**_to_json(perturbed, machine), "others": others, "problems": []}
     if subject.run is None:
         return found
     write_file(subject.run.path / KEPT, json.dumps(found) + "\n", RunError)
     return {"run": str(subject.run.path), **found}
-
-
-def _find(subject: Subject, count: int | None, workers: int, say: Progress) -> dict[str, Any]:
-    machine, brief = subject.machine, subject.task.brief
-    if machine is None or subject.problems:
-        nothing = dict.fromkeys(("machine", "score", "robust", "world", "edits"))
-        empty: dict[str, list[Any]] = {"conditions": [], "others": [], "blocks": [], "faces": []}
-        return {**nothing, **empty, "problems": [item.to_json() for item in subject.problems]}
-    rng = Random(f"perturb/{subject.seed}")
-    if count is None:
-        neighbours: Sequence[Neighbour] = list(all_neighbours(machine, brief, rng))
-    else:
-        neighbours = sample_neighbours(machine, brief, rng, count)
-    found, others = asyncio.run(_simulate(subject, machine, neighbours, workers, say))
-    return {**_to_json(found, machine), "others": others, "problems": []}
 
 
 async def _simulate(
