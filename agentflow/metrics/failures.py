@@ -68,7 +68,8 @@ def failures(
             if what != "calls" or not event.valid:  # calls have events of their own
                 found.add(None if event.valid else kind_of(event, what), event.code)
         elif isinstance(event, ToolEvent) and event.tool in MAKING and event.code != TOO_LATE:
-            found.add(kind_of_call(event) if event.refused else None, event.code)
+            unnamed = failure_kinds.EDIT if event.tool == "edit" else failure_kinds.UNPARSABLE
+            found.add(_kind_with(event.code) or unnamed if event.refused else None, event.code)
         elif isinstance(event, EvaluationEvent) and event.machine not in seen:
             seen.add(event.machine)
             found.machines += 1
@@ -77,13 +78,6 @@ def failures(
             found.kinds[failure_kinds.BREAKAGE.name] += bool(event.broken)
             found.kinds[failure_kinds.FACING.name] += faces_wrong_way(event.machine)
     return found
-
-
-def kind_of_call(call: ToolEvent) -> failure_kinds.FailureKind:
-    """The kind of failure of a refused call of a tool that makes machines."""
-    return _kind_with(call.code) or (
-        failure_kinds.EDIT if call.tool == "edit" else failure_kinds.UNPARSABLE
-    )
 
 
 def kind_of(attempt: AttemptEvent, what: str) -> failure_kinds.FailureKind:

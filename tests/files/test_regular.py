@@ -11,7 +11,7 @@ import pytest
 
 from agentflow.cli import main
 from agentflow.errors import ConfigError, RunError, UsageError
-from agentflow.files.lines import parse_object, read_new_lines, read_regular
+from agentflow.files.lines import open_regular, parse_object, read_new_lines, read_regular
 from agentflow.files.yaml import parse_yaml
 from agentflow.integrations.mcp.addresses import read_token
 from agentflow.runs import read_document, read_result
@@ -33,7 +33,7 @@ def test_pipes_devices_and_folders_are_refused_at_once(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(__file__)
     assert read_regular(tmp_path / "link", 3) == b'"""'
     with pytest.raises(OSError, match="link"):
-        read_regular(tmp_path / "link", links=False)
+        open_regular(tmp_path / "link", links=False)
 
 
 @unix

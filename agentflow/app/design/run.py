@@ -13,7 +13,7 @@ from shlex import quote
 from typing import Any
 
 from agentflow.agents.designer import Designer, extract_rationale
-from agentflow.app.design.execution import Execution, execute, finding_of, save_rollouts
+from agentflow.app.design.execution import execute, finding_of, save_rollouts
 from agentflow.app.design.notices import REMARK, Remarks, tell_unusable, watch_calls
 from agentflow.app.design.plan import AUTHOR, RunPlan, repetition
 from agentflow.app.design.trust import Approve, refuse, require_trusted_run, trust_option
@@ -287,7 +287,9 @@ class DesignRun:
         )
         remarks.tell_differences()
         tell_unusable(remarks, plan.task.name, execution.evaluator.statuses)
-        self._extend_lessons(execution)
+        if (book := options.lessons) is not None:
+            added = extend_book(book, plan.task.name, execution.result.lessons)
+            options.notify(f"{book}: {counted(added, 'lesson')} added")
         save_rollouts(directory.path, plan.config, execution)
         result = RunResult(
             **finding_of(plan, execution).to_json(),
@@ -311,12 +313,6 @@ class DesignRun:
         if isinstance(client, FunctionClient):
             return client.of_run(self.directory.path.name, self.plan.config.seed)
         return client
-
-    def _extend_lessons(self, execution: Execution) -> None:
-        book = self.options.lessons
-        if book is not None:
-            added = extend_book(book, self.plan.task.name, execution.result.lessons)
-            self.options.notify(f"{book}: {counted(added, 'lesson')} added")
 
     @property
     def _resume_hint(self) -> str:

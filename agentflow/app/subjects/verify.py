@@ -100,7 +100,8 @@ def verify(subject: Subject, workers: int, notify: Notify) -> dict[str, Any]:
     if missing:
         subject.require_engine()
     verification, others = asyncio.run(_simulate(subject, workers, missing))
-    told = {"task": subject.task.name, "seed": subject.seed, "engine": _engine_of(subject)}
+    engine = run.document.get("engine") if run else str(choose_engine(subject.task.engine).identity)
+    told = {"task": subject.task.name, "seed": subject.seed, "engine": engine}
     verified = None if verification is None else with_holding(verification.to_json())
     found = {"verified": verified, "others": others, "problems": []}
     if run is None:
@@ -122,13 +123,6 @@ async def verify_finished(path: Path, pool: Simulator) -> None:
         assert subject.run is not None
         run = partial(pool.run, subject.machine, subject.task, seed=subject.seed)
         _store(subject.run, subject, await verify_async(subject.machine, subject.task, run))
-
-
-def _engine_of(subject: Subject) -> str | None:
-    """Name and version of the engine, as recorded in a run."""
-    if subject.run is None:
-        return str(choose_engine(subject.task.engine).identity)
-    return subject.run.document.get("engine")
 
 
 async def _simulate(
