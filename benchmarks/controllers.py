@@ -42,10 +42,12 @@ Numbers are successful trials out of ten. The columns are the perturbations of \
 [robust scores](../explanation/scores.md#robust-scores). The control program is the best of those \
 that the second column counts, chosen on the unchanged conditions of the same trials; no program \
 can know which trial it is in. \
-Rollouts with sensors and laws took 0.7 % to 3.0 % more time than the same ones without on \
-PyBullet, and 1.6 % to 5.9 % on MuJoCo; calls of sensors and laws, timed by themselves, were \
-0.8 % to 1.8 % and 1.1 % to 3.8 % of it, and the rest is what they cost all else, such as caches \
-(`benchmarks/sensing.py --pairs 15`). `python benchmarks/controllers.py` writes this page.
+Rollouts with sensors and laws took 1.0 to 2.7 ms, 1.2 % to 2.7 %, more than the same ones \
+without on PyBullet, and 0.6 to 3.1 ms, 1.2 % to 6.6 %, on MuJoCo, whose rollouts are shorter; \
+calls of sensors and laws, timed by themselves, were 0.9 % to 1.9 % and 1.2 % to 4.3 % of it, and \
+the rest is what they cost all else, such as caches (`benchmarks/sensing.py --pairs 15`, with \
+real-time priority on busy cores). \
+`python benchmarks/controllers.py` writes this page.
 """
 
 

@@ -2,12 +2,12 @@
 
     python benchmarks/sensing.py [--pairs 15]
 
-Calls of the pilot, making it and telling what it did are timed by themselves: medians of wall time.
-As this leaves out what they do to the caches of all else, pairs of rollouts are compared as well,
-which needs a quiet core: the same rollout twice, in one process, once with controllers, and once
-with the levels that they gave, noted beforehand, so that both set the same motors and have the same
-digest. Of their differences, medians and quartiles; the wanted share is 3 %. Engines that take
-compiled steps after a number of rollouts are measured both without and with.
+Calls of the pilot, making it and telling what it did are timed by themselves in some rollouts:
+medians of wall time. As this leaves out what they do to the caches of all else, pairs of rollouts
+are compared as well, which needs a quiet core: the same rollout twice, in one process, once with
+controllers, and once with the levels that they gave, noted beforehand, so that both set the same
+motors and have the same digest. Of their differences, medians and quartiles; the wanted share is
+3 %. Engines that take compiled steps after a number of rollouts are measured both without and with.
 """
 
 from __future__ import annotations
@@ -45,7 +45,18 @@ def timed(function: Any, name: str) -> Any:
     return call
 
 
-MAKE: Any = timed(Trial._make_pilot, "make")
+MAKE: Any = Trial._make_pilot
+CALL, TELL = Pilot.__call__, trial.tell_controllers
+TIMED = 3
+"""Rollouts in which these are timed; timing them in pairs would add to what they take."""
+
+
+def watch(on: bool) -> None:
+    """Time calls of the pilot, making it and telling what it did, or stop it."""
+    made, called, told = (timed(MAKE, "make"), timed(CALL, "call"), timed(TELL, "tell"))
+    Trial._make_pilot = made if on else MAKE  # type: ignore[method-assign]
+    Pilot.__call__ = called if on else CALL  # type: ignore[method-assign]
+    trial.tell_controllers = told if on else TELL
 
 
 class Noted:
@@ -86,6 +97,10 @@ def differences(comparison: Comparison, engine: Engine, pairs: int) -> Iterator[
         noted[0].again = iter(noted[0].said)
         return noted[0]
 
+    watch(True)
+    for _ in range(TIMED):
+        simulate(machine, task, engine=engine)
+    watch(False)
     rollout(note)
     for pair in range(pairs):
         makes = (MAKE, repeat) if pair % 2 else (repeat, MAKE)
@@ -96,8 +111,6 @@ def differences(comparison: Comparison, engine: Engine, pairs: int) -> Iterator[
 
 def main() -> None:
     """Print one line for each machine and engine."""
-    Pilot.__call__ = timed(Pilot.__call__, "call")  # type: ignore[method-assign]
-    trial.tell_controllers = timed(trial.tell_controllers, "tell")
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
