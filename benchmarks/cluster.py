@@ -54,16 +54,16 @@ def main() -> None:
     print(
         f"{len(CAR)} blocks; load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors"
     )
-    with _nodes(options.workers, 1):
+    with nodes(options.workers, 1):
         equal = asyncio.run(_compare(options.rollouts, options.workers))
         asyncio.run(_work_through(options.queue, options.workers))
-    with _nodes(1, 2) as cluster:
+    with nodes(1, 2) as cluster:
         equal &= asyncio.run(_lose_node(options.rollouts // 10, cluster))
     sys.exit(not equal)
 
 
 @contextmanager
-def _nodes(processors: int, count: int) -> Iterator[Cluster]:
+def nodes(processors: int, count: int) -> Iterator[Cluster]:
     """A cluster of so many nodes on this machine, which RAY_ADDRESS names."""
     os.environ.update({"RAY_USAGE_STATS_ENABLED": "0", "RAY_worker_niceness": "0"})  # usually 15
     cluster = Cluster()

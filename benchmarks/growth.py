@@ -1,16 +1,19 @@
 """How time and memory grow with blocks, machines, runs and workers.
 
-    python benchmarks/growth.py [--lines 1000000] [--rollouts 1000] [--runs 10000] [--out FILE]
+    python benchmarks/growth.py [PART ...] [--lines 1000000] [--rollouts 1000] [--out FILE]
 
 Every point is CPU time; that of commands is of a fresh process, which starts in a quarter of a
-second. Writes docs/results/growth.md and the picture in it.
+second. Writes docs/results/growth.md and the picture in it; with PART, measures only these again.
+`ray` needs the extra `cluster`, so an environment that has it runs this part.
 """
 
 from __future__ import annotations
 
 import argparse
+import asyncio
 import json
 import os
+import pickle
 import shutil
 import sys
 import tempfile
@@ -95,6 +98,40 @@ def workers(rollouts: int) -> Iterator[Point]:
         yield f"{rollouts} rollouts", count, *cost_of(command, [line] * rollouts)
 
 
+def cluster(rollouts: int) -> Iterator[Point]:
+    """The time of the process that sends machines to workers on Ray and gets their rollouts."""
+    from cluster import nodes
+
+    from agentflow.cluster.pool import RayPool
+
+    task = get_task("movement", {"window": 1.0}, "mujoco")
+
+    async def spend(workers: int) -> float:
+        async with RayPool(workers) as pool:
+            await asyncio.gather(*(pool.run(PLAIN_CAR, task) for _ in range(4 * workers)))
+            began = time.process_time()
+            await asyncio.gather(*(pool.run(PLAIN_CAR, task) for _ in range(rollouts)))
+            return time.process_time() - began
+
+    for count in WORKERS:
+        with nodes(count, 1):
+            yield f"driver of {rollouts} rollouts", count, asyncio.run(spend(count)), None
+
+
+def reckon(points: list[Point]) -> str:
+    """How many workers one driver of them keeps busy, and what it then sends and gets."""
+    task = get_task("movement", {"window": 1.0}, "mujoco")
+    each = max(seconds / int(name.split()[2]) for name, _, seconds, _ in points)
+    work = _least(lambda: simulate(PLAIN_CAR, task))
+    size = len(pickle.dumps((PLAIN_CAR, task))) + len(pickle.dumps(simulate(PLAIN_CAR, task)))
+    return (
+        f"Beyond that it is reckoned: a rollout takes a worker {1e3 * work:.1f} ms and the driver "
+        f"at most {1e3 * each:.2f} ms, so one driver keeps {work / each:.0f} workers busy. Machine "
+        f"and rollout are {size / 1e3:.0f} kB, so it then sends and gets {size / each / 1e6:.0f} "
+        "MB/s. Longer windows take workers longer in proportion, and the driver little."
+    )
+
+
 def _tell(points: Iterator[Point]) -> Iterator[Point]:
     for point in points:
         print(*point, file=sys.stderr, flush=True)
@@ -122,6 +159,7 @@ PARTS = {
     "machines": "Machines in a stream",
     "runs": "Runs in a folder",
     "workers": "Workers of a pool",
+    "ray": "Workers on Ray",
 }
 
 
@@ -134,6 +172,19 @@ def table(points: list[Point]) -> str:
     return "\n".join(rows)
 
 
+def points_of(text: str) -> list[Point]:
+    """The points of a table."""
+    found: list[Point] = []
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.startswith("|") and cells[1][:1].isdigit():
+            (number, unit), memory = cells[2].split(), cells[3].removesuffix(" MB")
+            seconds = float(number) / (1e3 if unit == "ms" else 1.0)
+            size = int(cells[1].replace(",", ""))
+            found.append((cells[0], size, seconds, float(memory) if memory else None))
+    return found
+
+
 def draw(found: dict[str, list[Point]], picture: Path) -> None:
     """Draw CPU time, and memory dashed on an axis of its own."""
     import matplotlib
@@ -142,8 +193,10 @@ def draw(found: dict[str, list[Point]], picture: Path) -> None:
     matplotlib.rcParams["svg.hashsalt"] = "growth"
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(2, 2, figsize=(9, 7), constrained_layout=True)
-    for axis, (part, points) in zip(axes.flat, found.items(), strict=True):
+    figure, axes = plt.subplots(2, 3, figsize=(13, 7), constrained_layout=True)
+    for axis in axes.flat[len(found) :]:
+        axis.set_axis_off()
+    for axis, (part, points) in zip(axes.flat, found.items(), strict=False):
         axis.set(title=PARTS[part], xscale="log", yscale="log", ylabel="CPU time (s)")
         axis.grid(alpha=0.3)
         other = axis.twinx() if points[0][3] else None
@@ -167,6 +220,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="all but ray by default")
     parser.add_argument("--lines", type=int, default=1_000_000, help="most lines that are checked")
     parser.add_argument("--rollouts", type=int, default=1000, help="most machines simulated")
     parser.add_argument("--runs", type=int, default=10_000, help="most runs listed")
@@ -174,15 +228,24 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=PAGE)
     given = parser.parse_args()
     # blocks come last: a process that starts others counts as their memory what it had itself
-    found = {
-        "machines": [*_tell(machines(given.lines, given.rollouts))],
-        "runs": [*_tell(runs(given.runs))],
-        "workers": [*_tell(workers(given.pool))],
-        "blocks": [*_tell(blocks())],
+    work = {
+        "machines": lambda: machines(given.lines, given.rollouts),
+        "runs": lambda: runs(given.runs),
+        "workers": lambda: workers(given.pool),
+        "ray": lambda: cluster(given.pool),
+        "blocks": blocks,
     }
+    text = given.out.read_text(encoding="utf-8") if given.out.exists() else ""
+    texts = dict(each.split("\n\n", 1) for each in text.split("## ")[1:])
+    for part in given.parts or [part for part in work if part != "ray"]:
+        points = [*_tell(work[part]())]
+        told = [table(points), reckon(points)] if part == "ray" else [table(points)]
+        texts[PARTS[part]] = "\n\n".join(told)
+    kept = {part: texts[PARTS[part]].strip() for part in work if PARTS[part] in texts}
     picture = given.out.parent.parent / "pictures" / "growth.svg"
+    found = {part: points_of(text) for part, text in kept.items()}
     draw(found, picture if given.out == PAGE else given.out.with_suffix(".svg"))
-    parts = [f"## {PARTS[part]}\n\n{table(points)}\n" for part, points in found.items()]
+    parts = [f"## {PARTS[part]}\n\n{text}\n" for part, text in kept.items()]
     given.out.write_text(INTRO + "\n" + "\n".join(parts), encoding="utf-8")
 
 
@@ -200,6 +263,8 @@ Commands run in a fresh process, whose start of a quarter of a second is include
 worker processes; memory is the most that one of them held. The size of a stream does not \
 matter for it. More workers than cores take their turns: the time is that of their starts and of \
 the same work. A worker loads compiled steps, and takes the memory for it, after 50 rollouts. \
+On Ray, with all workers on this computer, only the time of the process that asks them is \
+counted, which is what limits a cluster. \
 `python benchmarks/growth.py` writes this page.
 """
 

@@ -67,7 +67,6 @@ class Loads:
         self.level, self._before, self._spare = np.zeros((3, len(joints), 6))
         """Filtered force and moment over strength (0 where it broke), a new array in each step; the
         same one step earlier; and scratch space."""
-        self._squared = self._spare.reshape(-1)
         self._foreseen: list[tuple[Array, float, float]] = []
         """Of parts of steps to come, the last one first: loads, and the greatest square of a
         component and of a force or moment."""
@@ -161,7 +160,7 @@ class Loads:
         np.multiply(before, keep, spare)
         np.add(level, spare, level)
         np.multiply(level, level, spare)
-        square = self._squared.item(self._squared.argmax())  # max takes three times that
+        square = spare.item(spare.argmax())  # max takes three times that
         return self._judge(square, 3 * square)
 
     def _judge(self, square: float, most: float) -> dict[int, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from agentflow.env.physics.mujoco.bodies import CompiledModel
 from agentflow.env.physics.rows import WIDTH, Row, top_speeds
 from agentflow.env.physics.structure.drives import joint_motions
 from agentflow.env.physics.structure.spanning_tree import Link
-from agentflow.env.physics.world import Pair, pair_up, sum_touches
+from agentflow.env.physics.world import pair_up, sum_touches
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Body
 
@@ -112,8 +112,7 @@ class Reactions:
         """Write the reactions of all joints, (J, 6), game frame; 0 for joints in no tree."""
         self._sensed.take(self.source, out=reactions, mode="clip")  # "raise" would copy
         np.multiply(reactions, self.share, out=reactions)
-        if self._oblique:
-            self.correct(reactions[None])
+        self.correct(reactions[None])
 
     def correct(self, reactions: Array) -> None:
         """Leave out what (S, J, 6) readings have along oblique free axes."""
@@ -147,7 +146,8 @@ class Contacts:
         """Of the last step, if it was taken singly: contacts, and what each constraint exerted."""
         self.kept: Kept | None = None
         """Where the contacts of the last step are, if several were taken at once."""
-        self._pairs = _Pairs(built.owners)
+        self._pair = cache(lambda shapes: pair_up(*(built.owners[each] for each in shapes)))
+        """The owners of two shapes: sorting them takes longer than to find them again."""
         self._shapes: dict[Body, set[int]] = {}
         """Of each body that was asked about."""
 
@@ -204,21 +204,8 @@ class Contacts:
         if not self.kept:
             normal = np.append(self._efforts, 0.0)[normal.ravel()]  # without force: row -1
             places = places.copy().view(np.float64).reshape(-1, 3)
-        pairs = map(self._pairs.__getitem__, map(tuple, shapes.tolist()))
+        pairs = map(self._pair, map(tuple, shapes.tolist()))
         return sum_touches(zip(pairs, normal.tolist(), places.tolist(), strict=True))
-
-
-class _Pairs(dict[tuple[int, int], Pair | None]):
-    """The owners of two shapes: sorting them takes longer than to find them again."""
-
-    def __init__(self, owners: Sequence[Body]) -> None:
-        super().__init__()
-        self._owners = owners
-
-    def __missing__(self, shapes: tuple[int, int]) -> Pair | None:
-        one, other = shapes
-        found = self[shapes] = pair_up(self._owners[one], self._owners[other])
-        return found
 
 
 def address_of(array: Array) -> int:
