@@ -1,7 +1,5 @@
 """Films of rollouts as GIF or MP4: broken blocks in red, the path of the boulder or root dotted."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -4,8 +4,6 @@ An animated AVIF differs from an MP4 only in its labels, so relabelling Pillow's
 Boxes follow ISO/IEC 14496-12: size and name of four bytes each, then the content.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from io import BytesIO
 from pathlib import Path

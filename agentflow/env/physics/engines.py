@@ -1,7 +1,5 @@
 """Physics engines: how one is chosen."""
 
-from __future__ import annotations
-
 from agentflow.env.constants import constants
 from agentflow.env.physics.engine import AUTO, EngineSpec
 from agentflow.env.physics.registry import ENGINES

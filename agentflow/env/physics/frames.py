@@ -3,8 +3,6 @@
 Vectors swap y and z. That is a reflection, so axes of rotation and quaternions also change sign.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Grabbers: each holds the first object that it touches until it is switched off."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Generic, TypeVar

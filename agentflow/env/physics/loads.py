@@ -1,7 +1,5 @@
 """Loads on connections: filtering, utilisation and breakage."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from math import exp, isfinite, sqrt
 from typing import NamedTuple

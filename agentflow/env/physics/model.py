@@ -4,8 +4,6 @@ Game frame throughout (left-handed, y up), metres, kilograms, seconds, radians. 
 is aligned with the machine frame, so parts store no orientation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """Poses, states and momentum of a machine from the rows of its clusters, in the game frame."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from math import atan2

@@ -4,8 +4,6 @@ C rows, one per rigid cluster: position 0:3 of its leading part's centre, quater
 (x, y, z, w), velocity 7:10 of that centre, angular velocity 10:13.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import sqrt
 from typing import Protocol

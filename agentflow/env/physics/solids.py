@@ -1,7 +1,5 @@
 """What engines have in common as they build bodies: solid shapes and axes of joints."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import cos, pi, sin
 

@@ -1,7 +1,5 @@
 """Into how many finer steps a step is divided: more while machines settle and as they start."""
 
-from __future__ import annotations
-
 from sys import maxsize
 
 from agentflow.env.constants import Constants

@@ -1,8 +1,6 @@
 """What the worlds of all engines have in common; how a world is built and takes a step is the
 engine's own."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

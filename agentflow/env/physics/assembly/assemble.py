@@ -1,7 +1,5 @@
 """From a construction tree to parts, joints and devices."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from agentflow.env.constants import Constants

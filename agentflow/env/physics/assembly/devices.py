@@ -1,7 +1,5 @@
 """Devices of a machine: thrusters, propeller blades, springs, winches, grabbers, meshing cogs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Parts of a block: mass, inertia, surface and collision shapes; and the drive of its joint."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from itertools import pairwise

@@ -3,8 +3,6 @@
 Drag is computed with plain floats: a machine has few clusters, and arrays only pay for many.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from operator import mul
 

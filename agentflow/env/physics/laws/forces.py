@@ -3,8 +3,6 @@
 A law is called in every step with the rows of all clusters (see `physics.rows`) and returns forces.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """The work of forces that change little from step to step: of thrusters, blades and drag."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from agentflow.env.physics.laws.air import GustClock

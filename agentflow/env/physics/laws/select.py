@@ -1,7 +1,5 @@
 """Which laws act on a machine in a scene, and what they and drag do in a step."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple

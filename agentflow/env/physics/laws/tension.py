@@ -4,8 +4,6 @@ On plain floats, written out: machines have few of them, arrays only pay for man
 take longer than what they compute.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

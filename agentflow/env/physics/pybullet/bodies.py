@@ -3,8 +3,6 @@
 Every link frame is at its joint and aligned with the machine frame at rest.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

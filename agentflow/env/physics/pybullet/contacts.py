@@ -1,7 +1,5 @@
 """Contacts in PyBullet: which blocks and objects touch, and which may collide."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 

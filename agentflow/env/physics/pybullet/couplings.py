@@ -1,7 +1,5 @@
 """PyBullet constraints: what closes loops, and meshing cogs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 
 from agentflow.env.physics.model import Assembly

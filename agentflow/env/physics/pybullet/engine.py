@@ -1,7 +1,5 @@
 """The PyBullet engine: one client, which holds one world at a time."""
 
-from __future__ import annotations
-
 from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.engine import EngineIdentity
 from agentflow.env.physics.model import Assembly

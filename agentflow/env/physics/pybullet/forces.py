@@ -1,7 +1,5 @@
 """Forces applied in every step: air, springs, thrusters, blades, winches."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from agentflow.env.physics.laws.select import Forces, Law

@@ -1,7 +1,5 @@
 """Grabbers in PyBullet, which hold objects with constraints of limited force."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The PyBullet library, imported without the build time that it prints to standard error."""
 
-from __future__ import annotations
-
 import os
 import sys
 from types import ModuleType

@@ -3,8 +3,6 @@
 Bullet stores impulses per step, so everything is set again when the step length changes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from agentflow.env.physics.laws.forces import Entry

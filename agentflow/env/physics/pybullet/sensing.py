@@ -1,7 +1,5 @@
 """Reading PyBullet: rows of clusters and objects, reactions and motions of joints."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from struct import Struct
 from typing import Any

@@ -1,7 +1,5 @@
 """A running world in PyBullet, whose own frame is right-handed with z up."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What drives a joint of an engine: its own drive together with those of joints parallel to it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Assignment of rows to rigid clusters and moving objects; `physics.rows` defines a row."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ processor. Axes are in the order x, z, y of a right-handed frame; another order 
 change the last digits of recorded loads.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ the real machine. Then moving joints that others hold (`machine.geometry.mobilit
 of several parallel ones is in the tree or closes a loop and represents all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
