@@ -2,8 +2,8 @@
 
 import json
 import zlib
-from collections.abc import Sequence
 from dataclasses import asdict, fields
+from functools import cache
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any, BinaryIO
@@ -11,8 +11,10 @@ from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
+from pydantic_core import to_jsonable_python
 
-from agentflow.env.measurements import Contact, Drawn, Energy, Hit, Measured, Peak, Pull
+from agentflow.env.measurements import Measured
 from agentflow.env.rollout import Broken, Feedback, Marginal, Rollout, RolloutEvent, Trace
 from agentflow.errors import UsageError
 from agentflow.machine.requirements import Judged
@@ -50,12 +52,9 @@ def rollout_json(rollout: Rollout) -> dict[str, Any]:
         "score": rollout.score,
         "terms": dict(rollout.terms),
         "problems": [dict(problem) for problem in rollout.problems],
-        "broken": [
-            asdict(item) | {"force": list(item.force), "moment": list(item.moment)}
-            for item in rollout.broken
-        ],
-        "marginal": [asdict(item) for item in rollout.marginal],
-        "events": [asdict(item) | {"blocks": list(item.blocks)} for item in rollout.events],
+        "broken": to_jsonable_python(rollout.broken),
+        "marginal": to_jsonable_python(rollout.marginal),
+        "events": to_jsonable_python(rollout.events),
         "feedback": None if rollout.status == "invalid" else rollout.feedback.text,
         "digest": rollout.digest,
         "sim_seconds": rollout.sim_seconds,
@@ -137,42 +136,23 @@ def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
             linear=tuple(named["linear"]),
             connections=tuple((block, partner) for block, partner in named["connections"]),
             objects=tuple(named[STORED["objects"]]),
-            measured=_measured(named.get("measured") or {}),
+            measured=_read(Measured, named.get("measured") or {}),
             **older,
         )
     feedback = Feedback(result.pop("feedback"), result.pop("feedback_data"))
     result["requirements"] = tuple(map(Judged.from_json, result.get("requirements", ())))
     result["problems"] = tuple(result["problems"])
-    result["broken"] = tuple(Broken(**_vectors(item)) for item in result["broken"])
-    result["marginal"] = tuple(Marginal(**item) for item in result.get("marginal") or ())
-    result["events"] = tuple(
-        RolloutEvent(**(item | {"blocks": tuple(item["blocks"])})) for item in result["events"]
-    )
+    result["broken"] = _read(tuple[Broken, ...], result["broken"])
+    result["marginal"] = _read(tuple[Marginal, ...], result.get("marginal") or ())
+    result["events"] = _read(tuple[RolloutEvent, ...], result["events"])
     return Rollout(**result, trace=trace, feedback=feedback)
 
 
-def _measured(found: dict[str, Any]) -> Measured:
-    """What was measured; files from before this was recorded have none of it."""
-    energy, drawn, greatest = (found.get(name) for name in ("energy", "drawn", "greatest"))
-    return Measured(
-        tuple(
-            Contact(**item | {name: _hit(item[name]) for name in ("first", "hardest")})
-            for item in found.get("contacts", ())
-        ),
-        tuple(Peak(**_vectors(item)) for item in found.get("peaks", ())),
-        None if energy is None else Energy(**energy),
-        tuple(Peak(**_vectors(item)) for item in found.get("recoil", ())),
-        tuple(Pull(**item) for item in found.get("pulls", ())),
-        None if drawn is None else Drawn(**drawn),
-        None if greatest is None else Peak(**_vectors(greatest)),
-    )
+def _read(kind: Any, found: Any) -> Any:
+    """JSON data as what they are of; what was not yet recorded is as by default."""
+    return _reader(kind).validate_python(found)
 
 
-def _hit(found: Sequence[Any]) -> Hit:
-    time, place, impulse = found
-    return Hit(time, tuple(place), impulse)
-
-
-def _vectors(item: dict[str, Any]) -> dict[str, Any]:
-    """JSON lists are tuples again."""
-    return {name: tuple(v) if isinstance(v, list) else v for name, v in item.items()}
+@cache
+def _reader(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)

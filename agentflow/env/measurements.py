@@ -6,10 +6,18 @@ World frame; metres, seconds, newtons, joules.
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from pydantic import ConfigDict
+
 from agentflow.machine.geometry.vectors import Vec3
 
 Named = int | str
 """A block id, the name of an object of the scene, or "ground"."""
+
+
+class Recorded:
+    """What files hold: read from them, it has no fields that are unknown here."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
 
 
 class Hit(NamedTuple):
@@ -24,7 +32,7 @@ class Hit(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(Recorded):
     """Two bodies that touched: blocks come before objects."""
 
     a: Named
@@ -38,7 +46,7 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class Peak:
+class Peak(Recorded):
     """The greatest load of a connection in a part of the rollout, over every step."""
 
     block: int
@@ -56,7 +64,7 @@ class Peak:
 
 
 @dataclass(frozen=True)
-class Energy:
+class Energy(Recorded):
     """Work done from t = 0 until a moment, and the kinetic energy then, J."""
 
     time: float
@@ -81,7 +89,7 @@ class Energy:
 
 
 @dataclass(frozen=True)
-class Pull:
+class Pull(Recorded):
     """What a spring or winch did until the time of `Energy`, over every step."""
 
     block: int
@@ -94,7 +102,7 @@ class Pull:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class Drawn(Recorded):
     """What springs, motors, winches and thrusters gave from t = 0 on; what they took back does not
     count."""
 
@@ -107,7 +115,7 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Measured:
+class Measured(Recorded):
     """All that was measured in one rollout."""
 
     contacts: tuple[Contact, ...] = ()

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agentflow.env.constants import constants
-from agentflow.env.measurements import Measured
+from agentflow.env.measurements import Measured, Recorded
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.problems import Problem
@@ -83,7 +83,7 @@ class Trace:
 
 
 @dataclass(frozen=True)
-class _ConnectionLoad:
+class _ConnectionLoad(Recorded):
     """The load of one connection at one moment."""
 
     block: int
@@ -112,7 +112,7 @@ class Marginal(_ConnectionLoad):
 
 
 @dataclass(frozen=True)
-class RolloutEvent:
+class RolloutEvent(Recorded):
     """An event in the feedback to designers, other than a breakage."""
 
     time: float
