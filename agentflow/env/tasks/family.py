@@ -1,13 +1,12 @@
 """What task families share: common knobs, walls, repeated trials, and their sentences."""
 
 import random
-from abc import abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, sin
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -24,6 +23,8 @@ from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.vectors import Vec3, about_axis
 
 WOOD = (0.71, 0.53, 0.34, 1.0)
+TRIALS = 10
+"""Of a task for which something is drawn."""
 
 
 class Wind(Parameters):
@@ -108,6 +109,11 @@ class CommonKnobs(Parameters):
     """How well machines sense."""
     requirements: RequirementKnobs = RequirementKnobs()
     """What machines must keep besides."""
+
+    @property
+    def trials(self) -> int:
+        """Rollouts of an evaluation; 1 unless something is drawn for each."""
+        return 1
 
     @property
     def control_schedule(self) -> Schedule:
@@ -280,6 +286,20 @@ class Family(Task):
     paraphrases of our briefs reach 0.52 to 0.83, our own design objectives at most 0.48."""
     parameters: CommonKnobs
     """The values of the knobs of this task."""
+    trial: int = 0
+    """Number of this trial, from 1; 0 is the whole task."""
+
+    def trials(self, seed: int) -> tuple[Task, ...]:
+        """The trials of this seed, the same for every machine; one if nothing is drawn for them."""
+        count = self.parameters.trials
+        if self.trial or count == 1:
+            return (self,)
+        rng = random.Random(f"{seed}/trials/{self.family}")
+        return tuple(replace(self, trial=i, **self.draw(rng)) for i in range(1, count + 1))
+
+    def draw(self, rng: random.Random) -> dict[str, Any]:  # noqa: ARG002
+        """What differs in a trial from the level, by name of the attribute."""
+        return {}
 
     @property
     def limits(self) -> Limits:
@@ -343,28 +363,8 @@ class Family(Task):
         return tuple(kind for kind in blocks if kind not in self.parameters.blocks.without)
 
 
-@dataclass(frozen=True)
 class TrialFamily(Family):
-    """A task of several trials, each a random variation of the level."""
-
-    count: ClassVar[int] = 10
-    """Trials per evaluation."""
-    trial: int = 0
-    """Number of this trial, from 1; 0 is the whole task."""
-
-    @abstractmethod
-    def vary_knobs(self, rng: random.Random) -> CommonKnobs:
-        """Draw the knobs of one trial."""
-
-    def trials(self, seed: int) -> tuple[Task, ...]:
-        """The trials of this seed, the same for every machine."""
-        if self.trial:
-            return (self,)
-        rng = random.Random(f"{seed}/trials/{self.family}")
-        return tuple(
-            replace(self, parameters=self.vary_knobs(rng), trial=index)
-            for index in range(1, self.count + 1)
-        )
+    """A task that always consists of trials."""
 
 
 def vary(rng: random.Random, value: float, share: float) -> float:

@@ -9,14 +9,13 @@ from agentflow.env.rollout import Trace, Verdict
 from agentflow.env.rotations import compose, conjugate, matrices
 from agentflow.env.scene import SceneObject, blocks_among
 from agentflow.env.tasks.base import Parameters, WorldView
-from agentflow.env.tasks.family import wall
+from agentflow.env.tasks.family import TRIALS, wall
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import subtract
 from agentflow.machine.tree import Machine
 
 NAME = "wall ahead"
-TRIALS = 10
 TOLERANCE = 0.3
 """How far from the wanted gap a machine may stop, m."""
 REST = 0.2

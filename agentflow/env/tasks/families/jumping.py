@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from agentflow.env.feedback.clearance import flight_of_root, least_height_over
 from agentflow.env.feedback.compose import compose
@@ -19,7 +19,7 @@ from agentflow.env.feedback.text import block_name, number, object_label, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Start, blocks_among
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
-from agentflow.env.tasks.family import GROUND, CommonKnobs, TrialFamily, vary
+from agentflow.env.tasks.family import GROUND, TRIALS, CommonKnobs, TrialFamily, vary
 from agentflow.env.tasks.features.barriers import Slope, Trench, Walls
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import library
@@ -55,6 +55,10 @@ class JumpingKnobs(CommonKnobs):
     variation: JumpVariation = JumpVariation()
 
     @property
+    def trials(self) -> int:
+        return TRIALS
+
+    @property
     def control_schedule(self) -> Schedule:
         """Springs and steering hinges are delayed by `jump_at`."""
         times, wait = self.schedule, self.jump_at
@@ -85,7 +89,7 @@ class Jumping(TrialFamily):
     knobs: ClassVar[type[CommonKnobs]] = JumpingKnobs
     parameters: JumpingKnobs
 
-    def vary_knobs(self, rng: random.Random) -> JumpingKnobs:
+    def draw(self, rng: random.Random) -> dict[str, Any]:
         """Vary position and height of the obstacles, friction, and the machine's yaw."""
         knobs, by = self.parameters, self.parameters.variation
         shift = round(rng.uniform(-by.distance, by.distance), 3)
@@ -97,13 +101,12 @@ class Jumping(TrialFamily):
             if trench.length
             else {"walls": walls.model_copy(update=first)}
         )
-        return knobs.model_copy(
-            update={
-                **obstacle,
-                "friction": vary(rng, knobs.friction, by.friction),
-                "yaw": knobs.yaw + round(rng.uniform(-by.yaw, by.yaw), 3),
-            }
-        )
+        changed = {
+            **obstacle,
+            "friction": vary(rng, knobs.friction, by.friction),
+            "yaw": knobs.yaw + round(rng.uniform(-by.yaw, by.yaw), 3),
+        }
+        return {"parameters": knobs.model_copy(update=changed)}
 
     @property
     def brief(self) -> Brief:
@@ -124,7 +127,7 @@ class Jumping(TrialFamily):
                 *knobs.obstacle.sentences(),
                 *knobs.slope.sentences(knobs.obstacle.near_side),
                 *knobs.wind.sentences(),
-                f"The {self.count} trials differ at random: {shifted} shifted by up to "
+                f"The {TRIALS} trials differ at random: {shifted} shifted by up to "
                 f"{by.distance:g} m along z, {varied} varies by up to "
                 f"{by.height:.0%}, the friction of ground and obstacles ({knobs.friction:g}) by up "
                 f"to {by.friction:.0%}, and the machine is turned by up to {by.yaw:g} degrees to "
@@ -132,8 +135,7 @@ class Jumping(TrialFamily):
                 *_yaw_sentences(knobs.yaw),
             ),
             score=(
-                f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
-                "each.",
+                f"Score: the number of successful trials out of {TRIALS}, {self.window:g} s each.",
                 f"A trial succeeds if no block of the machine, not even one that broke off, "
                 f"touches {untouchable} from t = 0 on, and at the end the centre of the Starting "
                 f"Block and at least half of the machine's mass are beyond z = "
@@ -142,7 +144,7 @@ class Jumping(TrialFamily):
                 "before t = 0 fails the trial.",
             ),
         )
-        return replace(brief, greatest=float(self.count))
+        return replace(brief, greatest=float(TRIALS))
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, or a trench between raised banks; slope and wind."""

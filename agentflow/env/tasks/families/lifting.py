@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -14,7 +14,7 @@ from agentflow.env.feedback.text import number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject, blocks_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
-from agentflow.env.tasks.family import GROUND, CommonKnobs, TrialFamily, vary
+from agentflow.env.tasks.family import GROUND, TRIALS, CommonKnobs, TrialFamily, vary
 from agentflow.env.tasks.features.resting import highest_point_under
 from agentflow.env.tasks.knobs import knob
 from agentflow.errors import ConfigError
@@ -80,6 +80,10 @@ class LiftingKnobs(CommonKnobs):
     object: Object = Object()
     variation: LiftVariation = LiftVariation()
 
+    @property
+    def trials(self) -> int:
+        return TRIALS
+
 
 @dataclass(frozen=True)
 class Lifting(TrialFamily):
@@ -95,7 +99,7 @@ class Lifting(TrialFamily):
     ranked: ClassVar[bool] = True
     parameters: LiftingKnobs
 
-    def vary_knobs(self, rng: random.Random) -> LiftingKnobs:
+    def draw(self, rng: random.Random) -> dict[str, Any]:
         """Vary mass, friction and initial position of the object."""
         knobs, by = self.parameters, self.parameters.variation
         item = knobs.object
@@ -105,7 +109,8 @@ class Lifting(TrialFamily):
             "offset": item.offset + round(rng.uniform(-by.offset, by.offset), 3),
             "forward": item.forward + round(rng.uniform(-by.offset, by.offset), 3),
         }
-        return knobs.model_copy(update={"object": item.model_copy(update=changed)})
+        varied = knobs.model_copy(update={"object": item.model_copy(update=changed)})
+        return {"parameters": varied}
 
     @property
     def brief(self) -> Brief:
@@ -117,19 +122,18 @@ class Lifting(TrialFamily):
                 *GROUND,
                 *_object_sentences(self.parameters.object),
                 *self.parameters.wind.sentences(),
-                f"The {self.count} trials differ at random: the object's mass varies by up to "
+                f"The {TRIALS} trials differ at random: the object's mass varies by up to "
                 f"{by.mass:.0%}, its friction by up to {by.friction:.0%}, and its position by up "
                 f"to {by.offset:g} m along x and z.",
             ),
             score=(
-                f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
-                "each.",
+                f"Score: the number of successful trials out of {TRIALS}, {self.window:g} s each.",
                 f"A trial succeeds if the object's centre stays at least {RISE:g} m above its "
                 f"height at t = 0 for {HOLD:g} s without interruption and is that high at the "
                 f"end; it must have touched the machine within the last {LOOSE:g} s.",
             ),
         )
-        return replace(brief, greatest=float(self.count))
+        return replace(brief, greatest=float(TRIALS))
 
     def scene(self, machine: Machine | None = None) -> Scene:
         """The object, on top of the machine if there is one, and wind."""

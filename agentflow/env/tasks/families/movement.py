@@ -15,12 +15,12 @@ from agentflow.env.feedback.text import series
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.tasks.balancing import LASTS, WHEEL, Balance, BalanceReferee
-from agentflow.env.tasks.base import ON_WHEELS, Descriptor, Parameters, Referee, Task, WorldView
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
+from agentflow.env.tasks.base import ON_WHEELS, Descriptor, Parameters, Referee, WorldView
+from agentflow.env.tasks.family import GROUND, TRIALS, CommonKnobs, Family
 from agentflow.env.tasks.features import roads
 from agentflow.env.tasks.features.terrain import Ramp, Roughness, Stones, bump
 from agentflow.env.tasks.knobs import knob
-from agentflow.env.tasks.stopping import TRIALS, Stop, StopReferee
+from agentflow.env.tasks.stopping import Stop, StopReferee
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
@@ -65,7 +65,6 @@ class MovementKnobs(CommonKnobs):
 
     @property
     def trials(self) -> int:
-        """How many there are; 1 unless something is drawn for them."""
         return TRIALS if self.stop.gap or self.balance.height else 1
 
 
@@ -84,32 +83,20 @@ class Movement(Family):
     diagnosed: ClassVar[bool] = True
     descriptors: ClassVar[tuple[Descriptor, ...]] = ON_WHEELS
     parameters: MovementKnobs
-    trial: int = 0
-    """Number of this trial, from 1; 0 is the whole task."""
     wall: float = 0.0
     """z of the near face of the wall in this trial, m."""
 
-    def trials(self, seed: int) -> tuple[Task, ...]:
-        """The trials of this seed, the same for every machine; one if nothing is drawn for them."""
+    def draw(self, rng: random.Random) -> dict[str, Any]:
+        """Where the wall stands, or the gust."""
         knobs = self.parameters
-        if self.trial or knobs.trials == 1:
-            return (self,)
-        rng = random.Random(f"{seed}/trials/{self.family}")
-        numbers = range(1, TRIALS + 1)
-        if knobs.balance.height:
-            return tuple(self._pushed(number, *knobs.balance.draw(rng)) for number in numbers)
-        return tuple(replace(self, trial=number, wall=knobs.stop.draw(rng)) for number in numbers)
-
-    def _pushed(self, trial: int, at: float, speed: float) -> Movement:
-        """A trial with a gust from a time (s) on."""
-        knobs = self.parameters
+        if not knobs.balance.height:
+            return {"wall": knobs.stop.draw(rng)}
+        at, speed = knobs.balance.draw(rng)
         wind = knobs.wind.model_copy(update={"speed": speed})
-        return replace(
-            self,
-            trial=trial,
-            parameters=knobs.model_copy(update={"wind": wind}),
-            schedule=replace(self.schedule, more=knobs.balance.switches(at)),
-        )
+        return {
+            "parameters": knobs.model_copy(update={"wind": wind}),
+            "schedule": replace(self.schedule, more=knobs.balance.switches(at)),
+        }
 
     @property
     def _wall(self) -> float:

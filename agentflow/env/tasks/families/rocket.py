@@ -6,7 +6,7 @@ import random
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import hypot
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -15,8 +15,8 @@ from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import flight_lines, number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
 from agentflow.env.scene import Scene, blocks_among
-from agentflow.env.tasks.base import GENERAL, ROUNDING, Descriptor, Parameters, Task, WorldView
-from agentflow.env.tasks.family import ANY_START, GROUND, CommonKnobs, Family
+from agentflow.env.tasks.base import GENERAL, ROUNDING, Descriptor, Parameters, WorldView
+from agentflow.env.tasks.family import ANY_START, GROUND, TRIALS, CommonKnobs, Family
 from agentflow.env.tasks.features.flights import CannonWatch
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import TORCH, WATER_CANNON, library
@@ -68,8 +68,7 @@ class RocketKnobs(CommonKnobs):
 
     @property
     def trials(self) -> int:
-        """How many there are; 1 unless the wind is drawn."""
-        return 10 if self.gale.wind and self.aim == "landing" else 1
+        return TRIALS if self.gale.wind and self.aim == "landing" else 1
 
 
 @dataclass(frozen=True)
@@ -85,20 +84,12 @@ class Rocket(Family):
     knobs: ClassVar[type[CommonKnobs]] = RocketKnobs
     descriptors: ClassVar[tuple[Descriptor, ...]] = GENERAL[:2]
     parameters: RocketKnobs
-    trial: int = 0
-    """Number of this trial, from 1, of those in a gale; 0 is the whole task."""
 
-    def trials(self, seed: int) -> tuple[Task, ...]:
-        """The trials of this seed, the same for every machine; one if there is no gale."""
+    def draw(self, rng: random.Random) -> dict[str, Any]:
+        """The wind of the gale."""
         knobs = self.parameters
-        if self.trial or knobs.trials == 1:
-            return (self,)
-        rng = random.Random(f"{seed}/trials/{self.family}")
-        winds = [knobs.wind.model_copy(update=knobs.gale.draw(rng)) for _ in range(knobs.trials)]
-        return tuple(
-            replace(self, trial=number, parameters=knobs.model_copy(update={"wind": wind}))
-            for number, wind in enumerate(winds, start=1)
-        )
+        wind = knobs.wind.model_copy(update=knobs.gale.draw(rng))
+        return {"parameters": knobs.model_copy(update={"wind": wind})}
 
     @property
     def unit(self) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import model_validator
@@ -14,8 +14,16 @@ from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import number, object_label, series, steering_angles, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Body, Scene, SceneObject, objects_among
-from agentflow.env.tasks.base import ON_WHEELS, Descriptor, Parameters, Task, WorldView
-from agentflow.env.tasks.family import ANY_START, GROUND, CommonKnobs, Family, joint_sentences, wall
+from agentflow.env.tasks.base import ON_WHEELS, Descriptor, Parameters, WorldView
+from agentflow.env.tasks.family import (
+    ANY_START,
+    GROUND,
+    TRIALS,
+    CommonKnobs,
+    Family,
+    joint_sentences,
+    wall,
+)
 from agentflow.env.tasks.features.journey import (
     LEAST,
     Journey,
@@ -37,7 +45,6 @@ THICK = 0.5
 """Thickness of the wall, m."""
 WIDE = 48.0
 """Extent of uneven ground along x, m."""
-TRIALS = 10
 FIRST = 1.0
 """Earliest moment at which the cargo of a trial falls, s."""
 COLOR = (0.75, 0.35, 0.2, 1.0)
@@ -99,7 +106,6 @@ class TransportKnobs(CommonKnobs):
 
     @property
     def trials(self) -> int:
-        """How many there are; 1 unless the moment at which the cargo falls is drawn."""
         return TRIALS if self.cargo.mass and self.cargo.falls else 1
 
 
@@ -118,25 +124,15 @@ class Transport(Family):
     knobs: ClassVar[type[CommonKnobs]] = TransportKnobs
     descriptors: ClassVar[tuple[Descriptor, ...]] = ON_WHEELS
     parameters: TransportKnobs
-    trial: int = 0
-    """Number of this trial, from 1; 0 is the whole task."""
 
-    def trials(self, seed: int) -> tuple[Task, ...]:
-        """The trials of this seed, the same for every machine; one if nothing is drawn for them."""
-        knobs = self.parameters
-        if self.trial or knobs.trials == 1:
-            return (self,)
-        rng = random.Random(f"{seed}/trials/{self.family}")
-        moments = [round(rng.uniform(FIRST, knobs.cargo.falls), 2) for _ in range(TRIALS)]
-        return tuple(
-            replace(
-                self,
-                trial=number,
-                window=min(self.window, round(moment + knobs.cargo.within, 2)),
-                schedule=replace(self.schedule, more=((moment, "holds", 1.0),)),
-            )
-            for number, moment in enumerate(moments, start=1)
-        )
+    def draw(self, rng: random.Random) -> dict[str, Any]:
+        """When the cargo falls."""
+        cargo = self.parameters.cargo
+        moment = round(rng.uniform(FIRST, cargo.falls), 2)
+        return {
+            "window": min(self.window, round(moment + cargo.within, 2)),
+            "schedule": replace(self.schedule, more=((moment, "holds", 1.0),)),
+        }
 
     @property
     def limits(self) -> Limits:
