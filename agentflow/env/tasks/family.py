@@ -8,14 +8,12 @@ from functools import cached_property
 from math import cos, sin
 from typing import Any, ClassVar, Literal
 
-from pydantic import Field
-
 from agentflow.env.constants import constants
 from agentflow.env.controllers.rate import RATE
 from agentflow.env.physics.engines import engine_limits
 from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters, Schedule, Task
-from agentflow.env.tasks.knobs import RequirementKnobs, knob
+from agentflow.env.tasks.knobs import RequirementKnobs, choice, knob
 from agentflow.machine.blocks.library import BRACE, library
 from agentflow.machine.blocks.types import Group
 from agentflow.machine.brief import Brief, Limits
@@ -66,10 +64,10 @@ class BlockBudget(Parameters):
     max: int = knob(
         40, 0, MAX_BLOCKS, "blocks", "most blocks of a machine, without given ones; 0: no limit"
     )
-    without: tuple[int, ...] = Field(
+    without: tuple[int, ...] = choice(
         (),
-        description="block types that the machine may not have, of those that the family allows",
-        json_schema_extra={"unit": "a list of block types"},
+        "a list of block types",
+        "block types that the machine may not have, of those that the family allows",
     )
 
 
@@ -98,11 +96,11 @@ class CommonKnobs(Parameters):
     """Wind and its gusts."""
     blocks: BlockBudget = BlockBudget()
     """How many blocks, and which of them are withheld."""
-    controls: Literal["schedule", "designed", "sensed"] = Field(
+    controls: Literal["schedule", "designed", "sensed"] = choice(
         "schedule",
-        description="what switches blocks: the level's schedule, control programs of machines, or "
-        "these and controllers, which sense",
-        json_schema_extra={"unit": "schedule, designed or sensed"},
+        "schedule, designed or sensed",
+        "what switches blocks: the level's schedule, control programs of machines, or these and "
+        "controllers, which sense",
     )
     """What switches blocks."""
     sensing: Sensing = Sensing()

@@ -27,6 +27,11 @@ def knob(default: float, low: float, high: float, unit: str, help: str) -> Any:
     return Field(default, ge=low, le=high, description=help, json_schema_extra={"unit": unit})
 
 
+def choice(default: object, values: str, help: str) -> Any:
+    """What is no number, with a default, what it may be and one line of help."""
+    return Field(default, description=help, json_schema_extra={"unit": values})
+
+
 @dataclass(frozen=True)
 class Knob:
     """A level parameter that users can set."""
@@ -104,20 +109,18 @@ def _explain(kind: type[Parameters], error: ValidationError, source: str) -> str
 class RequirementKnobs(Parameters):
     """What machines must keep besides the task, such as a greatest mass."""
 
-    wanted: tuple[str, ...] = Field(
+    wanted: tuple[str, ...] = choice(
         (),
-        description="requirements, each a quantity, a relation and a value",
-        json_schema_extra={"unit": "a list such as mass <= 60 kg, safety >= 1.5"},
+        "a list such as mass <= 60 kg, safety >= 1.5",
+        "requirements, each a quantity, a relation and a value",
     )
-    mode: requirements.Mode = Field(
+    mode: requirements.Mode = choice(
         "must",
-        description="must: the score counts only if all are met; report: they are only told",
-        json_schema_extra={"unit": "must or report"},
+        "must or report",
+        "must: the score counts only if all are met; report: they are only told",
     )
-    prices: tuple[tuple[int, float], ...] = Field(
-        (),
-        description="prices that differ from the usual ones",
-        json_schema_extra={"unit": "block type: credits"},
+    prices: tuple[tuple[int, float], ...] = choice(
+        (), "block type: credits", "prices that differ from the usual ones"
     )
 
     @field_validator("wanted", mode="before")

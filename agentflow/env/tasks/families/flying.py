@@ -9,7 +9,6 @@ from math import dist, hypot, pi
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import flight_lines, number, series
@@ -19,7 +18,7 @@ from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
 from agentflow.env.tasks.features.platforms import Platform
 from agentflow.env.tasks.features.rings import CLOSE, EACH, THICK, Ring, RingProgress, ring_objects
-from agentflow.env.tasks.knobs import knob
+from agentflow.env.tasks.knobs import choice, knob
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
@@ -56,10 +55,8 @@ class FlyingKnobs(CommonKnobs):
     """Knobs of a flying level."""
 
     window: float = knob(10, 1, 60, "s", "length of the scored window")
-    mode: Literal["altitude", "marks"] = Field(
-        "altitude",
-        description="altitude: climb; marks: pass the hoops in order",
-        json_schema_extra={"unit": "altitude or marks"},
+    mode: Literal["altitude", "marks"] = choice(
+        "altitude", "altitude or marks", "altitude: climb; marks: pass the hoops in order"
     )
     platform: Platform = Platform()
     gusts: Gusts = Gusts()

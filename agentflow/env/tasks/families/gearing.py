@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from agentflow.env.constants import constants
 from agentflow.env.feedback.compose import compose
@@ -16,7 +16,7 @@ from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import CommonKnobs, Family
 from agentflow.env.tasks.features.turning import HOLD, MIN_SPEED, SOURCE, GearingReferee, Sense
-from agentflow.env.tasks.knobs import knob
+from agentflow.env.tasks.knobs import choice, knob
 from agentflow.errors import ConfigError
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import GRID, HOLE, HOLES, PATTERNS, SIZES, THICKNESS, Plate
@@ -28,10 +28,6 @@ from agentflow.machine.tree import Machine, Step
 MEDIUM, POWERED, LARGE = 38, 39, 51
 BLOCKS = (MEDIUM, LARGE)
 SENSES = {"with": "in the same direction as", "against": "in the opposite direction to"}
-
-
-def _sense(help: str) -> Any:
-    return Field("with", description=help, json_schema_extra={"unit": "with or against"})
 
 
 class PlateKnobs(Parameters):
@@ -47,8 +43,10 @@ class Targets(Parameters):
 
     count: int = knob(1, 1, 2, "", "number of target cogs")
     spread: int = knob(8, 2, 24, "m", "distance between two targets, along x")
-    turn: Sense = _sense("direction of the first target, with or against the source")
-    second: Sense = _sense("direction of the second target")
+    turn: Sense = choice(
+        "with", "with or against", "direction of the first target, with or against the source"
+    )
+    second: Sense = choice("with", "with or against", "direction of the second target")
 
 
 class GearingKnobs(CommonKnobs):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import number, series
@@ -16,7 +16,7 @@ from agentflow.env.scene import Scene, SceneObject, blocks_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, TRIALS, CommonKnobs, TrialFamily, vary
 from agentflow.env.tasks.features.resting import highest_point_under
-from agentflow.env.tasks.knobs import knob
+from agentflow.env.tasks.knobs import choice, knob
 from agentflow.errors import ConfigError
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -38,10 +38,8 @@ SHAPES = {"box": "box", "ball": "sphere", "cone": "cone"}
 class Object(Parameters):
     """The object to lift."""
 
-    shape: Literal["box", "ball", "cone"] = Field(
-        "box",
-        description="box, ball or cone (tip up)",
-        json_schema_extra={"unit": "box, ball or cone"},
+    shape: Literal["box", "ball", "cone"] = choice(
+        "box", "box, ball or cone", "box, ball or cone (tip up)"
     )
     width: float = knob(2, 0.5, 5, "m", "size along x and z; diameter of a ball")
     height: float = knob(1, 0.5, 5, "m", "size along y; ignored for a ball")

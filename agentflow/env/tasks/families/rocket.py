@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from math import hypot
 from typing import Any, ClassVar, Literal
 
-from pydantic import Field
-
 from agentflow.env.constants import constants
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import flight_lines, number, series
@@ -18,7 +16,7 @@ from agentflow.env.scene import Scene, blocks_among
 from agentflow.env.tasks.base import GENERAL, ROUNDING, Descriptor, Parameters, WorldView
 from agentflow.env.tasks.family import ANY_START, GROUND, TRIALS, CommonKnobs, Family
 from agentflow.env.tasks.features.flights import CannonWatch
-from agentflow.env.tasks.knobs import knob
+from agentflow.env.tasks.knobs import choice, knob
 from agentflow.machine.blocks.library import TORCH, WATER_CANNON, library
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -53,10 +51,10 @@ class RocketKnobs(CommonKnobs):
     """Knobs of a rocket level."""
 
     window: float = knob(30, 2, 60, "s", "length of the scored window")
-    aim: Aim = Field(
+    aim: Aim = choice(
         "height",
-        description="thrust: push up; height: climb; landing: climb and land softly",
-        json_schema_extra={"unit": "thrust, height or landing"},
+        "thrust, height or landing",
+        "thrust: push up; height: climb; landing: climb and land softly",
     )
     engines: int = knob(0, 0, 6, "", "exact number of water cannons, and of torches; 0: any")
     corridor: float = knob(

@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, ClassVar, Literal
 
-from pydantic import Field
-
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.separation import describe_release
 from agentflow.env.feedback.text import block_name, number, series, term_number
@@ -20,7 +18,7 @@ from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_objec
 from agentflow.env.tasks.features.flights import RL_HEIGHT, RULES, Flight
 from agentflow.env.tasks.features.platforms import Platform
 from agentflow.env.tasks.features.rings import EACH, THICK, Ring, ring_objects
-from agentflow.env.tasks.knobs import knob
+from agentflow.env.tasks.knobs import choice, knob
 from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -60,11 +58,11 @@ class ThrowingKnobs(CommonKnobs):
     ring: Rings = Rings()
     target: Target = Target()
     reload: int = knob(1, 1, 4, "", "number of boulders; the score is the mean of their scores")
-    score: Mode = Field(
+    score: Mode = choice(
         "distance",
-        description="distance; rl (reward for RL training): greatest height x distance; "
-        "rings: 10 per ring passed; accuracy: up to 10 for landing close to the target",
-        json_schema_extra={"unit": "distance, rl, rings or accuracy"},
+        "distance, rl, rings or accuracy",
+        "distance; rl (reward for RL training): greatest height x distance; rings: 10 per ring "
+        "passed; accuracy: up to 10 for landing close to the target",
     )
 
     @property
