@@ -42,21 +42,21 @@ class EngineIdentity:
 
     name: str
     version: str
-    """Version of the physics library."""
 
     def __str__(self) -> str:
         return f"{self.name} {self.version}"
 
 
 class Touch(NamedTuple):
-    """Two bodies that touch; blocks before objects, and of blocks the one with the smaller id."""
+    """Two bodies that touch; blocks before objects, and of blocks the one with the smaller id.
+
+    `force` (N) is the sum of the normal forces in the last step, `place` (m) where most of it acts.
+    """
 
     a: Body
     b: Body
     place: Vec3
-    """Where the contact force is greatest, m."""
     force: float
-    """Sum of the normal forces in the last step, N."""
 
 
 class Foreseen(NamedTuple):

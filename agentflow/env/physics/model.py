@@ -24,7 +24,6 @@ class Shape:
 
     kind: Literal["box", "sphere", "cylinder"]
     size: Vec3
-    """Full extents before `rotation`; a sphere's diameter is `size[0]`; a cylinder's axis is y."""
     offset: Vec3 = (0.0, 0.0, 0.0)
     """From the part's centre of mass to the shape's centre."""
     rotation: Quat = IDENTITY
@@ -34,22 +33,23 @@ class Shape:
 
 @dataclass(frozen=True)
 class Part:
-    """A rigid body: a block, half of a two-ended block, or the fork or wheel of a caster."""
+    """A rigid body: a block, half of a two-ended block, or the fork or wheel of a caster.
+
+    `inertia` are its principal moments about `centre`, its centre of mass at rest, along the axes
+    of the machine frame. Drag takes mass * `linear_drag` * velocity, and the like of its spin; in
+    1/s.
+    """
 
     block: int
     centre: Vec3
-    """Centre of mass at rest."""
     mass: float
     inertia: Vec3
-    """Principal moments about the centre of mass, along the axes of the machine frame at rest."""
     shapes: tuple[Shape, ...] = ()
     friction: float = 0.0
     restitution: float = 0.0
     rolling_friction: float = 0.0
     linear_drag: float = 0.0
-    """1/s: the part loses mass * drag * velocity."""
     angular_drag: float = 0.0
-    """1/s, about its own centre."""
     extents: Vec3 = (0.0, 0.0, 0.0)
     """Box exposed to the wind, at rest; 0 for two-ended blocks and for propellers, on which the air
     acts by the blade law alone."""
@@ -58,44 +58,40 @@ class Part:
 
 @dataclass(frozen=True)
 class Drive:
-    """Motor, spring-damper, dry friction and stops of a joint."""
+    """Motor, spring-damper, dry friction and stops of a joint.
+
+    Once it is switched on, the motor aims at `speed` about the joint's axis, with at most `torque`;
+    speed 0 holds. Without a torque, the joint turns freely, but for its dry `friction`. Prismatic
+    joints have `stiffness` and `damping`. `stops` are the lowest and the highest position.
+    """
 
     speed: float = 0.0
-    """Velocity target once it is switched on, rad/s about the joint's axis; 0 holds."""
     torque: float = 0.0
-    """Greatest torque of the motor, N m; with 0 the joint turns freely."""
     starts: Entry = "motors"
     """The entry whose level it follows: one of the task's schedule, `motors`, `steering_hinges` or
     `decouplers`, which release a rigid joint; or the id of its block, which controls drive."""
     friction: float = 0.0
-    """Dry friction of a joint without motor, N m."""
     stiffness: float = 0.0
-    """N/m, of a prismatic joint."""
     damping: float = 0.0
-    """N s/m, of a prismatic joint."""
     stops: tuple[float, float] | None = None
-    """Lowest and highest joint position."""
 
 
 @dataclass(frozen=True)
 class Strength:
-    """Greatest load that a connection bears."""
+    """Greatest force (N) and torque (N m) that a connection bears."""
 
     force: float
-    """N."""
     torque: float
-    """N m."""
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A connection of two parts; it belongs to `block`, and `b` hangs on `a`."""
+    """A connection of two parts: part `b` hangs on part `a`. It belongs to `block`; `partner` is
+    the other block."""
 
     block: int
     partner: int
-    """The other block."""
     a: int
-    """Part index."""
     b: int
     kind: JointKind = "fixed"
     pivot: Vec3 = (0.0, 0.0, 0.0)
@@ -110,29 +106,28 @@ class Joint:
 
 @dataclass(frozen=True)
 class Gripper:
-    """A grabber: grips the first movable body that touches its front."""
+    """A grabber: grips the first movable body that touches its front, and holds it with at most
+    `force`.
+
+    Its front is at `reach` from the part's centre, along the unit vector `front`; `starts` as in
+    `Drive`.
+    """
 
     part: int
     front: Vec3
-    """Unit vector."""
     reach: float
-    """m from the part's centre to its front."""
     force: float
-    """Greatest force with which it holds, N."""
     joined: frozenset[int] = frozenset()
     """Parts that it was attached to; it does not grip them when they break off."""
     starts: Entry = "grabbers"
-    """The entry whose level it follows; as of drives."""
 
 
 @dataclass(frozen=True)
 class CogMesh:
-    """Two cogs that mesh: the position of joint `a` is -ratio times that of `b`."""
+    """Two cogs that mesh: the position of the joint with index `a` is -ratio times that of `b`."""
 
     a: int
-    """Joint index."""
     b: int
-    """Joint index."""
     ratio: float
 
 
@@ -152,18 +147,19 @@ class Devices:
 
 @dataclass(frozen=True)
 class Assembly:
-    """A whole machine as parts and joints, placed in the world as the rollout starts."""
+    """A whole machine as parts and joints, placed in the world as the rollout starts.
+
+    Of each block at rest, it has the building point (of two-ended blocks, the middle between the
+    ends) in `origins`, the centre of the box, and the orientation.
+    """
 
     parts: tuple[Part, ...]
     joints: tuple[Joint, ...]
     blocks: tuple[tuple[int, ...], ...]
     """Part indices of each block; the first carries its pose."""
     origins: tuple[Vec3, ...]
-    """Building point of each block at rest (two-ended: middle between its ends)."""
     centres: tuple[Vec3, ...]
-    """Box centre of each block at rest."""
     rotations: tuple[Quat, ...]
-    """Orientation of each block at rest."""
     spans: tuple[tuple[int, int, int], ...] = ()
     """(block, part, part) of each two-ended block: its id and its ends."""
     devices: Devices = field(default_factory=Devices)
@@ -171,23 +167,18 @@ class Assembly:
 
 @dataclass(frozen=True)
 class State:
-    """Positions and velocities. N blocks, M moving objects, L two-ended blocks; game frame."""
+    """Positions and velocities of N blocks, M moving objects and L two-ended blocks; game frame.
+
+    (N, 3): `position` of block origins, `centre`, `velocity` of the centres and `angular_velocity`;
+    (N, 4): `rotation`; (L,): `length`. Objects have the like, (M, 3) and (M, 4).
+    """
 
     position: Array
-    """(N, 3) block origins, m."""
     centre: Array
-    """(N, 3) block centres, m."""
     rotation: Array
-    """(N, 4)."""
     velocity: Array
-    """(N, 3) of the centres, m/s."""
     angular_velocity: Array
-    """(N, 3) rad/s."""
     length: Array
-    """(L,) m."""
     object_position: Array
-    """(M, 3) m."""
     object_rotation: Array
-    """(M, 4)."""
     object_velocity: Array
-    """(M, 3) m/s."""

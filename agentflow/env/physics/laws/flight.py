@@ -21,45 +21,42 @@ from agentflow.machine.geometry.vectors import Vec3, add, dot, scale
 
 @dataclass(frozen=True)
 class Thruster:
-    """A steady push on a part at its centre, while it is on."""
+    """A steady push of `force` (N) on a part at its centre, while its entry `starts` is on; it
+    turns with the part."""
 
     part: int
     force: Vec3
-    """N; turns with the part."""
     steam: float | None = None
     """Factor of the force while a flame heats the part's centre; None: flames do not matter."""
     starts: Entry = "motors"
-    """The entry whose level it follows."""
 
 
 @dataclass(frozen=True)
 class Heat:
-    """A flame on a part, which heats parts whose centres it reaches."""
+    """A flame on a part, which heats parts whose centres it reaches.
+
+    Its middle is at `offset` from the part's centre, with which it turns; m.
+    """
 
     part: int
     offset: Vec3
-    """From the part's centre to the flame's, m; turns with the part."""
     radius: float
-    """m."""
 
 
 @dataclass(frozen=True)
 class PropellerBlade(MotionDevice):
     """A propeller blade: its motion through still air pushes it along its Up, powered or not.
 
-    The force is -drag * (v . n) * min(v . v, cap^2), where v is the velocity of the blade's centre
-    over the ground and n its Up turned by the lift angle: the law of the reference game.
+    The force is -drag * (v . n) * min(v . v, square_cap), where v is the velocity of the blade's
+    centre over the ground and n, its `normal`, is its Up turned about its Front by the lift angle:
+    the law of the reference game. In SI units.
     """
 
     loss: ClassVar[str] = "the lift of blades"
     up: Vec3
-    """Unit vector."""
     normal: Vec3
-    """Unit vector: Up turned about Front by the lift angle."""
     drag: float
-    """kg s/m2."""
     square_cap: float
-    """m2/s2; beyond it the squared speed in the law grows no further."""
 
     @classmethod
     def of(cls, block: Placed, kind: BlockType, part: int) -> PropellerBlade | None:

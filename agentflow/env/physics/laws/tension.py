@@ -22,47 +22,39 @@ RowPoint = tuple[int, Vec3]
 
 @dataclass(frozen=True)
 class Spring:
-    """Pulls two parts together along the line between their centres, while it is on."""
+    """Pulls the parts `a` and `b` together along the line between their centres, while its entry
+    `starts` is on.
+
+    The pull is gone at the length `natural` and grows to `force` over the length `ramp` beyond it;
+    m, N and N s/m.
+    """
 
     a: int
-    """Part index."""
     b: int
-    """Part index."""
     natural: float
-    """Length at which the pull is gone, m."""
     ramp: float
-    """Beyond the natural length the pull grows to `force` over this length, m."""
     force: float
-    """N."""
     damping: float
-    """N s/m."""
     starts: Entry = "springs"
-    """The entry whose level it follows."""
 
 
 @dataclass(frozen=True)
 class Winch:
-    """A rope between two parts' centres that is reeled in while it is on.
+    """A rope between the centres of the parts `a` and `b` that is reeled in while its entry
+    `starts` is on, at `speed` and until it has its `shortest` length.
 
-    It is strung, taut, when it is first switched on, and never pushes.
+    It is strung, taut, when it is first switched on, and never pushes. It pulls with at most
+    `force`: a greater load draws rope out. m, s and N.
     """
 
     a: int
-    """Part index."""
     b: int
-    """Part index."""
     speed: float
-    """m/s of rope taken in."""
     shortest: float
-    """m; reeling in stops at this length."""
     stiffness: float
-    """N/m."""
     damping: float
-    """N s/m."""
     force: float
-    """Greatest pull, N; a greater load draws rope out."""
     starts: Entry = "winches"
-    """The entry whose level it follows."""
 
 
 class PullForce(ABC):

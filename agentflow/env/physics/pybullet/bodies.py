@@ -46,13 +46,11 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class PieceBody:
-    """A piece of the machine as a body."""
+    """A piece of the machine as a body, with its number and the link number of each part."""
 
     uid: int
-    """Body number."""
     piece: Piece
     index: Mapping[int, int]
-    """Part -> link number."""
     joints: tuple[tuple[Link, int], ...]
     """The links of the piece, then its loops, with their link numbers.
 

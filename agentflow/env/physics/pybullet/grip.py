@@ -23,11 +23,11 @@ from agentflow.machine.geometry.vectors import (
 
 @dataclass
 class _Hold:
-    """Something gripped, and its pose in the grabber's own axes, engine frame."""
+    """Something gripped with at most `force` (N), and its pose in the grabber's own axes, engine
+    frame."""
 
     held: Held
     force: float
-    """Greatest holding force, N."""
     place: Vec3
     turn: Quat
     constraint: int = -1

@@ -17,25 +17,23 @@ STILL = 0.05
 
 
 class Motor(NamedTuple):
-    """A motor of limited torque, or dry friction, which is one that always aims at speed 0."""
+    """A motor of limited torque (N m), or dry friction, which is one that always aims at speed 0.
+
+    Its entry `starts` gives the level, at 1 of which it aims at `speed` of the joint, rad/s.
+    """
 
     speed: float
-    """rad/s of the joint at level 1."""
     torque: float
-    """Greatest torque, N m."""
     starts: Entry
-    """The entry that gives its level."""
 
 
 class MotorCommand(NamedTuple):
-    """What an engine's velocity motor does in one step."""
+    """What an engine's velocity motor does in one step: it aims at the speed `target` (rad/s) with
+    at most `limit`, and pushes constantly with `push` besides (N m)."""
 
     target: float
-    """rad/s."""
     limit: float
-    """Greatest torque towards the target, N m."""
     push: float = 0.0
-    """Constant torque besides, N m."""
 
 
 Carrier = tuple[int, float]
@@ -44,15 +42,12 @@ Carrier = tuple[int, float]
 
 @dataclass(frozen=True)
 class JointDrive:
-    """Motors, spring-damper and stops that act on one joint."""
+    """Motors, spring-damper and stops that act on one joint, as in `model.Drive`."""
 
     motors: tuple[Motor, ...]
     stiffness: float
-    """N/m, of a prismatic joint."""
     damping: float
-    """N s/m, of a prismatic joint."""
     stops: tuple[float, float] | None
-    """Lowest and highest joint position."""
 
     @property
     def turns(self) -> bool:

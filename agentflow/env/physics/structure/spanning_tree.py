@@ -24,13 +24,11 @@ class Parallel:
 
 @dataclass(frozen=True)
 class Link:
-    """A part and the joint that connects it to its parent in the tree."""
+    """A part and the joint that connects it to its parent, another part, in the tree."""
 
     part: int
     parent: int
-    """Part index of the parent."""
     joint: int
-    """Index of that joint."""
     reversed: bool
     """Whether the part is the joint's `a`, which reverses the sign of joint positions."""
     parallel: tuple[Parallel, ...] = ()
