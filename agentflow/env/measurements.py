@@ -21,62 +21,63 @@ class Recorded:
 
 
 class Hit(NamedTuple):
-    """One time that two bodies came together."""
+    """One time that two bodies came together: when they first touched, the place where they pressed
+    hardest in the first step, and the impulse of the normal force until they came apart, at most
+    over `logs.LONGEST`, N s."""
 
     time: float
-    """Of the first touch."""
     place: Vec3
-    """Where they pressed hardest in the first step."""
     impulse: float
-    """Of the normal force until they came apart, at most over `logs.LONGEST`, N s."""
 
 
 @dataclass(frozen=True)
 class Contact(Recorded):
-    """Two bodies that touched: blocks come before objects."""
+    """Two bodies that touched: blocks come before objects.
+
+    `standing` tells whether they touched at t = 0, `last` when they were last seen to touch.
+    """
 
     a: Named
     b: Named
     first: Hit
     hardest: Hit
     standing: bool
-    """Whether they touched at t = 0."""
     last: float
-    """Time at which they were last seen to touch."""
 
 
 @dataclass(frozen=True)
 class Peak(Recorded):
-    """The greatest load of a connection in a part of the rollout, over every step."""
+    """The greatest load of a connection in a part of the rollout, over every step.
+
+    `load` is over strength. `force` (N) is what the partner exerts on the block, `moment` (N m) is
+    about the joint; their axes are those of the block, which at rest are those of the machine
+    frame. `after` tells whether it is the peak after the decisive moment, rather than the one up to
+    it.
+    """
 
     block: int
     partner: int
     time: float
     load: float
-    """Load over strength."""
     force: Vec3
-    """That the partner exerts on the block, N. Axes: those of the block, which at rest are those
-    of the machine frame."""
     moment: Vec3
-    """About the joint, N m; axes as those of `force`."""
     after: bool
-    """Whether it is that after the decisive moment, rather than the one up to it."""
 
 
 @dataclass(frozen=True)
 class Energy(Recorded):
-    """Work done from t = 0 until a moment, and the kinetic energy then, J."""
+    """Work done from t = 0 until a moment, and the kinetic energy then, J.
+
+    Suspensions count as springs, joints, winches and thrusters as motors. `thrown` is the energy of
+    what is thrown, carried or pushed, `machine` that of all other blocks.
+    """
 
     time: float
     springs: float
-    """Work of springs and suspensions."""
     motors: float
-    """Work of motors of joints, winches and thrusters."""
     gravity: float
     thrown: float
-    """Kinetic energy of what is thrown, carried or pushed."""
     machine: float
-    """Kinetic energy of all other blocks."""
     air: float = 0.0
     """Work of the air on the blocks: drag takes, wind and propeller blades can give. 0 in records
     from before it was measured, whose `lost` includes it."""
@@ -90,28 +91,26 @@ class Energy(Recorded):
 
 @dataclass(frozen=True)
 class Pull(Recorded):
-    """What a spring or winch did until the time of `Energy`, over every step."""
+    """What a spring or winch did until the time of `Energy`, over every step: its work since t = 0,
+    and its greatest pull with its time; J, N, s."""
 
     block: int
     work: float
-    """Since t = 0, J."""
     force: float
-    """Its greatest pull, N."""
     time: float
-    """When that was, s."""
 
 
 @dataclass(frozen=True)
 class Drawn(Recorded):
     """What springs, motors, winches and thrusters gave from t = 0 on; what they took back does not
-    count."""
+    count.
+
+    `power` is the greatest mean over 0.1 s (W), and `time` when that was.
+    """
 
     energy: float
-    """J."""
     power: float
-    """Greatest mean over 0.1 s, W."""
     time: float
-    """When that was, s."""
 
 
 @dataclass(frozen=True)

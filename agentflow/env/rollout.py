@@ -84,15 +84,13 @@ class Trace:
 
 @dataclass(frozen=True)
 class _ConnectionLoad(Recorded):
-    """The load of one connection at one moment."""
+    """The load over strength of one connection at one moment, in seconds since t = 0."""
 
     block: int
     type: int
     partner: int
     time: float
-    """Seconds since t = 0."""
     load: float
-    """Load over strength."""
 
 
 @dataclass(frozen=True)

@@ -77,18 +77,16 @@ def _form(item: SceneObject, side: Literal[1, -1]) -> tuple[object, ...]:
 
 @dataclass(frozen=True)
 class Start:
-    """Where the machine starts: on a plane through (0, height, 0), rotated with the plane.
+    """Where the machine starts: on a plane through (0, height, 0), whose z+ end is raised by
+    `pitch` degrees, rotated with the plane.
 
     Before rotation the centre of its bounding box is over x = z = 0 and its lowest point on the
-    plane.
+    plane, on which it is turned by `yaw` degrees, its front towards x+.
     """
 
     height: float = 0.0
-    """m above the ground."""
     pitch: float = 0.0
-    """Degrees by which the plane's z+ end is raised."""
     yaw: float = 0.0
-    """Degrees by which the machine is rotated on the plane, its front towards x+."""
 
     @property
     def rotation(self) -> Quat:
@@ -99,14 +97,12 @@ class Start:
 
 @dataclass(frozen=True)
 class Gust:
-    """One wave in the strength of the wind."""
+    """One wave in the strength of the wind: its amplitude as a share of the mean wind, its period
+    (s), and its phase at t = 0 (rad)."""
 
     share: float
-    """Amplitude, as a share of the mean wind."""
     period: float
-    """s."""
     phase: float
-    """Radians at t = 0."""
 
 
 @dataclass(frozen=True)

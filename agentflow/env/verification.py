@@ -244,10 +244,10 @@ class Spread:
 
 @dataclass(frozen=True)
 class Perturbation:
-    """A design, its neighbours and its world, perturbed."""
+    """A design, its neighbours and its world (by name of the variation, the default conditions
+    first), perturbed."""
 
     world: Mapping[str, Rollout] = field(repr=False)
-    """By name of the variation, the default conditions first."""
     edits: Sequence[tuple[Neighbour, Rollout]] = field(repr=False)
 
     @property

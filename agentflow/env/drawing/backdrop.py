@@ -17,25 +17,22 @@ from agentflow.machine.geometry.vectors import Vec3
 
 @dataclass(frozen=True)
 class Ground:
-    """Colours of what is behind a machine."""
+    """Colours of what is behind a machine: land, lines of the grid, ink of distances; and the
+    opacity of a shadow, of 255."""
 
     land: tuple[int, int, int]
     line: tuple[int, int, int]
-    """Of the grid."""
     ink: tuple[int, int, int]
-    """Of distances."""
     shade: int
-    """Opacity of a shadow, of 255."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """The marks of distances along z+, and the line along which a score was measured."""
+    """The marks of distances along z+, with 0 at z = `zero`, and the ends of the line along which a
+    score was measured; m."""
 
     zero: float = 0.0
-    """z of the mark 0, m."""
     measured: tuple[Vec3, Vec3] | None = None
-    """Ends of the line, m."""
 
 
 SCREEN = Ground((214, 219, 208), (186, 193, 180), (84, 92, 80), 72)

@@ -31,16 +31,15 @@ SUN = (-4.0, 12.0, -7.0)
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera, game frame."""
+    """A pinhole camera, game frame. Its field of view is vertical, degrees; `sun` is the direction
+    towards the light."""
 
     eye: Vec3
     target: Vec3
     width: int = 640
     height: int = 480
     field_of_view: float = 45.0
-    """Vertical, degrees."""
     sun: Vec3 = SUN
-    """Direction towards the light."""
 
     @cached_property
     def axes(self) -> tuple[Array, Array, Array]:
@@ -55,16 +54,18 @@ class Camera:
 
 @dataclass(frozen=True)
 class View:
-    """A viewing direction, a picture size, and how much of the picture to fill."""
+    """A viewing direction, a picture size, and how much of the picture to fill.
+
+    The field of view is vertical, degrees. `fill` is the share of the picture's width or height
+    that the points may fill, `below` the share of its height, at its lower edge, that is for
+    something else.
+    """
 
     back: tuple[float, float, float] = THREE_QUARTER
     size: Size = (800, 600)
     field_of_view: float = 30.0
-    """Vertical, degrees."""
     fill: float = 0.82
-    """Share of the picture's width or height that the points may fill."""
     below: float = 0.0
-    """Share of the picture's height, at its lower edge, that is for something else."""
 
 
 def axes_of(back: Array) -> tuple[Array, Array, Array]:

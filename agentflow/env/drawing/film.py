@@ -152,16 +152,17 @@ def tracked_block(machine: Machine) -> int:
 
 @dataclass(frozen=True)
 class Landing:
-    """Where a score was earned: the first landing, or the end of the greatest distance."""
+    """Where a score was earned: the first landing, or the end of the greatest distance. m, s.
+
+    `place` is that of the body that earned it, beside the machine if that is the root, and `words`
+    are the score with its unit. The score counts from z = `start`; None if it is not the way along
+    z+.
+    """
 
     time: float
-    """s."""
     place: Vec3
-    """Of the body that earned it, beside the machine if that is the root, m."""
     words: str
-    """The score with its unit."""
     start: float | None
-    """z from which the score counts, m; None if it is not the way along z+."""
 
 
 def landing_of(machine: Machine, rollout: Rollout) -> Landing | None:

@@ -31,12 +31,11 @@ UPRIGHT = 4.0
 
 @dataclass(frozen=True)
 class _PlacedPlan:
-    """A plan and its place in the drawing."""
+    """A plan and its place in the drawing; the scale is in points per metre."""
 
     plan: LevelPlan
     top: float
     scale: float
-    """Points per metre."""
 
     @property
     def size(self) -> Point:

@@ -30,31 +30,30 @@ MARGIN = 2.0
 
 @dataclass(frozen=True)
 class Outline:
-    """Outline of one object in a plan."""
+    """Outline of one object in a plan: points to the right and up, m; not filled for objects beside
+    the cut of the view from the right."""
 
     name: str
     points: tuple[Point, ...]
-    """To the right and up in the plan, m."""
     color: tuple[float, float, float, float]
     filled: bool = True
-    """False for objects beside the cut of the view from the right."""
 
 
 @dataclass(frozen=True)
 class LevelPlan:
-    """One view of a level; z+ is to the right."""
+    """One view of a level, whose outlines are from back to front; z+ is to the right.
+
+    The axis `upwards` runs upwards in the picture; `sign` is -1 if its numbers grow downwards.
+    `start` is the building volume at the machine's start.
+    """
 
     title: str
     upwards: str
-    """Axis that runs upwards in the picture."""
     sign: int
-    """-1 if numbers on that axis grow downwards."""
     low: Point
     high: Point
     outlines: tuple[Outline, ...]
-    """From back to front."""
     start: tuple[Point, ...]
-    """The building volume at the machine's start."""
 
 
 def level_plans(task: Task) -> tuple[LevelPlan, LevelPlan]:

@@ -29,14 +29,12 @@ ROD_DIAMETER = 0.18
 
 @dataclass(frozen=True)
 class Pose:
-    """Positions and orientations of a machine's blocks at one moment."""
+    """Positions (N, 3) and orientations (N, 4) of a machine's blocks at one moment; `alive` are
+    those that are still connected to their parent."""
 
     centre: Array
-    """(N, 3) m."""
     rotation: Array
-    """(N, 4) quaternions."""
     alive: Collection[int]
-    """Blocks that are still connected to their parent."""
 
     @classmethod
     def at(cls, trace: Trace, index: int) -> Pose:

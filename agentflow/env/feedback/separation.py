@@ -26,16 +26,17 @@ least this mass, kg."""
 
 @dataclass(frozen=True)
 class Fragment:
-    """Blocks that came off together. World frame; kg, m, s."""
+    """Blocks that came off together. World frame; kg, m, s.
+
+    `time` is when the last connection to the other blocks was lost, 0 if the machine was settling;
+    `velocity` is that of its centre of mass then, and `end` is its centre of mass at the end.
+    """
 
     blocks: tuple[int, ...]
     mass: float
     time: float
-    """When the last connection to the other blocks was lost; 0 if the machine was settling."""
     velocity: Vec3
-    """Of its centre of mass then."""
     end: Vec3
-    """Its centre of mass at the end."""
 
 
 def held_pairs(trace: Trace, index: int) -> set[tuple[int, int]]:

@@ -21,13 +21,15 @@ SAFE = (1.0 - NEAR) ** 2 * (1.0 - 1e-9)
 
 
 class _Plan(NamedTuple):
-    """Load paths until the next breakage."""
+    """Load paths until the next breakage.
+
+    `up` has the link of each part that hangs on another, `group` for each joint the first of those
+    that share load with it.
+    """
 
     loops: tuple[LoadLoop, ...]
     up: Mapping[int, Link]
-    """The link of each part that hangs on another."""
     group: Sequence[int]
-    """Joints that share load with each joint, named by the first of them."""
     skeleton: Skeleton
 
 

@@ -34,11 +34,10 @@ from agentflow.search.elites.axes import Axis, Measurement
 
 @dataclass(frozen=True)
 class Descriptor:
-    """One property and how it is measured."""
+    """One property and how it is measured; None if a rollout does not show it."""
 
     axis: Axis
     measure: Callable[[Machine, Rollout], float | None]
-    """None if the rollout does not show it."""
 
 
 def measure(

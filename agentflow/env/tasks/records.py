@@ -31,29 +31,26 @@ MACHINES = Path(__file__).parents[3] / "records"
 
 
 class TaskRecord(BaseModel):
-    """What the best known machine of a task reaches, by verified score."""
+    """What the best known machine of a task (a level) reaches, by verified score, and how it was
+    found."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str
     """Path of its machine in the folder of records, without suffix."""
     task: str
-    """Name of the level."""
     knobs: dict[str, Any] = {}
     """Dotted knobs that differ from the level's."""
     seed: int = 0
-    """Random seed of the trials."""
     score: float
     verified: float
     """Median of the scores under small variations of physics; see `env.verification`."""
     low: float
-    """Lowest of these scores."""
     of: int = 0
     """How many there are; 0 in a file that `benchmarks/records.py update` has yet to complete."""
     fails: dict[str, float] = {}
     """The scores that do not hold, by variation; see `holding`."""
     how: str
-    """How the machine was found."""
     platform: str
     """Platform and package versions; where they are equal, scores are bitwise equal."""
     size: int

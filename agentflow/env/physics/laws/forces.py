@@ -21,12 +21,11 @@ Entry = str | int
 
 @dataclass(frozen=True)
 class PartLocations:
-    """The cluster of each part, and its place in it."""
+    """The row of each part's cluster, (P,), and the part's place in it, (P, 3): from the leading
+    part's centre to its own, at rest, engine frame."""
 
     row: Indices
-    """(P,) row of each part's cluster."""
     offset: Array
-    """(P, 3) from the leading part's centre to this part's, at rest, engine frame."""
 
     def locate(self, part: int) -> tuple[int, Vec3]:
         """Row and offset of one part."""

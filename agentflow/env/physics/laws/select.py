@@ -84,11 +84,11 @@ def wind_laws(
 
 
 class Power(NamedTuple):
-    """Rate at which forces did work on the blocks in the last step, W."""
+    """Rate at which forces did work on the blocks in the last step, W: thrust, and air, which is
+    drag and what motion pushes."""
 
     thrust: float
     air: float
-    """Of drag and what motion pushes."""
 
 
 class Forces(ABC):

@@ -19,13 +19,12 @@ NO_ARM = 1e-9
 
 @dataclass(frozen=True)
 class RowLayout:
-    """The rows of one skeleton: its clusters, piece by piece, then the moving objects."""
+    """The rows of one skeleton: its clusters, piece by piece, then the moving objects, by name."""
 
     locations: PartLocations
     leading: tuple[int, ...]
     """Leading part of each cluster's row; those of a piece begin with its root."""
     objects: tuple[str, ...]
-    """Names of the moving objects; their rows come last."""
     object_arms: Array
     """(M, 3) from the centre of mass of each, where its row is, to its centre; engine frame, m."""
 

@@ -15,11 +15,13 @@ from agentflow.machine.geometry.vectors import dot
 
 @dataclass(frozen=True)
 class Parallel:
-    """A joint that always moves as another one does, which stands for it in the simulation."""
+    """A joint that always moves as another one does, which stands for it in the simulation.
+
+    `sign` is its position over that of the other joint: 1 or -1. Balls have no position: 1.
+    """
 
     joint: int
     sign: float
-    """Its position over that of the other joint: 1 or -1. Balls have no position: 1."""
 
 
 @dataclass(frozen=True)

@@ -94,25 +94,22 @@ RL_HEIGHT = 3.0
 
 @dataclass(frozen=True)
 class Landing:
-    """The end of a free flight: the first touch of ground or wall, or the end of the window.
+    """The end of a free flight: the first touch of ground or wall (the `surface`), or the end of
+    the window. m, s.
 
-    Metres and seconds.
+    `forward` and `any` are the distances from where the boulder was at t = 0, along z+ and
+    horizontal, `from_root` is the horizontal one from the root. Along z+, the boulder has `flown`
+    since it left the machine, and the root has `driven` in that time.
     """
 
     time: float
     surface: str | None
-    """What the boulder touched; None if it was still in the air."""
     position: Vec3
     forward: float
-    """Distance along z+ from the boulder's position at t = 0."""
     any: float
-    """Horizontal distance from there."""
     from_root: float
-    """Horizontal distance from the root."""
     flown: float
-    """Distance along z+ since the boulder left the machine."""
     driven: float
-    """Distance of the root along z+ in that time."""
 
     @property
     def distance(self) -> float:

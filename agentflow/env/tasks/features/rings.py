@@ -19,12 +19,10 @@ COLOR = (0.86, 0.5, 0.2, 1.0)
 
 @dataclass(frozen=True)
 class Ring:
-    """An upright ring that faces z."""
+    """An upright ring that faces z, with its centre and its inner radius, m."""
 
     centre: Vec3
-    """m."""
     radius: float
-    """Inner radius, m."""
 
     def objects(self, name: str) -> Iterator[SceneObject]:
         """Straight pieces that form the ring's body."""

@@ -45,15 +45,17 @@ class Curve(Parameters):
 
 @dataclass(frozen=True)
 class Segment:
-    """A straight line or circular arc of a centre line."""
+    """A straight line or circular arc of a centre line.
+
+    It begins with `heading`, from z+ towards x+, which changes by `turn`, positive to the right; m,
+    rad.
+    """
 
     x: float
     z: float
     heading: float
-    """From z+ towards x+, rad."""
     length: float
     turn: float = 0.0
-    """Change of heading over the segment, rad; positive to the right."""
 
     @property
     def radius(self) -> float:
