@@ -4,9 +4,9 @@ The rules read the machine and the recorded rollout, up to the moment that decid
 (release, take-off, ...) or, without one, the end of the window. The limits are choices of ours.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from agentflow.env.feedback.separation import sample_at
 from agentflow.env.measurements import Energy
@@ -19,15 +19,7 @@ Hold = Literal[
     "container", "grabber", "open seat", "contact", "driven wheels", "wheels", "blocks", "nothing"
 ]
 LetGo = Literal["breakage", "decoupler", "arm", "slider", "body", "nothing"]
-DRIVES: tuple[Drive, ...] = (
-    "springs",
-    "falling weight",
-    "wheels",
-    "rotors",
-    "motors",
-    "mixed",
-    "nothing",
-)
+DRIVES: tuple[Drive, ...] = get_args(Drive)
 
 LEAST_WORK = 1.0
 """Least work that counts as a drive, J: it lifts the lightest machines by less than a block."""
@@ -106,8 +98,7 @@ def _drive(machine: Machine, trace: Trace, energy: Energy) -> Drive:
     if shares["motors"] < MAIN_SHARE:
         return "mixed"
     kinds = [library()[step.type] for step in machine]
-    touching = _touching(trace, set(_scene(trace)))
-    if any(kinds[block].powered_wheel for block in touching):
+    if any(kinds[block].powered_wheel for block in _touching(trace)):
         return "wheels"
     return "rotors" if any(kind.thrust or kind.blade for kind in kinds) else "motors"
 
@@ -115,7 +106,7 @@ def _drive(machine: Machine, trace: Trace, energy: Energy) -> Drive:
 def _grip(machine: Machine, trace: Trace, payload: int | str) -> Hold:
     """What holds a payload: the best of all that it is attached to or touches."""
     attached = set(machine[payload].parents) if isinstance(payload, int) else set()
-    touched = _touching(trace, {payload}) - {payload}
+    touched = _touching(trace, payload) - {payload}
     kinds = [library()[machine[block].type] for block in attached | touched]
     if any(kind.shape == "container" for kind in kinds):
         return "container"
@@ -128,7 +119,7 @@ def _grip(machine: Machine, trace: Trace, payload: int | str) -> Hold:
 
 def _stand(machine: Machine, trace: Trace) -> Hold:
     """What a machine without payload stands on."""
-    kinds = [library()[machine[block].type] for block in _touching(trace, set(_scene(trace)))]
+    kinds = [library()[machine[block].type] for block in _touching(trace)]
     if any(kind.powered_wheel for kind in kinds):
         return "driven wheels"
     if any(kind.category == "Wheel" for kind in kinds):
@@ -164,17 +155,11 @@ def _to_root(machine: Machine, block: int) -> Iterator[int]:
         block = machine[block].parent
 
 
-def _scene(trace: Trace) -> Iterator[str]:
-    """Names of ground and scene objects that something touched."""
-    for contact in trace.measured.contacts:
-        yield from (name for name in (contact.a, contact.b) if isinstance(name, str))
-
-
-def _touching(trace: Trace, bodies: Collection[int | str]) -> set[int]:
-    """Blocks that touched one of these bodies."""
-    found = set[int]()
-    for contact in trace.measured.contacts:
-        for one, other in ((contact.a, contact.b), (contact.b, contact.a)):
-            if one in bodies and isinstance(other, int):
-                found.add(other)
-    return found
+def _touching(trace: Trace, body: int | str | None = None) -> set[int]:
+    """Blocks that touched a body, by default the ground or any object of the scene."""
+    pairs = [(contact.a, contact.b) for contact in trace.measured.contacts]
+    return {
+        block
+        for one, block in (*pairs, *(pair[::-1] for pair in pairs))
+        if isinstance(block, int) and (isinstance(one, str) if body is None else one == body)
+    }
