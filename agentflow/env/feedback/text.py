@@ -84,11 +84,6 @@ def main_axis(vector: Sequence[float]) -> str:
     return AXES[2 * index + (vector[index] < 0)]
 
 
-def landing_text(time: object) -> str:
-    """When something landed after free flight, as an item of a line."""
-    return "no landing after free flight" if time is None else f"landed at {number(float(time))} s"  # type: ignore[arg-type]
-
-
 def object_label(name: str) -> str:
     """An object of the scene in a sentence: "the far wall", "wall 1", "ring 2"."""
     whole = name.partition(",")[0]

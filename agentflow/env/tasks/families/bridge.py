@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import block_name, number, object_label, rounded, series
 from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
-from agentflow.env.scene import Body, Scene, SceneObject, Start, blocks_among, objects_among
+from agentflow.env.scene import Scene, SceneObject, Start, blocks_among, objects_among
 from agentflow.env.tasks.base import GENERAL, ROUNDING, Descriptor, Parameters, Schedule, WorldView
 from agentflow.env.tasks.family import ANY_START, CommonKnobs, Family, joint_sentences, wall
 from agentflow.env.tasks.features.resting import highest_point_under
@@ -35,7 +35,7 @@ HOLD = 2.0
 WIDE, LONG = 60.0, 30.0
 """Extent of the banks along x and z, m."""
 COLOR = (0.75, 0.35, 0.2, 1.0)
-BANKS = ("near bank", "far bank")
+FLOOR = "the floor of the gap"
 
 
 class Gap(Parameters):
@@ -95,6 +95,7 @@ class Bridge(Family):
     """
 
     family: ClassVar[str] = "bridge"
+    unit = "kg"
     knobs: ClassVar[type[CommonKnobs]] = BridgeKnobs
     descriptors: ClassVar[tuple[Descriptor, ...]] = GENERAL[:2]
     parameters: BridgeKnobs
@@ -103,11 +104,6 @@ class Bridge(Family):
     def limits(self) -> Limits:
         room = self.parameters.room
         return replace(super().limits, size=(SIZE_LIMIT[0], room.height, room.length))
-
-    @property
-    def unit(self) -> str:
-        """As in `Task`."""
-        return "kg"
 
     @property
     def brief(self) -> Brief:
@@ -169,7 +165,7 @@ class Bridge(Family):
         knobs = self.parameters
         banks = tuple(_banks(knobs.gap, knobs.banks))
         geometry = place(machine, self._resting_places) if machine else None
-        base = geometry.height if geometry else max(_heights(knobs))
+        base = geometry.height if geometry else knobs.gap.depth + knobs.banks.rise
         top = highest_point_under(machine, 0.0, 0.0, SIZE[0] / 2) if machine else 0.0
         middle = (0.0, base + top + SIZE[1] / 2, 0.0)
         cargo = SceneObject(
@@ -187,8 +183,7 @@ class Bridge(Family):
         terms = verdict.terms
         lines = (f"Result: {terms['result']}", f"Cost: {len(machine)} blocks")
         path = series("Cargo position", trace.even.times, trace.even.object_position[:, 0])
-        data: dict[str, Any] = {}
-        return compose(machine, trace, broken, verdict, self.unit, lines, data, (path,))
+        return compose(machine, trace, broken, verdict, self.unit, lines, {}, (path,))
 
 
 class BridgeReferee:
@@ -208,9 +203,9 @@ class BridgeReferee:
         """Check that the cargo rests on the machine."""
         self._height = world.centre(CARGO)[1]
         blocks = blocks_among(world.touching(CARGO))
-        high = [block for block in blocks if world.centre(block)[1] > self._height]
-        if high:
-            held = block_name(self._machine, high[0])
+        high = (block for block in blocks if world.centre(block)[1] > self._height)
+        if (first := next(high, None)) is not None:
+            held = block_name(self._machine, first)
             self._end = 0.0, f"{held} held the cargo from the side before the load began"
         else:
             self.watch(world)
@@ -220,8 +215,7 @@ class BridgeReferee:
 
         What falls then, thousands of kilograms on wooden blocks, could make the simulation diverge.
         """
-        why = "" if self._end else self._why_not_carried(world)
-        if why:
+        if self._end is None and (why := self._why_not_carried(world)):
             self._end = world.time, why
         if self._end is not None:
             return True
@@ -237,31 +231,28 @@ class BridgeReferee:
             return f"the cargo's centre sank below y = {self._lowest:g} m"
         if abs(z) > ASIDE:
             return f"the cargo moved more than {ASIDE:g} m from the middle of the gap"
-        touched = objects_among(world.touching(CARGO))
-        if touched:
-            return f"the cargo touched {_place_name(touched[0])}"
-        fallen = blocks_among(world.touching("ground"))
-        return (
-            f"{block_name(self._machine, fallen[0])} touched {_place_name('ground')}"
-            if fallen
-            else ""
-        )
+        if touched := objects_among(world.touching(CARGO)):
+            where = FLOOR if touched[0] == "ground" else object_label(touched[0])
+            return f"the cargo touched {where}"
+        if fallen := blocks_among(world.touching("ground")):
+            return f"{block_name(self._machine, fallen[0])} touched {FLOOR}"
+        return ""
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
         """Score and terms: load (kg), when and why it was lost, sag (m), cost in blocks."""
-        load, knobs = self._load, self._knobs
-        held = knobs.window if self._end is None else self._end[0]
+        load, lost_at = self._load, None if self._end is None else self._end[0]
+        held = self._knobs.window if lost_at is None else lost_at
         terms: dict[str, float | bool | str | None] = {
             "load": load,
             "share": self._share,
             "success": load > 0.0 and held >= HOLD - ROUNDING,
             "held": held,
-            "lost_at": None if self._end is None else self._end[0],
+            "lost_at": lost_at,
             "sunk": self._sunk,
             "blocks": float(len(self._machine)),
             "result": self._result(),
         }
-        moment = None if self._end is None else Moment(self._end[0], "the load's loss")
+        moment = None if lost_at is None else Moment(lost_at, "the load's loss")
         return Verdict(load, terms, (), moment)
 
     def _result(self) -> str:
@@ -272,23 +263,12 @@ class BridgeReferee:
         return f"{carried}; at {number(time)} s {why}"
 
 
-def _place_name(body: Body) -> str:
-    """What is under a bridge, in words."""
-    return "the floor of the gap" if body == "ground" else object_label(str(body))
-
-
-def _heights(knobs: BridgeKnobs) -> tuple[float, float]:
-    """Height of the near and the far bank, m."""
-    return knobs.gap.depth, knobs.gap.depth + knobs.banks.rise
-
-
 def _banks(gap: Gap, banks: Banks) -> Iterator[SceneObject]:
     soft = 1000.0 * banks.stiffness or None
     middle = (gap.length + LONG) / 2
-    for name, z, high in zip(
-        BANKS, (-middle, middle), (gap.depth, gap.depth + banks.rise), strict=True
-    ):
-        yield replace(wall(name, 0.0, z, (WIDE, high, LONG)), stiffness=soft)
+    near, far = (WIDE, gap.depth, LONG), (WIDE, gap.depth + banks.rise, LONG)
+    yield replace(wall("near bank", 0.0, -middle, near), stiffness=soft)
+    yield replace(wall("far bank", 0.0, middle, far), stiffness=soft)
 
 
 def _resting_place(bank: SceneObject) -> Bank:

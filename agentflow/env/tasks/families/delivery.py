@@ -11,7 +11,7 @@ import numpy as np
 
 from agentflow.env.constants import constants
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.text import landing_text, number, sample_indices, series, term_number
+from agentflow.env.feedback.text import number, sample_indices, series, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject, blocks_among, objects_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
@@ -73,6 +73,7 @@ class Delivery(Family):
     """
 
     family: ClassVar[str] = "delivery"
+    unit = "m"
     knobs: ClassVar[type[CommonKnobs]] = DeliveryKnobs
     drives: ClassVar[bool] = True
     ranked: ClassVar[bool] = True
@@ -84,11 +85,6 @@ class Delivery(Family):
         (x, y, z), beam = SIZE_LIMIT, self.parameters.beam
         free = 2 * beam.at - beam.thickness if beam.clearance else z
         return replace(super().limits, size=(x, y, min(z, free)))
-
-    @property
-    def unit(self) -> str:
-        """As in `Task`."""
-        return "m"
 
     @property
     def brief(self) -> Brief:
@@ -149,8 +145,7 @@ class Delivery(Family):
         knobs = self.parameters
         last = roads.centre_line(knobs.road, knobs.curve).segments[-1]
         begin = knobs.curve.at if not knobs.curve.angle else 0.0
-        x, z, _ = last.position_at(begin + knobs.cone.further)
-        return x, z
+        return last.position_at(begin + knobs.cone.further)[:2]
 
     def _cone_sentences(self) -> Iterator[str]:
         cone = self.parameters.cone
@@ -169,10 +164,10 @@ class Delivery(Family):
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
         """Distance and height of the cargo, and its distance from the machine."""
-        terms = verdict.terms
-        cargo = trace.even.object_position[:, trace.objects.index(CARGO)]
-        gaps = np.linalg.norm(trace.even.centre - cargo[:, None], axis=2).min(axis=1)
-        even, touched = trace.even, terms["touched"]
+        terms, even = verdict.terms, trace.even
+        cargo = even.object_position[:, trace.objects.index(CARGO)]
+        gaps = np.linalg.norm(even.centre - cargo[:, None], axis=2).min(axis=1)
+        touched, landing = terms["touched"], terms["landing"]
         distance, time, reach, height = (
             number(term_number(terms, name)) for name in ("distance", "time", "reach", "height")
         )
@@ -183,7 +178,11 @@ class Delivery(Family):
             f"Cargo: greatest distance {distance} m "
             f"{roads.scoring_direction(self.parameters.curve)} at {time} s, "
             f"greatest horizontal distance {reach} m, greatest height {height} m, "
-            f"{landing_text(terms['landing'])}",
+            + (
+                "no landing after free flight"
+                if landing is None
+                else f"landed at {number(float(landing))} s"
+            ),
             _gap_line(even.times, gaps),
         )
         path = series("Cargo position", even.times, cargo)
@@ -231,21 +230,21 @@ class DeliveryReferee:
         if not down:
             self._aloft = time if self._aloft is None else self._aloft
             return
-        if self._aloft is not None and time - self._aloft >= FLIGHT - ROUNDING:
-            self._landing = time if self._landing is None else self._landing
+        flew = self._aloft is not None and time - self._aloft >= FLIGHT - ROUNDING
+        if flew and self._landing is None:
+            self._landing = time
         self._aloft = None
 
     def verdict(self, trace: Trace) -> Verdict:
         """Score, terms and events; terms that do not apply are None."""
-        touched, landing = self._touched, self._landing
         terms: dict[str, float | bool | str | None] = {
             "distance": self._best,
             "time": self._best_time,
-            "final_distance": 0.0 if touched is None else self._here - self._first,
-            "touched": touched,
+            "final_distance": 0.0 if self._touched is None else self._here - self._first,
+            "touched": self._touched,
             "reach": self._reach,
             "height": self._height,
-            "landing": landing,
+            "landing": self._landing,
         }
         return Verdict(self._best, terms, self._events(), self._fastest(trace))
 

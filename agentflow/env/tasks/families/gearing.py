@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -163,19 +163,20 @@ class Gearing(Family):
         cogs = [step.id for step in machine if library()[step.type].pitch_radius is not None]
         pairs = meshing_pairs(place(machine).blocks, constants()["cog_tolerance"])
         found = gear_trains(cogs, pairs)
+        locked = [sorted(train.speeds) for train in found if train.locked]
         speeds = _speeds(trace.even, cogs)
         lines = (
             f"Result: {verdict.terms['result']}",
             f"Speeds at the end, by block (rad/s, positive with the source): "
             f"{', '.join(f'{cog}: {number(speed)}' for cog, speed in speeds.items())}",
             f"Meshing: {', '.join(f'{pair.a}-{pair.b}' for pair in pairs) or 'none'}",
-            f"Locked: {_locked(found)}",
+            f"Locked: {', '.join('-'.join(map(str, train)) for train in locked) or 'none'}",
             f"Coupled to the source: {_train_of(SOURCE, found)}",
         )
         data = {
             "speeds": {str(cog): speed for cog, speed in speeds.items()},
             "meshing": [[pair.a, pair.b] for pair in pairs],
-            "locked": [sorted(train.speeds) for train in found if train.locked],
+            "locked": locked,
         }
         return compose(machine, trace, broken, verdict, "", lines, data, ())
 
@@ -188,11 +189,6 @@ def _speeds(trace: Trace, cogs: Sequence[int]) -> dict[int, float]:
     return {cog: sign * float(means[cog]) for cog in cogs}
 
 
-def _locked(found: Sequence[GearTrain]) -> str:
-    groups = ("-".join(map(str, train.speeds)) for train in found if train.locked)
-    return ", ".join(groups) or "none"
-
-
 def _train_of(cog: int, found: Sequence[GearTrain]) -> str:
     """Ids of the other cogs in a cog's train."""
     train = next(train for train in found if cog in train.speeds)
@@ -201,38 +197,35 @@ def _train_of(cog: int, found: Sequence[GearTrain]) -> str:
 
 def _goal(knobs: GearingKnobs) -> str:
     """What the targets must do, in words."""
-    parts = [
+    return " and ".join(
         f"block {SOURCE + i} (target) turns {SENSES[sense]} the source"
         for i, sense in enumerate(knobs.senses, start=1)
-    ]
-    return " and ".join(parts)
+    )
 
 
-def _plate_sentences(plate: Plate) -> tuple[str, ...]:
+def _plate_sentences(plate: Plate) -> Iterator[str]:
     row = plate.row_length
     x, z = plate.face_position(0)
-    sentences = (
-        "The ground is flat, at y = 0.",
+    yield "The ground is flat, at y = 0."
+    yield (
         f"Block 0 is given: a square plate, {plate.size:g} m wide along x and z and "
-        f"{THICKNESS:g} m thick, that lies on the ground with its centre above x = z = 0.",
+        f"{THICKNESS:g} m thick, that lies on the ground with its centre above x = z = 0."
+    )
+    yield (
         f"The plate has {row} x {row} faces, {GRID:g} m apart, that all face Up (y+), numbered row "
         f"by row: face n is at x = {x:g} + {GRID:g} * (n mod {row}), z = {z:g} + {GRID:g} * "
-        f"(n div {row}) m.",
+        f"(n div {row}) m."
     )
-    if not plate.hole_centres:
-        return sentences
-    middles = ", ".join(f"({u:g}, {v:g})" for u, v in plate.hole_centres)
-    return (
-        *sentences,
-        f"The plate has {plate.holes} square holes, {HOLE:g} m wide, with their centres at (x, z) "
-        f"= {middles}. Nothing can be attached in a hole or on its rim (faces at most "
-        f"{HOLE / 2:g} m from its centre along both x and z). Cogs may extend over holes.",
-    )
+    if middles := ", ".join(f"({u:g}, {v:g})" for u, v in plate.hole_centres):
+        yield (
+            f"The plate has {plate.holes} square holes, {HOLE:g} m wide, with their centres at "
+            f"(x, z) = {middles}. Nothing can be attached in a hole or on its rim (faces at most "
+            f"{HOLE / 2:g} m from its centre along both x and z). Cogs may extend over holes."
+        )
 
 
 def _cog_sentences(knobs: GearingKnobs) -> tuple[str, ...]:
-    places = (knobs.source, *knobs.targets)
-    (x, z), *targets = places
+    x, z = knobs.source
     speed = constants().of("motor_speed", POWERED)
     face, *others = knobs.faces
     return (
@@ -241,7 +234,7 @@ def _cog_sentences(knobs: GearingKnobs) -> tuple[str, ...]:
         *(
             f"Block {SOURCE + i} is given: a target, a Medium Cog (type {MEDIUM}) on face {on} of "
             f"the plate, at x = {u:g}, z = {v:g} m."
-            for i, ((u, v), on) in enumerate(zip(targets, others, strict=True), start=1)
+            for i, ((u, v), on) in enumerate(zip(knobs.targets, others, strict=True), start=1)
         ),
     )
 

@@ -221,13 +221,9 @@ class JumpReferee:
 
     def watch(self, world: WorldView) -> None:
         """Look for the first touch."""
-        if self._touch is not None:
-            return
         for name in self._obstacle.watched:
-            blocks = blocks_among(world.touching(name))
-            if blocks:
+            if self._touch is None and (blocks := blocks_among(world.touching(name))):
                 self._touch = world.time, blocks[0], name, self._missed_by(world, blocks[0])
-                return
 
     def _missed_by(self, world: WorldView, block: int) -> float:
         """Missing height (walls) or distance (trench) of the block, m."""
@@ -241,14 +237,15 @@ class JumpReferee:
         share = self._share_beyond()
         self._measure_clearance(trace)
         success, outcome, miss = self._judge(root, share)
+        touch_time, _, touched, _ = self._touch or (None, None, None, None)
         terms: dict[str, float | bool | str | None] = {
             "success": success,
             "outcome": outcome,
             "miss": miss,
             "root_beyond": root - self._far,
             "mass_beyond": share,
-            "touched": None if self._touch is None else self._touch[2],
-            "touch_time": None if self._touch is None else self._touch[0],
+            "touched": touched,
+            "touch_time": touch_time,
             "far_side": self._far,
             **{f"clearance, {name}": height for name, height in self._cleared.items()},
         }
@@ -263,8 +260,7 @@ class JumpReferee:
         if not isinstance(self._obstacle, Walls):
             return
         for name, place in zip(self._obstacle.watched, self._obstacle.places, strict=True):
-            lowest = least_height_over(self._machine, trace, place)
-            if lowest is not None:
+            if (lowest := least_height_over(self._machine, trace, place)) is not None:
                 self._cleared[name] = lowest - self._obstacle.height
 
     def _judge(self, root: float, share: float) -> tuple[bool, str, float | None]:

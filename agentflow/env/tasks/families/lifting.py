@@ -200,10 +200,8 @@ class LiftReferee:
         if self._rise < RISE:
             self._since = None
             return
-        if self._since is None:
-            self._since = world.time
-        if self._first is None:
-            self._first = world.time
+        self._since = world.time if self._since is None else self._since
+        self._first = world.time if self._first is None else self._first
         self._held = max(self._held, world.time - self._since)
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
@@ -241,34 +239,25 @@ class LiftReferee:
         return f"failed, up for {number(self._held)} s but ends {number(self._rise)} m up, {best}"
 
     def _events(self) -> tuple[RolloutEvent, ...]:
-        if self._first is None:
-            return ()
-        return (
-            RolloutEvent(
-                self._first, "lifted", (), f"the object is {RISE:g} m above its initial position"
-            ),
-        )
+        text = f"the object is {RISE:g} m above its initial position"
+        return () if self._first is None else (RolloutEvent(self._first, "lifted", (), text),)
 
 
-def _object_sentences(knobs: Object) -> tuple[str, ...]:
+def _object_sentences(knobs: Object) -> Iterator[str]:
     width, height, _ = knobs.extents
     size = {
         "box": f"a box, {width:g} m wide, {width:g} m long and {height:g} m high",
         "ball": f"a ball of diameter {width:g} m",
         "cone": f"a cone, tip up, {width:g} m across its base and {height:g} m high",
     }[knobs.shape]
-    place = f"x = {knobs.offset:g}, z = {knobs.forward:g} m"
-    return (
-        f"The object is {size}, with mass {knobs.mass:g} and friction {knobs.friction:g}.",
-        *_balance_sentences(knobs.balance),
-        f"Before t = 0 it is placed with its centre above {place}, on the highest point of the "
-        "machine below it, and settles there with the machine.",
-    )
-
-
-def _balance_sentences(balance: float) -> Iterator[str]:
-    if balance:
+    yield f"The object is {size}, with mass {knobs.mass:g} and friction {knobs.friction:g}."
+    if knobs.balance:
         yield (
-            f"It is heavier on one side: its centre of mass is {abs(balance):g} m from its centre, "
-            f"towards {'x+' if balance > 0 else 'x-'}."
+            f"It is heavier on one side: its centre of mass is {abs(knobs.balance):g} m from its "
+            f"centre, towards {'x+' if knobs.balance > 0 else 'x-'}."
         )
+    yield (
+        f"Before t = 0 it is placed with its centre above x = {knobs.offset:g}, z = "
+        f"{knobs.forward:g} m, on the highest point of the machine below it, and settles there "
+        "with the machine."
+    )

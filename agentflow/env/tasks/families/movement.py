@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import model_validator
 
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.text import series
+from agentflow.env.feedback.text import series, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject
 from agentflow.env.tasks.balancing import LASTS, WHEEL, Balance, BalanceReferee
@@ -178,27 +178,20 @@ class Movement(Family):
         speed = np.linalg.norm(even.velocity[:, ROOT_BLOCK], axis=1)
         means = _mean_per_second(even.times, speed)
         path = series("Root position", even.times, even.centre[:, ROOT_BLOCK])
-        data: dict[str, Any] = {
-            "greatest_speed": float(speed.max()),
-            "mean_speed_per_second": means,
-        }
+        data = {"greatest_speed": float(speed.max()), "mean_speed_per_second": means}
         told = "Mean speed in each second (m/s): " + ", ".join(f"{mean:.2f}" for mean in means)
         if self.parameters.trials > 1:
             result = f"Result: {verdict.terms['outcome']}"
             if not self.parameters.balance.height:
                 result += f"; its near face is at z = {self._wall:g} m"
-            return compose(
-                machine, trace, broken, verdict, self.unit, (result, told), data, (path,)
+        else:
+            result = (
+                f"Root: greatest distance {term_number(verdict.terms, 'distance'):.2f} m "
+                f"{roads.scoring_direction(self.parameters.curve)} at "
+                f"{verdict.terms['time']:.2f} s, greatest speed {speed.max():.2f} m/s, ends at x = "
+                f"{trace.centre[-1, ROOT_BLOCK, 0]:.2f} m"
             )
-        distance = float(verdict.terms["distance"] or 0.0)
-        lines = (
-            f"Root: greatest distance {distance:.2f} m "
-            f"{roads.scoring_direction(self.parameters.curve)} at {verdict.terms['time']:.2f} s, "
-            f"greatest speed {speed.max():.2f} m/s, ends at x = "
-            f"{trace.centre[-1, ROOT_BLOCK, 0]:.2f} m",
-            told,
-        )
-        return compose(machine, trace, broken, verdict, self.unit, lines, data, (path,))
+        return compose(machine, trace, broken, verdict, self.unit, (result, told), data, (path,))
 
 
 class MovementReferee:
@@ -206,9 +199,7 @@ class MovementReferee:
 
     def __init__(self, line: roads.CentreLine) -> None:
         self._line = line
-        self._start = self._here = 0.0
-        self._best = 0.0
-        self._best_time = 0.0
+        self._start = self._here = self._best = self._best_time = 0.0
 
     def start(self, world: WorldView) -> None:
         """Record where the root rests."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -98,13 +98,9 @@ class Picking(Family):
     """Score: greatest height of the ball's centre above its position at t = 0, m."""
 
     family: ClassVar[str] = "picking"
+    unit = "m"
     knobs: ClassVar[type[CommonKnobs]] = PickingKnobs
     parameters: PickingKnobs
-
-    @property
-    def unit(self) -> str:
-        """As in `Task`."""
-        return "m"
 
     @property
     def brief(self) -> Brief:
@@ -145,33 +141,29 @@ class Picking(Family):
     ) -> Feedback:
         """Height of the ball every second, and where the grabbers were when they closed."""
         path = trace.object_position[:, trace.objects.index(BALL)]
-        seconds = np.arange(1, int(trace.times[-1] + 1e-6) + 1)
-        gained = [float(_at(trace.times, path, s)[1] - path[0, 1]) for s in map(float, seconds)]
-        grab = min(self.parameters.schedule.grab, float(trace.times[-1]))
+        seconds = range(1, int(trace.times[-1] + 1e-6) + 1)
+        gained = [float(_at(trace.times, path, second)[1] - path[0, 1]) for second in seconds]
+        times, last = self.parameters.schedule, float(trace.times[-1])
+        grab = min(times.grab, last)
         grabbers = [
             f"block {step.id} {point_text(_at(trace.times, trace.centre[:, step.id], grab))}"
             for step in machine
             if step.type == GRABBER
+        ]
+        root = [
+            f"{point_text(_at(trace.times, trace.centre[:, 0], time))} at t = {time:g} s"
+            for time in sorted({times.lower, times.back, last})
+            if time <= last
         ]
         lines = (
             f"Result: {verdict.terms['result']}",
             _gain_line(gained),
             f"Ball at t = {grab:g} s: {point_text(_at(trace.times, path, grab))}",
             *([f"Grabbers at t = {grab:g} s: {'; '.join(grabbers)}"] if grabbers else []),
-            "Root: "
-            + "; ".join(
-                f"{point_text(_at(trace.times, trace.centre[:, 0], time))} at t = {time:g} s"
-                for time in self._phases(trace)
-            ),
+            f"Root: {'; '.join(root)}",
         )
-        data: dict[str, Any] = {"gained_per_second": gained, "ball": path[-1].tolist()}
+        data = {"gained_per_second": gained, "ball": path[-1].tolist()}
         return compose(machine, trace, broken, verdict, self.unit, lines, data, ())
-
-    def _phases(self, trace: Trace) -> list[float]:
-        """Times at which driving ends, starts again, and the rollout ends, s."""
-        times = self.parameters.schedule
-        last = float(trace.times[-1])
-        return sorted({time for time in (times.lower, times.back, last) if time <= last})
 
 
 class PickingReferee:
