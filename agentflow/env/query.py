@@ -6,12 +6,11 @@ from math import inf, isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agentflow.env.constants import constants
 from agentflow.env.feedback.text import body_name, number, spacing
 from agentflow.env.properties import PROPERTIES
-from agentflow.env.rollout import Array, Flags, Rollout, Trace
+from agentflow.env.rollout import Array, Flags, Indices, Rollout, Trace
 from agentflow.env.scene import Body
 from agentflow.machine.tree import Machine
 
@@ -27,7 +26,6 @@ MAX_ROWS = 30
 MOST_ROWS = 240
 """Most rows of a table whose interval between rows was asked for."""
 EPSILON = 1e-6
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from agentflow.machine.tree import Machine
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Indices = NDArray[np.intp]
 Status = Literal["ok", "invalid", "diverged", "timeout", "crashed"]
 
 

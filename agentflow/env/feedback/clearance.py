@@ -1,16 +1,14 @@
 """How high blocks are above the ground and above obstacles, between samples as well."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agentflow.env.feedback.separation import root_states
 from agentflow.env.feedback.text import find_runs
-from agentflow.env.rollout import Array, Trace
+from agentflow.env.rollout import Array, Indices, Trace
 from agentflow.env.rotations import conjugate, rotate
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
-Indices = NDArray[np.intp]
 PARTS = 16
 """Parts into which the time between two samples is divided."""
 GAP, LEAST_FLIGHT = 0.05, 0.1

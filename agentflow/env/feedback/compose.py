@@ -110,9 +110,8 @@ def _energy_lines(machine: Machine, energy: Energy | None, moment: Moment | None
     """What did work until the decisive moment, and what moves then; [] if nothing moved."""
     if energy is None:
         return []
-    works = {"springs": energy.springs, "motors": energy.motors, "gravity": energy.gravity}
-    works["air"] = energy.air
-    told = [f"{name} {rounded(work)}" for name, work in works.items() if abs(work) >= LEAST_WORK]
+    works = ((name, getattr(energy, name)) for name in ("springs", "motors", "gravity", "air"))
+    told = [f"{name} {rounded(work)}" for name, work in works if abs(work) >= LEAST_WORK]
     if not told:
         return []
     when = f"{moment.name} at {number(energy.time)} s" if moment else f"{number(energy.time)} s"
@@ -185,10 +184,8 @@ def broken_lines(machine: Machine, broken: Sequence[Broken]) -> list[str]:
         f"(force, moment: {_wrench_text(item)})"
         for item in broken[:MOST_BREAKAGES]
     ]
-    rest = broken[MOST_BREAKAGES:]
-    if rest:
-        names = ", ".join(f"{item.block} off {item.partner}" for item in rest)
-        lines.append(f"Broken later: {names}")
+    if rest := ", ".join(f"{item.block} off {item.partner}" for item in broken[MOST_BREAKAGES:]):
+        lines.append(f"Broken later: {rest}")
     return lines
 
 
@@ -201,17 +198,14 @@ def load_lines(peaks: Sequence[Peak], moment: Moment | None) -> list[str]:
         told = [peak for peak in found if peak.load >= least] or found[: not after]
         when = f" {'after' if after else 'up to'} {moment.name}" if moment else ""
         if told and told[0].load >= LEAST_LOAD:
-            parts = "; ".join(map(_peak_text, told))
+            parts = "; ".join(
+                f"{peak.block}-{peak.partner} {number(peak.load)} at {number(peak.time)} s: "
+                + _wrench_text(peak)
+                for peak in told
+            )
             note = "" if lines else " (share of strength: force N, moment N m; breaks at 1)"
             lines.append(f"Highest loads{when}{note}: {parts}")
     return lines
-
-
-def _peak_text(peak: Peak) -> str:
-    return (
-        f"{peak.block}-{peak.partner} {number(peak.load)} at {number(peak.time)} s: "
-        + _wrench_text(peak)
-    )
 
 
 def _wrench_text(item: Peak | Broken) -> str:

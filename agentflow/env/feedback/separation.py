@@ -104,11 +104,8 @@ def find_fragments(machine: Machine, trace: Trace) -> list[Fragment]:
     if len(left) == len({*trace.connections}):
         return []
     whole = _groups(len(machine), trace.connections)
-    found = [
-        _fragment(machine, trace, blocks)
-        for blocks in _groups(len(machine), left)
-        if blocks not in whole
-    ]
+    now = _groups(len(machine), left)
+    found = [_fragment(machine, trace, blocks) for blocks in now if blocks not in whole]
     return sorted(found, key=lambda item: (0 not in item.blocks, -item.mass))
 
 
@@ -148,8 +145,7 @@ def fragment_lines(fragments: Sequence[Fragment]) -> list[str]:
     first, *others = fragments
     heavy = [each for each in others if each.mass >= LEAST_MASS][: MOST_FRAGMENTS - 1]
     told = [*map(_text, (first, *heavy))]
-    rest = others[len(heavy) :]
-    if rest:
+    if rest := others[len(heavy) :]:
         told.append(f"{len(rest)} more, {number(sum(each.mass for each in rest), 1)} kg in all")
     head = "Fragments (blocks: mass, velocity in m/s as it came off, where it ended)"
     return [f"{head}: {'; '.join(told)}"]
@@ -229,9 +225,7 @@ def _lengths(machine: Machine, trace: Trace, index: int) -> list[str]:
     if not found:
         return []
     rows = sorted(found, key=lambda pair: tuple(map(float, pair)))
-    texts = [
-        f"{first} to {now} m ({', '.join(map(str, found[now, first]))})" for now, first in rows
-    ]
+    texts = [f"{was} to {now} m ({', '.join(map(str, found[now, was]))})" for now, was in rows]
     if len(texts) > MOST_LENGTHS:
         nows, firsts = (sorted(column, key=float) for column in zip(*rows, strict=True))
         texts = [f"{firsts[0]}-{firsts[-1]} to {nows[0]}-{nows[-1]} m"]

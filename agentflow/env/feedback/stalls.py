@@ -88,8 +88,9 @@ def stall_lines(events: Sequence[RolloutEvent]) -> list[str]:
         ids = ", ".join(str(event.blocks[0]) for event in group)
         lines.append(f"block{'s' * (',' in ids)} {ids} ({name}) {when}")
     told = [f"Motor stalled: {line}" for line in lines[:MAX_STALLS]]
-    rest = len(lines) - len(told)
-    return [*told, *([f"Motor stalled: {rest} more times"] if rest else [])]
+    if rest := len(lines) - len(told):
+        told.append(f"Motor stalled: {rest} more times")
+    return told
 
 
 def _name_and_time(event: RolloutEvent) -> tuple[str, str]:

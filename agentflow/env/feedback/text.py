@@ -63,9 +63,8 @@ def number(value: float, digits: int = 2) -> str:
 
 def rounded(value: float) -> str:
     """Format with three significant digits; never "-0"."""
-    return (
-        f"{float(f'{value:.3g}') + 0.0:g}" if abs(value) < 1e3 else f"{float(f'{value:.3g}'):.0f}"
-    )
+    short = float(f"{value:.3g}")
+    return f"{short + 0.0:g}" if abs(value) < 1e3 else f"{short:.0f}"
 
 
 def point_text(point: Iterable[float], digits: int = 2) -> str:
@@ -105,9 +104,9 @@ def body_name(machine: Machine, body: Named) -> str:
     return object_label(body) if isinstance(body, str) else block_name(machine, body)
 
 
-def sample_indices(count: int, most: int = MAX_SAMPLES) -> range:
-    """At most `most` evenly spaced indices into `count` samples, starting at 0."""
-    return range(0, count, max(1, -(-(count - 1) // (most - 1))))
+def sample_indices(count: int) -> range:
+    """At most 11 evenly spaced indices into `count` samples, starting at 0."""
+    return range(0, count, max(1, -(-(count - 1) // (MAX_SAMPLES - 1))))
 
 
 def series(label: str, times: Array, values: Array) -> Series:
@@ -158,13 +157,10 @@ def orientation_text(runs: Sequence[tuple[str, float, float]], interval: float) 
     for word, start, end in runs:
         held[word] += end - start + interval
     total = sum(held.values())
-    shares = [
-        f"{word} {time / total:.0%}"
-        for word, time in sorted(held.items(), key=lambda item: -item[1])[:4]
-    ]
-    return f"changes {len(runs) - 1} times, facing " + "; ".join(
-        [f"{shares[0]} of the time", *shares[1:]]
-    )
+    most = sorted(held.items(), key=lambda item: -item[1])[:4]
+    first, *others = (f"{word} {time / total:.0%}" for word, time in most)
+    told = "; ".join([f"{first} of the time", *others])
+    return f"changes {len(runs) - 1} times, facing {told}"
 
 
 def frame_text(machine: Machine, trace: Trace) -> str:
@@ -228,15 +224,11 @@ def flight_lines(machine: Machine, trace: Trace) -> list[str]:
         index = min(round(share * (len(trace.times) - 1)), len(trace.times) - 2)
         texts.append(
             f"{trace.times[index]:.1f} s lift {rounded(force[index, 1])}, "
-            f"drag {rounded(_size(drag[index]))}, climb {number(velocity[index, 1], 1)} m/s, "
+            f"drag {rounded(hypot(*drag[index]))}, climb {number(velocity[index, 1], 1)} m/s, "
             f"pitch {number(degrees(asin(np.clip(fronts[index, 1], -1.0, 1.0))), 0)}"
         )
     head = f"Flight (N; pitch of block 0's Front in degrees), weight {rounded(weight)}"
     return [f"{head}: {'; '.join(texts)}"]
-
-
-def _size(vector: Array) -> float:
-    return float(np.linalg.norm(vector))
 
 
 MOST = 4
@@ -253,27 +245,21 @@ def steering_angles(machine: Machine, trace: Trace) -> list[Angles]:
     times = trace.times[picks]
     alike: dict[tuple[str, ...], list[int]] = {}
     angles: dict[int, Array] = {}
-    for block, turned in _turns(machine, trace):
+    for block in (step.id for step in machine if step.type in STEERING):
+        sense = library()[machine[block].type].joint.motor_sense
+        turned = np.degrees(sense * joint_angle(machine, trace, block))
         angles[block] = turned[picks][trace.alive[picks, block]]
         if len(angles[block]):
             alike.setdefault(tuple(number(each, 0) for each in angles[block]), []).append(block)
     found = [
-        Angles(_label(blocks), times[: len(shown)].tolist(), angles[blocks[0]][:, None].tolist())
+        Angles(
+            f"Steering of {', '.join(map(str, blocks))} (deg, + at level 1)",
+            times[: len(shown)].tolist(),
+            angles[blocks[0]][:, None].tolist(),
+        )
         for shown, blocks in alike.items()
     ]
     if hidden := sum(map(len, list(alike.values())[MOST:])):
         last = found[MOST - 1]
         found[MOST - 1] = replace(last, label=f"{last.label}, {hidden} more not shown,")
     return found[:MOST]
-
-
-def _label(blocks: list[int]) -> str:
-    return f"Steering of {', '.join(map(str, blocks))} (deg, + at level 1)"
-
-
-def _turns(machine: Machine, trace: Trace) -> Iterator[tuple[int, Array]]:
-    """Each steering block with its (T,) angles, degrees; they may exceed a turn."""
-    for step in machine:
-        if step.type in STEERING:
-            sense = library()[step.type].joint.motor_sense
-            yield step.id, np.degrees(sense * joint_angle(machine, trace, step.id))

@@ -6,6 +6,7 @@ Every link frame is at its joint and aligned with the machine frame at rest.
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import sqrt
 
 from agentflow.env.constants import Constants
@@ -20,7 +21,6 @@ from agentflow.env.physics.structure.spanning_tree import Link, Piece
 from agentflow.env.scene import SceneObject
 from agentflow.machine.geometry.vectors import (
     IDENTITY,
-    Quat,
     Vec3,
     add,
     rotate_vector,
@@ -63,13 +63,15 @@ class BodyBuilder:
 
     def __init__(self, client: int, physics: Constants) -> None:
         self.client = client
+        self._add_body = partial(pybullet.createMultiBody, physicsClientId=client)
+        self._change = partial(pybullet.changeDynamics, physicsClientId=client)
         self._usual = physics["friction"], physics["restitution"]
         self._made: dict[tuple[tuple[Shape, ...], Vec3], int] = {}
 
     def ground(self, friction: float | None) -> int:
         """The plane y = 0; friction None is that of the constants."""
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
-        uid = self._single(0.0, plane, (0.0, 0.0, 0.0), IDENTITY)
+        uid: int = self._add_body(0.0, plane, -1, MIDDLE, IDENTITY)
         self._surface(uid, -1, friction, None)
         return uid
 
@@ -80,17 +82,12 @@ class BodyBuilder:
         else:
             solid = self._shapes((Shape(item.shape, item.size),), subtract(MIDDLE, item.balance))
         place = add(item.position, rotate_vector(item.rotation, item.balance))
-        uid = self._single(item.mass, solid, swap(place), swap_quaternion(item.rotation))
+        turn = swap_quaternion(item.rotation)
+        uid: int = self._add_body(item.mass, solid, -1, swap(place), turn)
         self._surface(uid, -1, item.friction, item.restitution)
         if item.stiffness is not None:
-            damping = YIELD * item.stiffness
-            pybullet.changeDynamics(
-                uid,
-                -1,
-                contactStiffness=item.stiffness,
-                contactDamping=damping,
-                physicsClientId=self.client,
-            )
+            stiff, damping = item.stiffness, YIELD * item.stiffness
+            self._change(uid, -1, contactStiffness=stiff, contactDamping=damping)
         return uid
 
     def machine(self, piece: Piece, parts: Sequence[Part], joints: Sequence[Joint]) -> PieceBody:
@@ -114,7 +111,7 @@ class BodyBuilder:
         masses = {part: parts[part].mass / (1 + twins[part]) for part in order}
         pivots = [joints[link.joint].pivot for link in links]
         root = parts[piece.root]
-        uid = pybullet.createMultiBody(
+        uid: int = self._add_body(
             masses[piece.root],
             solids[piece.root],
             -1,
@@ -142,9 +139,8 @@ class BodyBuilder:
             linkJointAxis=[joint_axis(joints[link.joint], link) for link in links],
             flags=pybullet.URDF_USE_SELF_COLLISION
             | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT,
-            physicsClientId=self.client,
         )
-        pybullet.changeDynamics(uid, -1, maxJointVelocity=FASTEST, physicsClientId=self.client)
+        self._change(uid, -1, maxJointVelocity=FASTEST)
         numbered = tuple(zip(links, self._numbers(uid, len(links)), strict=True))
         index = {piece.root: -1} | {link.part: i for link, i in numbered[: len(piece.links)]}
         for part in order:
@@ -164,10 +160,7 @@ class BodyBuilder:
 
     def _dynamics(self, uid: int, index: int, part: Part, twins: int) -> None:
         """Set the surface of a link, and the inertia of one of so many twins of a part."""
-        inertia = scale(swap(part.inertia), 1.0 / twins)
-        pybullet.changeDynamics(
-            uid, index, localInertiaDiagonal=inertia, physicsClientId=self.client
-        )
+        self._change(uid, index, localInertiaDiagonal=scale(swap(part.inertia), 1.0 / twins))
         self._surface(uid, index, part.friction, part.restitution, part.rolling_friction)
 
     def _surface(
@@ -184,7 +177,7 @@ class BodyBuilder:
         geometric mean.
         """
         usual_friction, usual_restitution = self._usual
-        pybullet.changeDynamics(
+        self._change(
             uid,
             index,
             lateralFriction=sqrt(usual_friction if friction is None else friction),
@@ -194,7 +187,6 @@ class BodyBuilder:
             linearDamping=0.0,
             angularDamping=0.0,
             jointDamping=0.0,
-            physicsClientId=self.client,
         )
 
     def _joint(self, uid: int, index: int, link: Link, joints: Sequence[Joint]) -> None:
@@ -202,21 +194,7 @@ class BodyBuilder:
         pybullet.enableJointForceTorqueSensor(uid, index, True, physicsClientId=self.client)
         stops = merge_drives(joints, link).stops
         if stops is not None and not link.rigid:
-            low, high = stops
-            pybullet.changeDynamics(
-                uid,
-                index,
-                jointLowerLimit=low,
-                jointUpperLimit=high,
-                physicsClientId=self.client,
-            )
-
-    def _single(self, mass: float, solid: int, position: Vec3, rotation: Quat) -> int:
-        return int(
-            pybullet.createMultiBody(
-                mass, solid, -1, position, rotation, physicsClientId=self.client
-            )
-        )
+            self._change(uid, index, jointLowerLimit=stops[0], jointUpperLimit=stops[1])
 
     def _shapes(self, solid: tuple[Shape, ...], offset: Vec3) -> int:
         """Number of the collision shape of solid shapes; -1 if there are none."""
@@ -224,12 +202,12 @@ class BodyBuilder:
             return -1
         key = (solid, offset)
         if key not in self._made:
-            geometry = [_geometry(shape) for shape in solid]
+            kinds, halves, radii, lengths = zip(*map(_geometry, solid), strict=True)
             self._made[key] = pybullet.createCollisionShapeArray(
-                shapeTypes=[kind for kind, _, _, _ in geometry],
-                halfExtents=[half for _, half, _, _ in geometry],
-                radii=[radius for _, _, radius, _ in geometry],
-                lengths=[length for _, _, _, length in geometry],
+                shapeTypes=kinds,
+                halfExtents=halves,
+                radii=radii,
+                lengths=lengths,
                 collisionFramePositions=[swap(add(offset, shape.offset)) for shape in solid],
                 collisionFrameOrientations=[swap_quaternion(shape.rotation) for shape in solid],
                 physicsClientId=self.client,
@@ -237,14 +215,11 @@ class BodyBuilder:
         return self._made[key]
 
     def _cone(self, item: SceneObject) -> int:
-        corners = cone_corners(item.size)
-        return int(
-            pybullet.createCollisionShape(
-                pybullet.GEOM_MESH,
-                vertices=[swap(subtract(corner, item.balance)) for corner in corners],
-                physicsClientId=self.client,
-            )
+        corners = [swap(subtract(corner, item.balance)) for corner in cone_corners(item.size)]
+        made: int = pybullet.createCollisionShape(
+            pybullet.GEOM_MESH, vertices=corners, physicsClientId=self.client
         )
+        return made
 
 
 def _geometry(shape: Shape) -> tuple[int, Vec3, float, float]:

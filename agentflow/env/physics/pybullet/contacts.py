@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 from agentflow.env.physics.engine import Touch
 from agentflow.env.physics.model import Assembly
@@ -34,8 +35,7 @@ class Contacts:
         self._client = client
         self._who: dict[Handle, Body] = {(ground, -1): "ground"}
         self._who |= {(uid, -1): name for name, uid in objects.items()}
-        for part, handle in handles.items():
-            self._who[handle] = assembly.parts[part].block
+        self._who |= {handle: assembly.parts[part].block for part, handle in handles.items()}
         self._where: dict[Body, list[Handle]] = {}
         for handle, named in self._who.items():
             self._where.setdefault(named, []).append(handle)
@@ -88,9 +88,8 @@ def set_collisions_of_scene(client: int, fixed: Sequence[int], moving: Sequence[
 
     Fixed bodies that touched each other would cost a contact test in every step.
     """
+    set_group = partial(pybullet.setCollisionFilterGroupMask, physicsClientId=client)
     for uid in fixed:
-        pybullet.setCollisionFilterGroupMask(
-            uid, -1, STANDING_GROUP, ~STANDING_GROUP, physicsClientId=client
-        )
+        set_group(uid, -1, STANDING_GROUP, ~STANDING_GROUP)
     for uid in moving:
-        pybullet.setCollisionFilterGroupMask(uid, -1, LOOSE_GROUP, -1, physicsClientId=client)
+        set_group(uid, -1, LOOSE_GROUP, -1)

@@ -3,14 +3,13 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.bodies import Handle, PieceBody
+from agentflow.env.physics.pybullet.bodies import MIDDLE, Handle, PieceBody
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.structure.drives import meshing_cogs
 from agentflow.env.physics.structure.spanning_tree import Skeleton
 
 STRONGEST = 1e6
 """N or N m: more than anything that a machine can exert."""
-MIDDLE = (0.0, 0.0, 0.0)
 
 
 class Couplings:
@@ -51,10 +50,8 @@ class Couplings:
 
     def _bind(self, kind: int, one: Handle, other: Handle, axis: tuple[float, float, float]) -> int:
         """Constrain two links at their centres of mass."""
-        made = int(
-            pybullet.createConstraint(
-                *one, *other, kind, axis, MIDDLE, MIDDLE, physicsClientId=self._client
-            )
+        made: int = pybullet.createConstraint(
+            *one, *other, kind, axis, MIDDLE, MIDDLE, physicsClientId=self._client
         )
         pybullet.changeConstraint(made, maxForce=STRONGEST, physicsClientId=self._client)
         self._ids.append(made)

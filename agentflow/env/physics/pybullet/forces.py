@@ -4,14 +4,12 @@ from collections.abc import Mapping, Sequence
 
 from agentflow.env.physics.laws.select import Forces, Law
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.bodies import Handle, PieceBody
+from agentflow.env.physics.pybullet.bodies import MIDDLE, Handle, PieceBody
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.sensing import Rows
 from agentflow.env.physics.rows import POSITION, Row
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Skeleton
-
-CENTRE = (0.0, 0.0, 0.0)
 
 
 class AppliedForces(Forces):
@@ -49,12 +47,11 @@ class AppliedForces(Forces):
         return self._heads.all if self._far else self._heads.known
 
     def __call__(self) -> None:
-        client = self._client
-        rows = self._read
+        client, rows = self._client, self._read
         for row, local, force, torque in self.drag(rows):
             uid, index = self._leading[row]
             frame = pybullet.LINK_FRAME if local else pybullet.WORLD_FRAME
-            at = CENTRE if local else rows[row][POSITION]
+            at = MIDDLE if local else rows[row][POSITION]
             pybullet.applyExternalForce(uid, index, force, at, frame, client)
             if torque is not None:
                 pybullet.applyExternalTorque(uid, index, torque, frame, client)
@@ -64,4 +61,4 @@ class AppliedForces(Forces):
             for part, force, place in forces:
                 uid, index = self._at[part]
                 frame = pybullet.LINK_FRAME if place is None else pybullet.WORLD_FRAME
-                pybullet.applyExternalForce(uid, index, force, place or CENTRE, frame, client)
+                pybullet.applyExternalForce(uid, index, force, place or MIDDLE, frame, client)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.grips import EDGE, Grips, Held
 from agentflow.env.physics.model import Gripper
-from agentflow.env.physics.pybullet.bodies import Handle
+from agentflow.env.physics.pybullet.bodies import MIDDLE, Handle
 from agentflow.env.physics.pybullet.contacts import TOUCH
 from agentflow.env.physics.pybullet.couplings import remove_constraints, set_collision
 from agentflow.env.physics.pybullet.library import pybullet
@@ -91,8 +91,7 @@ class Grippers(Grips[_Hold]):
                 back = inverse(turn)
                 there, pose = self._frame(held)
                 arm = rotate_vector(back, subtract(there, place))
-                hold = _Hold(held, grip.force, arm, product(back, pose))
-                self._holds[grip.part] = hold
+                hold = self._holds[grip.part] = _Hold(held, grip.force, arm, product(back, pose))
                 self._tie(grip.part, hold)
                 return
 
@@ -102,9 +101,9 @@ class Grippers(Grips[_Hold]):
             *one,
             *other,
             pybullet.JOINT_FIXED,
-            (0.0, 0.0, 0.0),
+            MIDDLE,
             hold.place,
-            (0.0, 0.0, 0.0),
+            MIDDLE,
             hold.turn,
             physicsClientId=self._client,
         )
@@ -112,9 +111,8 @@ class Grippers(Grips[_Hold]):
         set_collision(self._client, one, other, False)
 
     def _strengthen(self, hold: _Hold) -> None:
-        pybullet.changeConstraint(
-            hold.constraint, maxForce=hold.force, physicsClientId=self._client
-        )
+        client = self._client
+        pybullet.changeConstraint(hold.constraint, maxForce=hold.force, physicsClientId=client)
 
     def _frame(self, held: Held) -> tuple[Vec3, Quat]:
         """Centre of mass and orientation, engine frame."""
@@ -122,5 +120,5 @@ class Grippers(Grips[_Hold]):
         if index < 0:
             place, turn = pybullet.getBasePositionAndOrientation(uid, self._client)
         else:
-            place, turn = pybullet.getLinkState(uid, index, 0, 1, self._client)[:2]
+            place, turn, *_ = pybullet.getLinkState(uid, index, 0, 1, self._client)
         return place, turn

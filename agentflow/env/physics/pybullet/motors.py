@@ -4,6 +4,7 @@ Bullet stores impulses per step, so everything is set again when the step length
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Assembly, Joint
@@ -58,6 +59,7 @@ class Motors:
             series: Whether motors are in series.
         """
         self._client, self._levels, self._series = client, levels, series
+        self._control = partial(pybullet.setJointMotorControl2, physicsClientId=client)
         self.step = step
         """Length of a step, s."""
         found: dict[str, list[Handled]] = {"revolute": [], "prismatic": [], "spherical": []}
@@ -109,7 +111,7 @@ class Motors:
 
     def _hold(self, uid: int, index: int, drive: JointDrive, angle: float) -> None:
         """Let a motor hold an angle with its torque."""
-        pybullet.setJointMotorControl2(
+        self._control(
             uid,
             index,
             pybullet.POSITION_CONTROL,
@@ -118,48 +120,31 @@ class Motors:
             positionGain=HOLD * self.step,
             velocityGain=1.0,
             force=drive.command(self._levels).limit,
-            physicsClientId=self._client,
         )
 
     def _turn(self, uid: int, index: int, drive: JointDrive, speed: float) -> float:
         """Let the motor of a joint that has this speed aim at a speed; returns the torque to apply
         besides."""
-        command = drive.command(self._levels, speed)
-        pybullet.setJointMotorControl2(
-            uid,
-            index,
-            pybullet.VELOCITY_CONTROL,
-            targetVelocity=command.target,
-            force=command.limit,
-            physicsClientId=self._client,
-        )
-        return command.push
+        aim, limit, push = drive.command(self._levels, speed)
+        self._control(uid, index, pybullet.VELOCITY_CONTROL, targetVelocity=aim, force=limit)
+        return push
 
     def set_for_step(self) -> None:
         """Apply suspensions, and motors that differ, for one step. The dampers are brakes of
         limited force, which cannot make light blocks oscillate."""
-        client = self._client
         for uid, index, drive in self._mixed:
-            speed = pybullet.getJointState(uid, index, client)[1]
+            speed = pybullet.getJointState(uid, index, self._client)[1]
             self.pushes[uid, index] = push = self._turn(uid, index, drive, speed)
             self._push(uid, index, push)
         for uid, index, drive in self._sliding:
-            position, velocity = pybullet.getJointState(uid, index, client)[:2]
-            pybullet.setJointMotorControl2(
-                uid,
-                index,
-                pybullet.VELOCITY_CONTROL,
-                targetVelocity=0.0,
-                force=drive.damping * abs(velocity),
-                physicsClientId=client,
-            )
+            position, velocity = pybullet.getJointState(uid, index, self._client)[:2]
+            brake = drive.damping * abs(velocity)
+            self._control(uid, index, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=brake)
             self._push(uid, index, -drive.stiffness * position)
 
     def _push(self, uid: int, index: int, force: float) -> None:
         """Apply a force or torque along the axis of a joint for one step."""
-        pybullet.setJointMotorControl2(
-            uid, index, pybullet.TORQUE_CONTROL, force=force, physicsClientId=self._client
-        )
+        self._control(uid, index, pybullet.TORQUE_CONTROL, force=force)
 
 
 def inner_iterations(series: int, plan: Skeleton) -> int:

@@ -15,15 +15,13 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS, swap
 from agentflow.env.physics.model import Joint, Strength
 from agentflow.env.physics.structure.spanning_tree import Link, Skeleton
-from agentflow.env.rollout import Array
+from agentflow.env.rollout import Array, Indices
 from agentflow.machine.geometry.vectors import subtract
 
-Indices = NDArray[np.intp]
 RIGID = Strength(1e8, 1e8)
 """Of connections that never break: they are far stiffer than all others."""
 SOFT = 0.05
