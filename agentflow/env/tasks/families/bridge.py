@@ -35,6 +35,7 @@ HOLD = 2.0
 WIDE, LONG = 60.0, 30.0
 """Extent of the banks along x and z, m."""
 COLOR = (0.75, 0.35, 0.2, 1.0)
+BANKS = ("near bank", "far bank")
 FLOOR = "the floor of the gap"
 
 
@@ -267,8 +268,8 @@ def _banks(gap: Gap, banks: Banks) -> Iterator[SceneObject]:
     soft = 1000.0 * banks.stiffness or None
     middle = (gap.length + LONG) / 2
     near, far = (WIDE, gap.depth, LONG), (WIDE, gap.depth + banks.rise, LONG)
-    yield replace(wall("near bank", 0.0, -middle, near), stiffness=soft)
-    yield replace(wall("far bank", 0.0, middle, far), stiffness=soft)
+    yield replace(wall(BANKS[0], 0.0, -middle, near), stiffness=soft)
+    yield replace(wall(BANKS[1], 0.0, middle, far), stiffness=soft)
 
 
 def _resting_place(bank: SceneObject) -> Bank:
