@@ -12,6 +12,7 @@ from agentflow.env.drawing.raster import NARROW, corners_of
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import rotated_axes
 from agentflow.env.scene import SceneObject
+from agentflow.machine.geometry.balance import convex_hull
 from agentflow.machine.geometry.vectors import Vec3
 
 
@@ -198,7 +199,7 @@ def _shadows(camera: Camera, solids: Sequence[SceneObject]) -> Iterator[list[tup
         places = project(shadow_of(item), camera)
         with np.errstate(invalid="ignore"):
             if np.abs(places).max() < 8 * camera.width:
-                yield convex_hull(places)
+                yield convex_hull(map(tuple, places.tolist()))
 
 
 def shadow_of(item: SceneObject) -> Array:
@@ -219,20 +220,3 @@ def silhouette(item: SceneObject) -> Array:
     rim = np.insert(CIRCLE, 1, -0.5, axis=1)
     rims = np.concatenate([rim, rim * ((1, -1, 1) if item.shape == "cylinder" else (0, -1, 0))])
     return rims * item.size @ rotated_axes(item.rotation) + item.position
-
-
-def convex_hull(places: Array) -> list[tuple[float, float]]:
-    """Convex hull of (K, 2) points, by Andrew's monotone chain."""
-    points = sorted((float(x), float(y)) for x, y in places)
-    outline: list[tuple[float, float]] = []
-    for way in (points, points[::-1]):
-        start = len(outline)
-        for x, y in way:
-            while len(outline) > start + 1:
-                (x0, y0), (x1, y1) = outline[-2:]
-                if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0:
-                    break
-                outline.pop()
-            outline.append((x, y))
-        outline.pop()
-    return outline

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from agentflow.env.drawing.backdrop import CIRCLE, convex_hull, silhouette
+from agentflow.env.drawing.backdrop import CIRCLE, silhouette
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import rotated_axes
@@ -14,6 +14,7 @@ from agentflow.env.scene import SceneObject, Start
 from agentflow.env.tasks.base import Task
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT
+from agentflow.machine.geometry.balance import convex_hull
 from agentflow.machine.tree import Machine
 
 Point = tuple[float, float]
@@ -71,7 +72,7 @@ def level_plans(task: Task) -> tuple[LevelPlan, LevelPlan]:
         (low[2], -high[0]),
         (high[2], -low[0]),
         tuple(_outline(item, (2, 0), -1) for item in by_height),
-        tuple(convex_hull(volume[:, [2, 0]] * (1, -1))),
+        _hull(volume[:, [2, 0]] * (1, -1)),
     )
     right = LevelPlan(
         "from the right, cut along x = 0",
@@ -80,7 +81,7 @@ def level_plans(task: Task) -> tuple[LevelPlan, LevelPlan]:
         (low[2], low[1]),
         (high[2], high[1]),
         tuple(_outline(item, (2, 1), 1) for item in by_nearness),
-        tuple(convex_hull(volume[:, [2, 1]])),
+        _hull(volume[:, [2, 1]]),
     )
     return above, right
 
@@ -88,6 +89,10 @@ def level_plans(task: Task) -> tuple[LevelPlan, LevelPlan]:
 def base_name(name: str) -> str:
     """Name of an object without numbers and pieces: "ring 1, piece 2" -> "ring"."""
     return re.sub(r"[\s\d-]+$", "", name.partition(",")[0])
+
+
+def _hull(places: Array) -> tuple[Point, ...]:
+    return tuple(convex_hull((x, y) for x, y in places.tolist()))
 
 
 def _given(machine: Machine) -> list[SceneObject]:
@@ -135,4 +140,4 @@ def _outline(item: SceneObject, axes: tuple[int, int], sign: int) -> Outline:
     beside = axes == (2, 1) and item.mass == 0 and not low <= 0 <= high
     small = (points.max(axis=0) - points.min(axis=0)).max() < LONG / 8
     places = points[:, axes] * (1, sign)
-    return Outline(item.name, tuple(convex_hull(places)), item.color, small or not beside)
+    return Outline(item.name, _hull(places), item.color, small or not beside)

@@ -3,9 +3,12 @@
 Exact, because masses are whole multiples of 0.05 kg and centres of 0.025 m.
 """
 
+from collections.abc import Iterable
+
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import Bank, Geometry
 from agentflow.machine.geometry.pose import UNITS, Placed
+from agentflow.machine.geometry.vectors import N
 
 Point = tuple[int, int]
 """(x, z) in half units, 0.025 m."""
@@ -115,17 +118,22 @@ def _clip(geometry: Geometry, points: list[Point], bank: Bank) -> list[Point]:
 
 
 def _hull(geometry: Geometry) -> list[Point]:
-    """Corners of the convex hull of all footprints, counterclockwise (monotone chain)."""
+    """Corners of the convex hull of all footprints, counterclockwise."""
     touching = [placed for placed in geometry.blocks if on_ground(geometry, placed)]
-    points = sorted({point for placed in touching for point in _supported(geometry, placed)})
+    return convex_hull(point for placed in touching for point in _supported(geometry, placed))
+
+
+def convex_hull(found: Iterable[tuple[N, N]]) -> list[tuple[N, N]]:
+    """Corners of the convex hull of points, counterclockwise (monotone chain)."""
+    points = sorted(set(found))
     if len(points) < 3:
         return points
     lower, upper = _chain(points), _chain(points[::-1])
     return lower[:-1] + upper[:-1]
 
 
-def _chain(points: list[Point]) -> list[Point]:
-    chain: list[Point] = []
+def _chain(points: list[tuple[N, N]]) -> list[tuple[N, N]]:
+    chain: list[tuple[N, N]] = []
     for point in points:
         while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0:
             chain.pop()
@@ -133,6 +141,6 @@ def _chain(points: list[Point]) -> list[Point]:
     return chain
 
 
-def _turn(a: Point, b: Point, c: Point) -> int:
+def _turn(a: tuple[N, N], b: tuple[N, N], c: tuple[N, N]) -> N:
     """Positive when a, b, c turn left, with x to the right and z up."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
