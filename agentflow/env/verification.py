@@ -8,6 +8,7 @@ import statistics
 from collections import defaultdict
 from collections.abc import Awaitable, Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -317,11 +318,8 @@ async def perturb(
         tick()
         return rollout
 
-    async def of_machine(variation: Variation) -> Rollout:
-        return await counted(machine, variation)
-
     world, edited = await asyncio.gather(
-        run_under(perturbations_of(machine), of_machine),
+        run_under(perturbations_of(machine), partial(counted, machine)),
         asyncio.gather(*(counted(one.machine) for one in neighbours)),
     )
     return Perturbation(world, tuple(zip(neighbours, edited, strict=True)))

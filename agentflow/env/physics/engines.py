@@ -21,9 +21,8 @@ def default_engine() -> EngineSpec:
     Raises:
         ConfigError: None is installed.
     """
-    for spec in ENGINES.values():
-        if _is_installed(spec):
-            return spec
+    if found := installed_engines():
+        return found[0]
     needed = ", ".join(spec.libraries[0] for spec in ENGINES.values())
     raise ConfigError(f"no physics engine is installed; install one of: {needed}")
 

@@ -66,7 +66,8 @@ class BalanceReferee:
         self._masses = [(step.id, library()[step.type].mass) for step in machine]
         placed = place(machine)
         self._wheels = [step.id for step in machine if step.type == WHEEL]
-        axles = {(placed[b].facing[0], *map(_rounded, placed[b].center[1:])) for b in self._wheels}
+        wheels = [placed[block] for block in self._wheels]
+        axles = {(wheel.facing[0], *(round(v, 3) for v in wheel.center[1:])) for wheel in wheels}
         self._rolls = len(axles) == 1 and axles.pop()[0] == "x"
         """Whether the wheels have one axis, along x."""
         self._due = 0.0
@@ -91,8 +92,10 @@ class BalanceReferee:
             total = sum(mass for _, mass in self._masses)
             high = sum(mass * world.centre(block)[1] for block, mass in self._masses) / total
             if high < self._least:
-                told = f"its centre of mass was {number(high)} m above the ground"
-                self._fallen = world.time, told
+                self._fallen = (
+                    world.time,
+                    f"its centre of mass was {number(high)} m above the ground",
+                )
         return self._fallen is not None
 
     def verdict(self, trace: Trace) -> Verdict:
@@ -100,17 +103,11 @@ class BalanceReferee:
         fallen = self._fallen
         if fallen is None and not trace.alive[-1].all():
             fallen = float(trace.times[-1]), "something had broken"
-        outcome = (
-            "upright to the end" if fallen is None else f"{fallen[1]} at {number(fallen[0])} s"
-        )
+        told = fallen and f"{fallen[1]} at {number(fallen[0])} s"
         terms: dict[str, float | bool | str | None] = {
             "success": fallen is None,
-            "outcome": outcome,
+            "outcome": told or "upright to the end",
             "miss": None,
             "time": fallen and fallen[0],
         }
         return Verdict(float(fallen is None), terms)
-
-
-def _rounded(value: float) -> float:
-    return round(value, 3)

@@ -37,8 +37,7 @@ def guard_family(family: type) -> None:
             setattr(family, name, property(_guarded(timed, family, name, expected, fits)))
         elif callable(method):
             setattr(family, name, _guarded(_timed(method), family, name, expected, fits))
-    referee = vars(family).get("referee")
-    if callable(referee):
+    if callable(referee := vars(family).get("referee")):
         family.referee = _with_guarded_referee(referee, family)  # type: ignore[attr-defined]
 
 
@@ -128,10 +127,6 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, float | int) and not isinstance(value, bool) and isfinite(value)
 
 
-def _is_feedback(result: Any) -> bool:
-    return isinstance(result, Feedback) and isinstance(result.text, str)
-
-
 def _is_referee(result: Any) -> bool:
     return all(callable(getattr(result, name, None)) for name in ("start", "watch", "verdict"))
 
@@ -141,6 +136,9 @@ _RESULTS: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "scene": ("a Scene", lambda result: isinstance(result, Scene)),
     "trials": ("a tuple of tasks", lambda result: isinstance(result, tuple) and bool(result)),
     "referee": ("an object with start, watch and verdict", _is_referee),
-    "feedback": ("a Feedback with a text", _is_feedback),
+    "feedback": (
+        "a Feedback with a text",
+        lambda result: isinstance(result, Feedback) and isinstance(result.text, str),
+    ),
 }
 """Method of a task -> what it returns, in words and as a check."""

@@ -92,12 +92,6 @@ def read_records(engine: str = "") -> Mapping[str, TaskRecord]:
     return {name: TaskRecord(name=where + name, **record) for name, record in found.items()}
 
 
-def _records_on(engine: str) -> list[TaskRecord]:
-    """Records that count for an engine: its own, then the others."""
-    name = default_engine().name if engine == AUTO else engine
-    return [*read_records(name).values(), *read_records().values()]
-
-
 def other_recorders(engines: Iterable[str]) -> str:
     """The engines that simulated the records of the default engine, if one of `engines` is none of
     them; else "".
@@ -114,7 +108,12 @@ def other_recorders(engines: Iterable[str]) -> str:
 def record_of(task: Task) -> TaskRecord | None:
     """The record of a task on its engine, else on another one; None if there is none for this level
     with these knobs."""
-    return next((item for item in _records_on(task.engine) if _fits(item, task)), None)
+    known = (*read_records(_engine_of(task)).values(), *read_records().values())
+    return next((item for item in known if _fits(item, task)), None)
+
+
+def _engine_of(task: Task) -> str:
+    return default_engine().name if task.engine == AUTO else task.engine
 
 
 def full_score(task: Task) -> float | None:
@@ -154,8 +153,7 @@ def _full_name(task: Task, record: TaskRecord) -> str:
     """What a share of 1 stands for."""
     if task.brief.greatest is not None:
         return "greatest possible score"
-    name = default_engine().name if task.engine == AUTO else task.engine
-    same = record.engine.rpartition(" ")[0] == name
+    same = record.engine.rpartition(" ")[0] == _engine_of(task)
     return "record" if same else f"record of {record.engine}"
 
 

@@ -51,10 +51,11 @@ class CannonWatch:
                 self._seconds[block][self._cold[block]] += passed
 
     def _look(self, world: WorldView) -> None:
-        flames = [
-            (_ahead(world, block, scale(DIRECTIONS[flame.direction], flame.reach)), flame.radius)
-            for block, flame in self._flames
-        ]
+        flames = []
+        for block, flame in self._flames:
+            ahead = scale(DIRECTIONS[flame.direction], flame.reach)
+            at = add(world.centre(block), rotate_vector(world.rotation(block), ahead))
+            flames.append((at, flame.radius))
         for block in self._entries:
             middle = world.centre(block)
             self._cold[block] = all(dist(middle, at) > radius for at, radius in flames)
@@ -66,8 +67,9 @@ class CannonWatch:
         for block, (steam, cold) in self._seconds.items():
             alike.setdefault(_fired_text(steam, cold), []).append(block)
         texts = [f"{', '.join(map(str, blocks))} {text}" for text, blocks in alike.items()]
-        hidden = sum(map(len, list(alike.values())[MOST:]))
-        return "; ".join([*texts[:MOST], *([f"{hidden} more not shown"] if hidden else [])])
+        if hidden := sum(map(len, list(alike.values())[MOST:])):
+            texts[MOST:] = [f"{hidden} more not shown"]
+        return "; ".join(texts)
 
 
 def _fired_text(steam: float, cold: float) -> str:
@@ -75,11 +77,6 @@ def _fired_text(steam: float, cold: float) -> str:
     spans = (("as steam", steam), ("cold", cold))
     told = [f"{how} {number(seconds, 1)} s" for how, seconds in spans if seconds >= LEAST]
     return ", ".join(told) or "never fired"
-
-
-def _ahead(world: WorldView, block: int, offset: Vec3) -> Vec3:
-    """A point that is `offset` from a block's centre, in the block's own frame."""
-    return add(world.centre(block), rotate_vector(world.rotation(block), offset))
 
 
 FREE_FLIGHT = 0.2
@@ -279,15 +276,11 @@ class Flight:
         landing = self.landing
         if landing is None or self._left is None or self._holder is None:
             return _FAILURES[self._rolled, self._left is not None]
-        end = (
-            f"landed on {object_label(landing.surface)} at {number(landing.time)} s"
-            if landing.surface
-            else f"was still in the air at the end of the window ({number(landing.time)} s)"
-        )
-        flight = (
-            f"the boulder left {block_name(self._machine, self._holder)} at "
-            f"{number(self._left)} s and {end}"
-        )
+        end = f"was still in the air at the end of the window ({number(landing.time)} s)"
+        if landing.surface:
+            end = f"landed on {object_label(landing.surface)} at {number(landing.time)} s"
+        holder = block_name(self._machine, self._holder)
+        flight = f"the boulder left {holder} at {number(self._left)} s and {end}"
         if self.distance > 0.0:
             so_far = "" if landing.surface else " so far"
             return f"thrown: {flight}, {number(self.distance)} m along z+{so_far}"

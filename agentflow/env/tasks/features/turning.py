@@ -26,8 +26,7 @@ class GearingReferee:
     def __init__(self, senses: tuple[Sense, ...]) -> None:
         self._senses = senses
         self._angles: list[float] = []
-        self._since = 0.0
-        self._held = self._best = 0.0
+        self._since = self._held = self._best = 0.0
         self._fastest = [0.0 for _ in senses]
 
     def start(self, world: WorldView) -> None:
@@ -41,10 +40,11 @@ class GearingReferee:
             return
         now = self._read_angles(world)
         source, *targets = (
-            _wrap_angle(b - a) / time for a, b in zip(self._angles, now, strict=True)
+            ((b - a + pi) % (2 * pi) - pi) / time for a, b in zip(self._angles, now, strict=True)
         )
+        turning = (source > 0) - (source < 0)
         speeds = [
-            _speed_in_sense(source, speed, sense)
+            turning * (speed if sense == "with" else -speed)
             for speed, sense in zip(targets, self._senses, strict=True)
         ]
         self._held = self._held + time if min(speeds) >= MIN_SPEED else 0.0
@@ -78,14 +78,3 @@ def _heading(rotation: Quat) -> float:
     """Angle about y of a body's Right axis, rad."""
     x, y, z, w = rotation
     return atan2(2 * (x * z - y * w), 1 - 2 * (y * y + z * z))
-
-
-def _wrap_angle(angle: float) -> float:
-    """The equivalent angle in [-pi, pi)."""
-    return (angle + pi) % (2 * pi) - pi
-
-
-def _speed_in_sense(source: float, speed: float, sense: Sense) -> float:
-    """A target's speed in the required direction; 0 while the source stands still."""
-    turning = (source > 0) - (source < 0)
-    return turning * (speed if sense == "with" else -speed)
