@@ -53,12 +53,11 @@ ORTHOGRAPHIC = 1.0
 
 @dataclass(frozen=True)
 class StillOptions:
-    """What else a picture shows, and on which ground."""
+    """What else a picture shows, such as the directions x+, y+ and z+, and on which ground."""
 
     ground: Ground | None = SCREEN
     """None: nothing is behind the machine."""
     axes: bool = False
-    """Draw the directions x+, y+ and z+."""
     scale: bool = False
     """Draw a bar of round length, without perspective; all views of a sheet have one scale."""
     scene: Scene | None = None

@@ -34,10 +34,9 @@ def choice(default: object, values: str, help: str) -> Any:
 
 @dataclass(frozen=True)
 class Knob:
-    """A level parameter that users can set."""
+    """A level parameter that users can set; its name is dotted, as in `--set`."""
 
     name: str
-    """Dotted, as in `--set`."""
     default: Any
     low: float | None
     high: float | None

@@ -33,10 +33,10 @@ IDLE = 1e-3
 
 @dataclass(frozen=True)
 class LoadLoop:
-    """Connections that share load with each other and with no others."""
+    """Connections that share load with each other and with no others: K, of which first T in the
+    tree, then those that close loops."""
 
     joints: Indices
-    """(K,) those in the tree, then those that close loops."""
     sources: Indices
     """(6 T,) indices of the reactions at the tree's T connections, in the flattened reactions."""
     matrix: Array
