@@ -6,18 +6,19 @@ Every link frame is at its joint and aligned with the machine frame at rest.
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from math import sqrt
 
 from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import TooLargeError
 from agentflow.env.physics.frames import swap, swap_quaternion
-from agentflow.env.physics.model import Joint, Part, Shape
+from agentflow.env.physics.model import Assembly, Joint, Part, Shape
 from agentflow.env.physics.pybullet import PYBULLET
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.solids import YIELD, cone_corners, joint_axis, solid_shapes
 from agentflow.env.physics.structure.drives import merge_drives
-from agentflow.env.physics.structure.spanning_tree import Link, Piece
+from agentflow.env.physics.structure.layout import RowLayout
+from agentflow.env.physics.structure.spanning_tree import Link, Piece, Skeleton
 from agentflow.env.scene import SceneObject
 from agentflow.machine.geometry.vectors import (
     IDENTITY,
@@ -56,6 +57,24 @@ class PieceBody:
 
     A loop is a joint like the others, from its part `a` to a twin of its part `b`, which has no
     shape and a share of that part's mass, and is held to it by a constraint."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """Everything that exists in a client until the next split: the pieces of a machine as bodies,
+    and the body number of each object of the scene."""
+
+    client: int
+    assembly: Assembly
+    plan: Skeleton
+    layout: RowLayout
+    pieces: tuple[PieceBody, ...]
+    objects: Mapping[str, int]
+
+    @cached_property
+    def handles(self) -> Mapping[int, Handle]:
+        """The handle of each part."""
+        return {part: (body.uid, i) for body in self.pieces for part, i in body.index.items()}
 
 
 class BodyBuilder:

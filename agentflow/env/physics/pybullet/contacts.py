@@ -1,14 +1,12 @@
 """Contacts in PyBullet: which blocks and objects touch, and which may collide."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 from agentflow.env.physics.engine import Touch
-from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.bodies import Handle
+from agentflow.env.physics.pybullet.bodies import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.structure.spanning_tree import Skeleton
 from agentflow.env.physics.world import Pair, pair_up, sum_touches
 from agentflow.env.scene import Body
 
@@ -24,18 +22,11 @@ FIRST_BIT, LAST_BIT = 2, 30
 class Contacts:
     """What touches what in one world."""
 
-    def __init__(
-        self,
-        client: int,
-        assembly: Assembly,
-        handles: Mapping[int, Handle],
-        ground: int,
-        objects: Mapping[str, int],
-    ) -> None:
-        self._client = client
+    def __init__(self, built: Built, ground: int) -> None:
+        self._client, parts = built.client, built.assembly.parts
         self._who: dict[Handle, Body] = {(ground, -1): "ground"}
-        self._who |= {(uid, -1): name for name, uid in objects.items()}
-        self._who |= {handle: assembly.parts[part].block for part, handle in handles.items()}
+        self._who |= {(uid, -1): name for name, uid in built.objects.items()}
+        self._who |= {handle: parts[part].block for part, handle in built.handles.items()}
         self._where: dict[Body, list[Handle]] = {}
         for handle, named in self._who.items():
             self._where.setdefault(named, []).append(handle)
@@ -73,12 +64,13 @@ class Contacts:
         return self._pairs[key]
 
 
-def set_collisions_of_clusters(client: int, plan: Skeleton, handles: Mapping[int, Handle]) -> None:
+def set_collisions_of_clusters(built: Built) -> None:
     """Switch off collisions between the parts of each rigid cluster."""
-    several = [cluster for cluster, size in Counter(plan.cluster).items() if size > 1]
+    client, names = built.client, built.plan.cluster
+    several = [cluster for cluster, size in Counter(names).items() if size > 1]
     bits = {cluster: 1 << min(FIRST_BIT + i, LAST_BIT) for i, cluster in enumerate(several)}
-    for part, (uid, index) in handles.items():
-        bit = bits.get(plan.cluster[part], LOOSE_GROUP)
+    for part, (uid, index) in built.handles.items():
+        bit = bits.get(names[part], LOOSE_GROUP)
         mask = -1 if bit == LOOSE_GROUP else ~bit
         pybullet.setCollisionFilterGroupMask(uid, index, bit, mask, physicsClientId=client)
 

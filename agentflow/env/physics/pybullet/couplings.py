@@ -1,12 +1,10 @@
 """PyBullet constraints: what closes loops, and meshing cogs."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 
-from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.bodies import MIDDLE, Handle, PieceBody
+from agentflow.env.physics.pybullet.bodies import MIDDLE, Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.structure.drives import meshing_cogs
-from agentflow.env.physics.structure.spanning_tree import Skeleton
 
 STRONGEST = 1e6
 """N or N m: more than anything that a machine can exert."""
@@ -22,28 +20,23 @@ class Couplings:
         """Links joined by a joint that is not in the tree; like those of any joint, they do not
         collide."""
 
-    def renew(
-        self,
-        assembly: Assembly,
-        plan: Skeleton,
-        built: Sequence[PieceBody],
-        handles: Mapping[int, Handle],
-    ) -> None:
+    def renew(self, built: Built) -> None:
         """Replace all constraints by those that the skeleton needs."""
+        plan, handles, joints = built.plan, built.handles, built.assembly.joints
         remove_constraints(self._client, self._ids)
         for pair in self._apart:
             set_collision(self._client, *pair, True)
         self._ids = []
-        closing = [assembly.joints[loop.joint] for loop in plan.loops]
-        closing += [assembly.joints[parallel.joint] for parallel in plan.parallel]
+        closing = [joints[loop.joint] for loop in plan.loops]
+        closing += [joints[other.joint] for other in plan.parallel]
         self._apart = [(handles[joint.a], handles[joint.b]) for joint in closing]
         for pair in self._apart:
             set_collision(self._client, *pair, False)
-        movers = {link.joint: (body.uid, i) for body in built for link, i in body.joints}
+        movers = {link.joint: (body.uid, i) for body in built.pieces for link, i in body.joints}
         for loop in plan.loops:
             self._bind(pybullet.JOINT_FIXED, movers[loop.joint], handles[loop.part], MIDDLE)
         links = (*plan.links, *plan.loops)
-        for mesh, (one, sign), (other, sign_other) in meshing_cogs(assembly, plan, links):
+        for mesh, (one, sign), (other, sign_other) in meshing_cogs(built.assembly, plan, links):
             made = self._bind(pybullet.JOINT_GEAR, movers[one], movers[other], (0.0, 0.0, 1.0))
             ratio = sign * sign_other * mesh.ratio
             pybullet.changeConstraint(made, gearRatio=ratio, physicsClientId=self._client)

@@ -1,40 +1,27 @@
 """Forces applied in every step: air, springs, thrusters, blades, winches."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from agentflow.env.physics.laws.select import Forces, Law
-from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.bodies import MIDDLE, Handle, PieceBody
+from agentflow.env.physics.pybullet.bodies import MIDDLE, Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.sensing import Rows
 from agentflow.env.physics.rows import POSITION, Row
-from agentflow.env.physics.structure.layout import RowLayout
-from agentflow.env.physics.structure.spanning_tree import Skeleton
 
 
 class AppliedForces(Forces):
     """Applies forces; PyBullet clears them after the step."""
 
-    def __init__(
-        self,
-        client: int,
-        assembly: Assembly,
-        plan: Skeleton,
-        built: Sequence[PieceBody],
-        handles: Mapping[int, Handle],
-        layout: RowLayout,
-        rows: Rows,
-        objects: Mapping[str, int],
-        laws: Sequence[Law],
-    ) -> None:
+    def __init__(self, built: Built, rows: Rows, laws: Sequence[Law]) -> None:
+        assembly, plan, layout = built.assembly, built.plan, built.layout
         super().__init__(assembly, plan, layout, rows, laws)
-        self._client, self._heads = client, rows
+        self._client, self._heads = built.client, rows
         moving = enumerate(layout.objects, len(assembly.parts))
-        self._at = {**handles, **{i: (objects[name], -1) for i, name in moving}}
-        self._leading = [handles[part] for part in layout.leading]
+        self._at = {**built.handles, **{i: (built.objects[name], -1) for i, name in moving}}
+        self._leading = [built.handles[part] for part in layout.leading]
         self._stale = [
             body.uid
-            for body in built
+            for body in built.pieces
             if laws and body.piece.links and len({plan.cluster[part] for part in body.index}) == 1
         ]
         """Bodies whose links are not read. Without a refresh, PyBullet would apply forces at the

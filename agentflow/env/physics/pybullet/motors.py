@@ -3,12 +3,12 @@
 Bullet stores impulses per step, so everything is set again when the step length changes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 
 from agentflow.env.physics.laws.forces import Entry
-from agentflow.env.physics.model import Assembly, Joint
-from agentflow.env.physics.pybullet.bodies import Handle, PieceBody
+from agentflow.env.physics.model import Assembly
+from agentflow.env.physics.pybullet.bodies import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.structure.drives import (
     HOLD,
@@ -40,30 +40,23 @@ class Motors:
     """Drives of all joints: motors, dry friction, spring-dampers."""
 
     def __init__(
-        self,
-        client: int,
-        levels: Mapping[Entry, float],
-        built: Sequence[PieceBody],
-        joints: Sequence[Joint],
-        step: float,
-        series: bool,
+        self, built: Built, levels: Mapping[Entry, float], step: float, series: bool
     ) -> None:
         """Set every motor.
 
         Args:
-            client: PyBullet's.
-            levels: Of entries; read whenever motors are set.
             built: The bodies.
-            joints: All joints of the assembly.
+            levels: Of entries; read whenever motors are set.
             step: See `step`.
             series: Whether motors are in series.
         """
+        client, joints = built.client, built.assembly.joints
         self._client, self._levels, self._series = client, levels, series
         self._control = partial(pybullet.setJointMotorControl2, physicsClientId=client)
         self.step = step
         """Length of a step, s."""
         found: dict[str, list[Handled]] = {"revolute": [], "prismatic": [], "spherical": []}
-        for body in built:
+        for body in built.pieces:
             for link, index in body.joints:
                 kind = joints[link.joint].kind
                 if kind in found and not link.rigid:

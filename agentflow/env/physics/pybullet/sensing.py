@@ -8,11 +8,10 @@ import numpy as np
 
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.pybullet.bodies import Handle, PieceBody
+from agentflow.env.physics.pybullet.bodies import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.rows import WIDTH, Row, top_speeds
 from agentflow.env.physics.structure.drives import has_motor, joint_motions, merge_drives
-from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Link
 from agentflow.env.rollout import Array
 
@@ -20,16 +19,14 @@ from agentflow.env.rollout import Array
 class Rows:
     """The rows of one layout: the heads, which lead a body, in every step, the others on demand."""
 
-    def __init__(
-        self, client: int, layout: RowLayout, built: Sequence[PieceBody], objects: Mapping[str, int]
-    ) -> None:
-        """Read the heads; `objects` are the body numbers of the scene's objects."""
-        self._client = client
+    def __init__(self, built: Built) -> None:
+        """Read the heads."""
+        self._client, layout = built.client, built.layout
         self._heads: list[tuple[int, int]] = []
         self._tails: list[tuple[slice, int, tuple[int, ...]]] = []
         row = 0
         leading = set(layout.leading)
-        for body in built:
+        for body in built.pieces:
             links = tuple(
                 body.index[link.part] for link in body.piece.links if link.part in leading
             )
@@ -37,7 +34,7 @@ class Rows:
             if links:
                 self._tails.append((slice(row + 1, row + 1 + len(links)), body.uid, links))
             row += 1 + len(links)
-        self._heads += [(i, objects[name]) for i, name in enumerate(layout.objects, row)]
+        self._heads += [(i, built.objects[name]) for i, name in enumerate(layout.objects, row)]
         self._blank: list[Row] = [()] * layout.object_rows.stop
         self._partial = False
         self.known = self._blank
@@ -90,13 +87,13 @@ class Rows:
 class Sensors:
     """Sensors of the joints in the current trees."""
 
-    def __init__(self, client: int, built: Sequence[PieceBody], joints: Sequence[Joint]) -> None:
+    def __init__(self, built: Built) -> None:
         """Plan the reading of all joints, in trees or not."""
-        self._client = client
+        self._client, joints = built.client, built.assembly.joints
         self._bodies: list[tuple[int, list[int]]] = []
         links: list[Link] = []
         handles: list[Handle] = []
-        for body in built:
+        for body in built.pieces:
             if body.joints:
                 own = sorted(body.joints, key=lambda each: each[0].joint)
                 self._bodies.append((body.uid, [index for _, index in own]))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from agentflow.env.constants import Constants
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.bodies import BodyBuilder, PieceBody
+from agentflow.env.physics.pybullet.bodies import BodyBuilder, Built, PieceBody
 from agentflow.env.physics.pybullet.contacts import (
     Contacts,
     set_collisions_of_clusters,
@@ -32,7 +32,7 @@ from agentflow.machine.geometry.vectors import Vec3, add, rotate_vector
 class Bodies(UnsplitMachine):
     """The machine's bodies until the next split, and the objects that read and drive them."""
 
-    built: tuple[PieceBody, ...]
+    built: Built
     sensors: Sensors
     rows: Rows
     motors: Motors
@@ -67,7 +67,7 @@ class PyBulletWorld(BaseWorld[Bodies]):
         self._couplings = Couplings(client)
         self._grips: Grippers = Grippers(client, assembly.devices.grippers, moving)
         self.now = self._build_structure(self._plan(), {})
-        _place_at_start(client, self.now.built, scene.start)
+        _place_at_start(client, self.now.built.pieces, scene.start)
         self._read()
 
     def _advance(self, ahead: int) -> None:  # noqa: ARG002
@@ -84,15 +84,15 @@ class PyBulletWorld(BaseWorld[Bodies]):
         plan = self._plan(broken)
         old, lasting = self.now, set(plan.pieces)
         motions, parts = old.sensors.motions(), old.readings.parts(old.rows.table)
-        for built in old.built:
-            if built.piece not in lasting:
-                pybullet.removeBody(built.uid, physicsClientId=self.client)
-        present = {built.piece: built for built in old.built if built.piece in lasting}
+        for body in old.built.pieces:
+            if body.piece not in lasting:
+                pybullet.removeBody(body.uid, physicsClientId=self.client)
+        present = {body.piece: body for body in old.built.pieces if body.piece in lasting}
         self.reactions[:] = 0.0
         self.now = self._build_structure(plan, present)
-        for built in self.now.built:
-            if built.piece not in present:
-                _restore(self.client, built, self._assembly, parts, motions)
+        for body in self.now.built.pieces:
+            if body.piece not in present:
+                _restore(self.client, body, self._assembly, parts, motions)
         self.now.motors.set()
         self._read()
 
@@ -110,33 +110,30 @@ class PyBulletWorld(BaseWorld[Bodies]):
     def _build_structure(self, plan: Skeleton, present: Mapping[Piece, PieceBody]) -> Bodies:
         """Build the missing bodies of `plan`, then everything that refers to bodies."""
         client, assembly = self.client, self._assembly
-        built = tuple(
+        pieces = tuple(
             present.get(piece) or self._builder.machine(piece, assembly.parts, assembly.joints)
             for piece in plan.pieces
         )
-        handles = {part: (body.uid, index) for body in built for part, index in body.index.items()}
         layout = lay_out(assembly, plan, self._scene.moving)
-        rows = Rows(client, layout, built, self.objects)
-        laws = self._laws(layout)
-        set_collisions_of_clusters(client, plan, handles)
-        self._couplings.renew(assembly, plan, built, handles)
+        built = Built(client, assembly, plan, layout, pieces, self.objects)
+        rows = Rows(built)
+        set_collisions_of_clusters(built)
+        self._couplings.renew(built)
         series = longest_series(assembly, plan)
         pybullet.setPhysicsEngineParameter(
             numNonContactInnerIterations=inner_iterations(series, plan), physicsClientId=client
         )
-        self._grips.bind(handles)
+        self._grips.bind(built.handles)
         return Bodies(
             layout,
             built=built,
             readings=Readings(assembly, layout),
-            contacts=Contacts(client, assembly, handles, self._ground, self.objects),
-            sensors=Sensors(client, built, assembly.joints),
-            forces=AppliedForces(
-                client, assembly, plan, built, handles, layout, rows, self.objects, laws
-            ),
+            contacts=Contacts(built, self._ground),
+            sensors=Sensors(built),
+            forces=AppliedForces(built, rows, self._laws(layout)),
             # The longest series is 1 if no motor passes torque on to another one. Where one does,
             # the solver converges slowly, and an arm would creep unless motors hold their angle.
-            motors=Motors(client, self._levels, built, assembly.joints, self._interval, series > 1),
+            motors=Motors(built, self._levels, self._interval, series > 1),
             rows=rows,
         )
 
