@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -83,10 +84,9 @@ def answer_each(
                 raise _InvalidQuery(f"only the first {MAX_QUERIES} queries of a call are answered")
             if isinstance(rollout, str):
                 raise _InvalidQuery(rollout)
-            of = item.get("id") if isinstance(item, Mapping) else None
-            if isinstance(item, Mapping) and of == CONTROLLERS:
+            if isinstance(item, Mapping) and item.get("id") == CONTROLLERS:
                 text, answered = _answer_controllers(rollout, item, every)
-            elif isinstance(item, Mapping) and of == CONNECTIONS:
+            elif isinstance(item, Mapping) and item.get("id") == CONNECTIONS:
                 text, answered = _answer_connections(rollout, item)
             else:
                 objects = rollout.trace.objects if rollout.trace is not None else ()
@@ -125,10 +125,8 @@ def _read(machine: Machine, objects: Sequence[str], item: object) -> _Query:
     start, end = _read_duration(item["duration"])
     body = item["id"] if item["id"] in objects else _read_block(machine, item["id"], objects)
     every = wanted_interval(item)
-    if every is None and item.get("interval") is not None:
-        raise _InvalidQuery(
-            f'"interval" must be a number of seconds above 0, not {item["interval"]!r}'
-        )
+    if every is None and (wrong := item.get("interval")) is not None:
+        raise _InvalidQuery(f'"interval" must be a number of seconds above 0, not {wrong!r}')
     return _Query(body, start, end, *_read_properties(machine, body, item["properties"]), every)
 
 
@@ -185,9 +183,8 @@ def _read_properties(
 
 def _trace_of(rollout: Rollout) -> Trace:
     if rollout.trace is None:
-        raise _InvalidQuery(
-            f"nothing was recorded because the rollout ended with status {rollout.status}"
-        )
+        why = f"the rollout ended with status {rollout.status}"
+        raise _InvalidQuery(f"nothing was recorded because {why}")
     return rollout.trace
 
 
@@ -206,14 +203,14 @@ def _answer(
         )
     kept = _rows(trace, query, usual)
     kept = kept[times[kept] < broke]
-    columns = {name: _column(machine, trace, query.body, name, kept) for name in query.properties}
-    headings = {
-        name: PROPERTIES[name].heading(machine, trace, query.body) for name in query.properties
-    }
-    trial = rollout.terms.get("shown_trial")
-    of_trial = f", trial {trial:.0f}" if isinstance(trial, float) else ""
+    asked = (machine, trace, query.body)
+    columns = {name: _column(*asked, name, kept) for name in query.properties}
+    headings = {name: PROPERTIES[name].heading(*asked) for name in query.properties}
+    shown = rollout.terms.get("shown_trial")
+    trial = int(shown) if isinstance(shown, float) else None
+    head = title if trial is None else f"{title}, trial {trial}"
     lines = [
-        f"{title}{of_trial}, {query.start:g} to {query.end:g} s:",
+        f"{head}, {query.start:g} to {query.end:g} s:",
         *_table(times[kept], columns, headings),
     ]
     if isfinite(broke):
@@ -226,7 +223,7 @@ def _answer(
         "times": times[kept].tolist(),
         **{name: _plain(values) for name, values in columns.items()},
         "headings": headings,
-        "trial": int(trial) if isinstance(trial, float) else None,
+        "trial": trial,
         "broke": broke if isfinite(broke) else None,
         **({"problems": list(query.problems)} if query.problems else {}),
     }
@@ -239,11 +236,8 @@ def _answer_connections(rollout: Rollout, item: Mapping[str, object]) -> tuple[s
         raise _InvalidQuery(f'"properties" of {CONNECTIONS!r} must be ["{LOAD}"]')
     trace, (start, end) = _trace_of(rollout), _read_duration(item.get("duration"))
     times = trace.times
-    first = min(
-        (broken for broken in rollout.broken if start <= broken.time <= end),
-        key=lambda broken: broken.time,
-        default=None,
-    )
+    within = (broken for broken in rollout.broken if start <= broken.time <= end)
+    first = min(within, key=attrgetter("time"), default=None)
     last = end if first is None else first.time - EPSILON
     kept = np.flatnonzero((times >= start - EPSILON) & (times <= last + EPSILON))
     if not len(kept):
@@ -308,9 +302,10 @@ def _answer_controllers(
     rows = _table(np.array(times)[kept], columns, {name: name for name in names})
     unknown = [name for name in asked if name not in names]
     rows += [f"Not shown: unknown property {name!r}; known: {', '.join(known)}" for name in unknown]
-    data = {"id": CONTROLLERS, "duration": [start, end], "times": [times[row] for row in kept]}
-    values = {name: _plain(column) for name, column in columns.items()}
-    return "\n".join([f"Controllers, {start:g} to {end:g} s:", *rows]), {**data, **values}
+    shown = [times[row] for row in kept]
+    data: dict[str, Any] = {"id": CONTROLLERS, "duration": [start, end], "times": shown}
+    data |= {name: _plain(column) for name, column in columns.items()}
+    return "\n".join([f"Controllers, {start:g} to {end:g} s:", *rows]), data
 
 
 def _rows(trace: Trace, query: _Query, usual: float) -> Indices:
@@ -337,20 +332,18 @@ def _rows(trace: Trace, query: _Query, usual: float) -> Indices:
 
 def _on_grid(trace: Trace, step: float) -> Flags:
     """Mask of the samples at multiples of a step, s; all if the regular ones are coarser."""
-    times = trace.times
-    if spacing(times[trace.regular]) > step - EPSILON:
-        return np.ones(len(times), dtype=bool)
-    off = np.abs(times / step - np.round(times / step))
-    grid: Flags = off < EPSILON
-    return grid
+    if spacing(trace.times[trace.regular]) > step - EPSILON:
+        return np.ones(len(trace.times), dtype=bool)
+    steps = trace.times / step
+    return np.asarray(np.abs(steps - np.round(steps)) < EPSILON)
 
 
 def _breakage_time(machine: Machine, rollout: Rollout, query: _Query) -> float:
     """Time at which a block broke off; infinite if it did not before the query's end."""
     if isinstance(query.body, str):
         return inf
-    block, parents = query.body, machine[query.body].parents
-    times = [b.time for b in rollout.broken if b.block == block and b.partner in parents]
+    own = [(query.body, parent) for parent in machine[query.body].parents]
+    times = (b.time for b in rollout.broken if (b.block, b.partner) in own)
     return min((time for time in times if time <= query.end), default=inf)
 
 

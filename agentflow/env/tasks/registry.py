@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -33,9 +33,6 @@ from agentflow.files.yaml import deep_merge, nest_keys, parse_yaml, read_yaml_fi
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import ROOT
 from agentflow.registry import Registry, subclass_of
-
-if TYPE_CHECKING:  # Python 3.14 has it in importlib.resources.abc only, 3.10 here only
-    from importlib.abc import Traversable
 
 LEVELS = "levels"
 
@@ -102,8 +99,9 @@ class Level:
         return {"name": self.name, "number": self.number, **self.file.model_dump(mode="json")}
 
 
-def _level_files(name: str) -> dict[int, Traversable]:
-    """The YAML files of a family's levels by number, in order.
+@cache
+def _levels(name: str) -> dict[str, Level]:
+    """The levels of a family by name, easiest first.
 
     Raises:
         UnknownNameError: There is no such family.
@@ -119,22 +117,13 @@ def _level_files(name: str) -> dict[int, Traversable]:
         )
     folder = files(package) / LEVELS
     found = {}
-    for item in folder.iterdir() if folder.is_dir() else ():
-        if match := re.fullmatch(rf"{re.escape(name)}-(\d+)\.yaml", item.name):
-            found[int(match[1])] = item
-    return dict(sorted(found.items()))
-
-
-@cache
-def _levels(name: str) -> dict[str, Level]:
-    """Levels of a family by name, easiest first."""
-    levels = {}
-    for number, file in _level_files(name).items():
-        level = name if number == 1 else f"{name}/{number}"
-        levels[level] = Level(
-            level, number, _validate(parse_yaml(file.read_text("utf-8"), level), level)
-        )
-    return levels
+    for file in folder.iterdir() if folder.is_dir() else ():
+        if match := re.fullmatch(rf"{re.escape(name)}-(\d+)\.yaml", file.name):
+            number = int(match[1])
+            level = name if number == 1 else f"{name}/{number}"
+            content = _validate(parse_yaml(file.read_text("utf-8"), level), level)
+            found[number] = Level(level, number, content)
+    return {level.name: level for _, level in sorted(found.items())}
 
 
 def known_unit(task: str) -> str:
