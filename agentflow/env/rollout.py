@@ -135,12 +135,14 @@ class Moment:
 
 @dataclass(frozen=True)
 class Verdict:
-    """A task's score of a trace, in the task's unit, and events to report to designers."""
+    """A task's score of a trace."""
 
     score: float
+    """The score, in the task's unit."""
     terms: Mapping[str, float | bool | str | None]
     """Every part of the score by name."""
     events: tuple[RolloutEvent, ...] = ()
+    """Events to report to designers."""
     moment: Moment | None = None
     """None: no moment decides more than the others."""
 
@@ -150,23 +152,25 @@ class Feedback:
     """Feedback to designers after a rollout: the same content as text and as data."""
 
     text: str
+    """The feedback as sentences."""
     data: Mapping[str, Any]
+    """The same content as JSON data."""
 
 
 @dataclass(frozen=True, repr=False)
 class Rollout:
-    """The result of simulating one machine in one task: how the simulation ended, the score, and
-    what designers read of it.
+    """The result of simulating one machine in one task.
 
     `diverged` is the machine's fault and scores 0; `timeout` and `crashed` are the computer's and
-    have score None; `invalid` machines are not simulated and score 0. `sim_seconds` are simulated,
-    `wall_seconds` are those that it took; `constants` is the hash of the physical constants.
+    have score None; `invalid` machines are not simulated and score 0.
     """
 
     status: Status
+    """How the simulation ended."""
     score: float | None
     """The score, in the task's unit; None after a time-out or crash."""
     feedback: Feedback
+    """The feedback for designers."""
     terms: Mapping[str, float | bool | str | None] = field(default_factory=dict)
     """Every part of the score by name."""
     problems: tuple[Mapping[str, Any], ...] = ()
@@ -182,8 +186,11 @@ class Rollout:
     digest: str | None = None
     """Hash of every recorded state: equal digests mean bitwise equal rollouts."""
     sim_seconds: float | None = None
+    """Simulated time."""
     wall_seconds: float | None = None
+    """Time that the simulation took."""
     constants: str | None = None
+    """Hash of the physical constants."""
     scene: Scene | None = None
     """Scene of the trace; not saved in files."""
     engine: str | None = None

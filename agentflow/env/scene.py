@@ -28,20 +28,24 @@ def objects_among(bodies: Iterable[Body]) -> list[str]:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """One object of a scene, with its centre at `position`. With `mass` 0 (kg) it never moves. Its
-    name differs from those of the other objects.
+    """One object of a scene. With `mass` 0 it never moves.
 
-    `size` is the full extent along the object's own x, y, z, m; a sphere's diameter is `size[0]`; a
+    `size` is the full extent along the object's own x, y, z; a sphere's diameter is `size[0]`; a
     cylinder's and a cone's axis is y.
     """
 
     name: str
+    """Its name, different from those of the other objects of the scene."""
     shape: Literal["box", "sphere", "cylinder", "cone"]
+    """Its shape."""
     size: Vec3
+    """Full extent, m."""
     position: Vec3
+    """Centre."""
     rotation: Quat = IDENTITY
     """Quaternion x, y, z, w."""
     mass: float = 0.0
+    """Mass in kg; 0 keeps it in place."""
     load: float = 0.0
     """Mass that it gains as the schedule's entry `loads` goes from 0 to 1, kg."""
     friction: float | None = None
@@ -106,11 +110,13 @@ class Scene:
     """Flat ground at y = 0, objects on it, and wind that is the same everywhere."""
 
     objects: tuple[SceneObject, ...] = ()
+    """Everything in the scene but the machine and the ground."""
     wind: Vec3 = (0.0, 0.0, 0.0)
     """Mean velocity of the air from t = 0 on, m/s; still before."""
     gusts: tuple[Gust, ...] = ()
     """Changes in the wind's strength from t = 0 on; its direction stays."""
     start: Start = field(default_factory=Start)
+    """Where the machine starts."""
     friction: float | None = None
     """Of the ground; None: the value of the physical constants."""
     target: Vec3 = (0.0, 0.0, 0.0)

@@ -38,14 +38,14 @@ SAME_PLACE = 1e-6
 
 @dataclass(frozen=True, repr=False)
 class Verification:
-    """The simulations of one machine under every variation that can change what it does, by its
-    name, the default conditions first.
+    """The simulations of one machine under every variation that can change what it does.
 
     It is incomplete if a simulation timed out or crashed, which says nothing about the machine:
     `score`, `low` and `high` are then None.
     """
 
     rollouts: Mapping[str, Rollout]
+    """By name of the variation, the default conditions first."""
 
     def __repr__(self) -> str:
         if self.score is None:

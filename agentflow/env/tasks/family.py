@@ -89,8 +89,11 @@ class CommonKnobs(Parameters):
     """Knobs that every family has."""
 
     window: float = knob(5, 1, 60, "s", "length of the scored window")
+    """Length of the scored window, s."""
     schedule: StartTimes = StartTimes()
+    """When motors, springs and steering hinges start."""
     wind: Wind = Wind()
+    """Wind and its gusts."""
     blocks: BlockBudget = BlockBudget()
     """How many blocks, and which of them are withheld."""
     controls: Literal["schedule", "designed", "sensed"] = choice(
@@ -100,7 +103,9 @@ class CommonKnobs(Parameters):
         "controllers, which sense",
     )
     sensing: Sensing = Sensing()
+    """How well machines sense."""
     requirements: RequirementKnobs = RequirementKnobs()
+    """What machines must keep besides."""
 
     @property
     def trials(self) -> int:
@@ -252,11 +257,12 @@ def tilted_plate(
 class Family(Task):
     """A task whose parameters include the common knobs.
 
-    A family sets `family`, `knobs` (the class of its knobs) and `parameters` (their values). What
-    else other parts of the package need to know of it has a default.
+    A family sets `family`, `knobs` and its parameters. What else other parts of the package need
+    to know of it has a default.
     """
 
     knobs: ClassVar[type[CommonKnobs]]
+    """The class of its knobs."""
     drives: ClassVar[bool] = False
     """Whether its machines drive along z: powered wheels must then turn about x."""
     stays: ClassVar[bool] = False
@@ -276,6 +282,7 @@ class Family(Task):
     """A text whose TF-IDF cosine with a sentence of its briefs is this or more says the same:
     paraphrases of our briefs reach 0.52 to 0.83, our own design objectives at most 0.48."""
     parameters: CommonKnobs
+    """The values of the knobs of this task."""
     trial: int = 0
     """Number of this trial, from 1; 0 is the whole task."""
 
