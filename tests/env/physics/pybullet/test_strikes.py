@@ -26,7 +26,7 @@ class StruckWorld(PyBulletWorld):
     def step(self, divisions: int = 1, _ahead: int = 1) -> None:
         self.steps += 1
         if self.steps == 100:
-            uid = self.now.built[0].uid
+            uid = self.now.built.pieces[0].uid
             pybullet.resetBaseVelocity(uid, [0.0, self.velocity, 0.0], physicsClientId=self.client)
         super().step(divisions)
 
