@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import atan2, cos, degrees, hypot, inf, pi, radians, sin, tan
 
 from agentflow.env.scene import SceneObject
@@ -57,6 +58,11 @@ class Segment:
     length: float
     turn: float = 0.0
 
+    @cached_property
+    def _ahead(self) -> tuple[float, float]:
+        """x and z of the unit vector along it where it begins; referees ask in every step."""
+        return sin(self.heading), cos(self.heading)
+
     @property
     def radius(self) -> float:
         """Radius in m, with the sign of the turn; infinite if straight."""
@@ -76,7 +82,7 @@ class Segment:
     def position_at(self, along: float, aside: float = 0.0) -> tuple[float, float, float]:
         """x, z and heading at a distance along the segment and to its right, m."""
         if not self.turn:
-            ahead, right = (sin(self.heading), cos(self.heading)), self.heading + pi / 2
+            ahead, right = self._ahead, self.heading + pi / 2
             x, z = self.x + along * ahead[0], self.z + along * ahead[1]
             return x + aside * sin(right), z + aside * cos(right), self.heading
         heading = self.heading + along / self.radius
@@ -87,7 +93,8 @@ class Segment:
     def distance_along(self, x: float, z: float) -> float:
         """Distance along the segment to the point nearest to (x, z), m; may lie beyond its ends."""
         if not self.turn:
-            return (x - self.x) * sin(self.heading) + (z - self.z) * cos(self.heading)
+            ahead = self._ahead
+            return (x - self.x) * ahead[0] + (z - self.z) * ahead[1]
         centre = self.arc_centre
         sign = 1.0 if self.turn > 0 else -1.0
         pointing = atan2(sign * (z - centre[1]), -sign * (x - centre[0]))
