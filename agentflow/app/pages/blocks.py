@@ -15,11 +15,9 @@ from agentflow.app.machines.files import block_json
 from agentflow.env.drawing.cameras import Camera, View, camera_at, fit, project
 from agentflow.env.drawing.raster import corners_of, draw
 from agentflow.env.drawing.solids import MachineSolids
-from agentflow.env.drawing.stills import INK, SMOOTH, caption, picture_url
+from agentflow.env.drawing.stills import INK, SMOOTH, caption, picture_url, save_drawing
 from agentflow.env.rollout import Array
 from agentflow.env.scene import SceneObject
-from agentflow.errors import UsageError
-from agentflow.files.atomic import write_output
 from agentflow.machine import ROOT, BlockType, Machine, Step, library, place
 from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.geometry.vectors import add
@@ -49,19 +47,13 @@ def draw_block(block: BlockType, file: Path) -> Path:
     The axes begin at the building point; z is the direction that the block faces. The ends of
     two-ended blocks are labelled a and b.
     """
-    if file.suffix.lower() != ".png":
-        raise UsageError(f"the picture must be a .png file, not {file.name!r}")
     machine, shown = _shown(block)
     placed, root = place(machine).blocks[-1], place(machine).blocks[0]
     lift = np.subtract(MachineSolids(machine).rest.centre[0], root.center) + ALOFT
     picture = Image.new("RGB", (len(VIEWS) * TILE[0], TILE[1]), PAPER)
     for column, name in enumerate(VIEWS):
         picture.paste(_tile(placed, shown, lift, name), (column * TILE[0], 0))
-    with write_output(file) as part:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        few = picture.quantize(COLOURS, dither=Image.Dither.NONE)
-        few.save(part, "PNG", optimize=True)
-    return file
+    return save_drawing(picture, file, COLOURS)
 
 
 @lru_cache

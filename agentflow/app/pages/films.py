@@ -227,7 +227,7 @@ def _traces(machine: Machine, columns: Mapping[str, int]) -> list[dict[str, Any]
     """Bodies whose paths are drawn: the root, the boulder, moving objects of the scene."""
     hero = tracked_block(machine)
     boulder = {"boulder": hero} if hero else {}
-    named = {"root block": 0, **boulder, **columns}
+    named = {library()[machine[0].type].name: 0, **boulder, **columns}
     return [{"body": body, "name": name} for name, body in named.items()][:MOST_TRACES]
 
 

@@ -96,13 +96,12 @@ def _runs(result: SweepResult) -> list[dict[str, Any]]:
         }
         for run in result.finished
     ]
+    nothing = {"score": None, "verified": None, "fragile": False}
     return done + [
         {
             "name": name,
             "state": "failed" if name in result.failed else "missing",
-            "score": None,
-            "verified": None,
-            "fragile": False,
+            **nothing,
             "why": result.failed.get(name, ""),
         }
         for name in result.missing

@@ -8,16 +8,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
-
 from agentflow.app.tasks import find_task, list_tasks, task_json
 from agentflow.env.drawing.plan_drawing import PngPen, SvgPen, draw_plans, place_plans
 from agentflow.env.drawing.plans import level_plans
-from agentflow.env.drawing.stills import level_png
+from agentflow.env.drawing.stills import level_png, save_drawing
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_machine, record_of
-from agentflow.errors import UsageError
-from agentflow.files.atomic import write_output
 from agentflow.machine import Machine
 from agentflow.report import page as report
 
@@ -36,17 +32,11 @@ def picture_name(name: str) -> str:
 
 def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
     """Draw a level from above and from the right, with axes in metres."""
-    if file.suffix.lower() != ".png":
-        raise UsageError(f"the picture must be a .png file, not {file.name!r}")
     task = find_task(name, settings)
     sheets = place_plans(level_plans(task))
     pen = PngPen(sheets[-1].bottom)
     draw_plans(sheets, task.scene().wind, pen)
-    few = pen.picture.quantize(64, dither=Image.Dither.NONE)
-    with write_output(file) as part:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        few.save(part, "PNG", optimize=True)
-    return file
+    return save_drawing(pen.picture, file)
 
 
 def draw_all(folder: Path) -> list[Path]:

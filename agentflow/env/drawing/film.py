@@ -28,6 +28,7 @@ from agentflow.env.drawing.stills import (
     INK,
     LETTERS,
     caption,
+    in_few_colours,
     letter_size,
     render_image,
     tiled,
@@ -248,7 +249,7 @@ def _frames(
 
 
 def _save_gif(frames: Sequence[Image.Image], path: Path, interval: float) -> None:
-    few = [frame.quantize(COLORS, dither=Image.Dither.NONE) for frame in frames]
+    few = [in_few_colours(frame, COLORS) for frame in frames]
     few[0].save(
         path,
         "GIF",

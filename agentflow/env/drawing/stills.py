@@ -23,7 +23,8 @@ from agentflow.env.drawing.plans import frame_of
 from agentflow.env.drawing.raster import CORNERS, corners_of, draw
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.scene import Scene, SceneObject
-from agentflow.errors import UnknownNameError
+from agentflow.errors import UnknownNameError, UsageError
+from agentflow.files.atomic import write_output
 from agentflow.machine.tree import Machine
 
 SHEET = "sheet"
@@ -100,7 +101,7 @@ def png(machine: Machine, *, view: str, size: Size) -> bytes:
 def level_png(machine: Machine, scene: Scene, size: Size) -> bytes:
     """A picture of a level with a machine at its start, in few colours."""
     drawn = _picture(machine, "three-quarter", size, options=StillOptions(scene=scene))
-    return content_of(drawn.quantize(64, dither=Image.Dither.NONE))
+    return content_of(in_few_colours(drawn))
 
 
 def png_url(machine: Machine, *, view: str, size: Size, red: Collection[int] = ()) -> str:
@@ -161,6 +162,21 @@ def letter_size(picture: Image.Image, text: str, letters: int) -> int:
     size = max(12, picture.height // letters)
     wide = ImageFont.load_default(size=size).getlength(text) + 2 * size
     return max(1, min(size, int(size * picture.width / wide)))
+
+
+def in_few_colours(picture: Image.Image, colours: int = 64) -> Image.Image:
+    """A drawing without dithering, as a small file needs it."""
+    return picture.quantize(colours, dither=Image.Dither.NONE)
+
+
+def save_drawing(picture: Image.Image, file: Path, colours: int = 64) -> Path:
+    """Save a drawing in few colours; UsageError if the file is no PNG."""
+    if file.suffix.lower() != ".png":
+        raise UsageError(f"the picture must be a .png file, not {file.name!r}")
+    with write_output(file) as part:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        in_few_colours(picture, colours).save(part, "PNG", optimize=True)
+    return file
 
 
 def content_of(picture: Image.Image) -> bytes:

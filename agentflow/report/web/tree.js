@@ -110,7 +110,7 @@ export class Tree {
       ? svg("path", { class: "cross", d: `M${x - 3} ${y - 3}l6 6m0 -6l-6 6` })
       : svg("circle", { cx: x, cy: y, r: node.best ? 7 : 5 });
     if (node.score !== null) {
-      shape.style.setProperty("--share", `${Math.round(this.high === this.low ? 100 : 100 * (node.score - this.low) / (this.high - this.low))}%`);
+      shape.style.setProperty("--share", `${Math.round(this.high === this.low ? 100 * (this.high > 0) : 100 * (node.score - this.low) / (this.high - this.low))}%`);
     }
     const label = node.score === null ? "invalid" : formatNumber(node.score, 1);
     const text = node.kind === "refused" ? null : svg("text", { x: x + 7, y: y - 6 }, label);

@@ -178,5 +178,5 @@ function curve({ curve: points, seconds }) {
   const y = (score) => HEIGHT - 2 - ((HEIGHT - 4) * (score - low)) / (best - low || 1);
   const way = points.map(([time, score], index) => (index ? `H${x(time)}V${y(score)}` : `M${x(time)} ${y(score)}`)).join("");
   return svg("svg", { class: "curve", width: WIDTH, height: HEIGHT, role: "img", "aria-label": `best score ${formatNumber(best)}` },
-    svg("path", { class: "line", d: `${way}H${WIDTH - 3}` }), svg("circle", { class: "tip", cx: WIDTH - 3, cy: y(best), r: 2.4 }));
+    svg("path", { class: "line", d: `${way}H${WIDTH - 3}` }), svg("circle", { class: "dot", cx: WIDTH - 3, cy: y(best), r: 2.4 }));
 }

@@ -5,9 +5,11 @@ import { RunView } from "../../report/web/run.js";
 import { problem } from "../../report/web/text.js";
 import { address, ask, follow, send } from "./api.js";
 import { levelPicture } from "./boards.js";
+import { spell } from "./design.js";
 import { pictureOf } from "./list.js";
 import { making } from "./making.js";
 
+const FEW = 5; // simulations after which the pace tells how long the others take
 const PAUSE = 1500; // least milliseconds between two readings of the record
 
 export async function livePage({ run }) {
@@ -104,6 +106,7 @@ class Live {
       try {
         await send(`/api/designs/${what}`, { run: this.run });
         button.hidden = true;
+        this.state.textContent = doing;
       } catch (error) {
         this.fail(error.message);
       }
@@ -133,7 +136,8 @@ class Live {
     this.spent.textContent = [state === "open" ? "" : of(calls, planned.calls, "calls"), refused ? `${formatNumber(refused)} rejected and asked again` : "", retries.count ? `${formatNumber(retries.count)} tried again` : "", of(simulations, planned.simulations, simulations === 1 ? "simulation" : "simulations")].filter(Boolean).join(" · ");
     this.meter.hidden = state === "done" || !planned.simulations;
     Object.assign(this.meter, { max: planned.simulations || 1, value: Math.min(simulations, planned.simulations || 1) });
-    this.heard = { at: performance.now(), seconds: news.seconds, running: state === "running" };
+    const left = state === "running" && simulations >= FEW ? news.seconds * (planned.simulations / simulations - 1) : 0;
+    this.heard = { at: performance.now(), seconds: news.seconds, running: state === "running", left: left > 0 ? ` · ${spell(left)} more` : "" };
     this.tick();
     return null;
   }
@@ -143,16 +147,16 @@ class Live {
     const own = await design(this.run).catch(() => null);
     this.stop.hidden = !(state === "running" && own?.running);
     this.resume.hidden = state !== "stopped" && state !== "failed";
-    this.following.hidden = state === "done" || state === "gone";
+    this.following.hidden = state !== "running" && state !== "open";
     this.again.replaceChildren(state === "failed" ? retry(own) : "");
   }
 
   /** Show the time that the run has worked. */
   tick() {
     if (!this.heard) return;
-    const { at, seconds, running } = this.heard;
+    const { at, seconds, running, left } = this.heard;
     const whole = Math.round(seconds + (running ? (performance.now() - at) / 1000 : 0));
-    this.clock.textContent = `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")} min`;
+    this.clock.textContent = `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")} min${left}`;
   }
 
   fail(words) {

@@ -51,7 +51,7 @@ export class Stage {
     this.picture.scene.add(this.extra, this.outline, this.ghost, this.level);
     this.ray = new THREE.Raycaster();
     this.dark = matchMedia("(prefers-color-scheme: dark)");
-    this.dress = () => { this.picture.dress(getComputedStyle(document.documentElement)); this.ask(); };
+    this.dress = () => { this.picture.dress(getComputedStyle(document.documentElement)); if (this.film) this.show(); this.ask(); };
     this.dark.addEventListener("change", this.dress);
     this.dress();
     this.sharpness = new Sharpness(this.picture, this.canvas, () => this.ask());

@@ -127,7 +127,7 @@ def test_recorded_films_are_shown_if_physics_has_changed(
     assert winner is not None
     best = machines[winner.digest]
     assert best["traces"] == [
-        {"body": 0, "name": "root block"},
+        {"body": 0, "name": "Starting Block"},
         {"body": best["hero"], "name": "boulder"},
     ]
     assert len(best["solids"]) == len(read_result(run).machine)
