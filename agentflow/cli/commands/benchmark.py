@@ -9,7 +9,7 @@ import typer
 
 from agentflow.cli import options
 from agentflow.cli.commands.sweeps import print_estimate
-from agentflow.cli.display.text import escape_controls
+from agentflow.cli.display.text import escape_controls, show_count
 from agentflow.cli.root import PARTLY, allow, approve, commands, print_json, print_table
 
 DEFAULT = Path("configs/benchmark.yaml")
@@ -163,13 +163,10 @@ def leaderboard(
     told: tuple[str, ...] = ()
     if check:
         from agentflow.app.benchmark.check import check_cards
-        from agentflow.cli.display.text import show_count
 
         say = show_count("machine")
         told = check_cards(cards, source, tolerance=tolerance, workers=workers, say=say)
-    tables = compare(found, told)
-    text = format_tables(tables, form)
-    print_table(text, form)
+    print_table(format_tables(compare(found, told), form), form)
     if html:
         from agentflow.app.benchmark.page import leaderboard_page
 

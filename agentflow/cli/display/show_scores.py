@@ -1,8 +1,8 @@
 """Scores as text for people: records, verified and robust scores, other engines."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from agentflow.cli.display.output import Cells, Data, Field, field, print_problems, table, tell
+from agentflow.cli.display.output import Data, Field, columns, field, print_problems, table, tell
 from agentflow.holding import Holding
 from agentflow.metrics.tables import NOTHING, block_count, change, number
 
@@ -84,7 +84,7 @@ def show_verified(found: Data) -> None:
         {**item, "holds": "no" if item["variation"] in fails else ""}
         for item in found["verified"]["scores"]
     ]
-    tell(_variation_table("simulation", scores, *[field("holds")] * bool(fails)))
+    _show_variations("simulation", scores, *[field("holds")] * bool(fails))
     for other in found["others"]:
         tell(f"not part of the median: {outcome(other)} with {other['engine']}")
 
@@ -110,19 +110,19 @@ def show_robustness(found: Data) -> None:
         {**other, "variation": f"{other['engine']} (not in the quantile)"}
         for other in found["others"]
     ]
-    tell(_variation_table("condition", [*found["conditions"], *others]))
+    _show_variations("condition", [*found["conditions"], *others])
     _show_edits(found)
 
 
-def _variation_table(heading: str, scores: Sequence[Data], *more: Field) -> Cells:
-    """The score under each variation, and its change against the first, the default one."""
+def _show_variations(heading: str, scores: Sequence[Data], *more: Field) -> None:
+    """Print the score under each variation, and its change against the first, the default one."""
     default = scores[0]
 
     def changed(item: Data) -> str:
         return "" if item is default else _relative(default["score"], item["score"])
 
     fields = (field(heading, "variation"), Field("score", outcome), Field("change", changed))
-    return table((*fields, *more), scores)
+    tell(table((*fields, *more), scores))
 
 
 def _relative(before: float | None, after: float | None) -> str:
@@ -155,47 +155,25 @@ def _place(item: Data) -> str:
 def show_engines(found: Data) -> None:
     """Print the results of each machine, and the rank correlations of each family."""
     engines = found["engines"]
-    others = range(1, len(engines))
-    fields = (
-        field("machine"),
-        *(Field(engine, _of(at, outcome)) for at, engine in enumerate(engines)),
-        *(Field("difference", _difference(at)) for at in others),
-        *(
-            Field(f"first break ({engine})", _of(at, _first_break))
-            for at, engine in enumerate(engines)
-        ),
-    )
-    tell(table(fields, found["machines"]), wide=True)
-    fields = (
-        field("family"),
-        field("machines"),
-        *(Field(f"{engines[at]}, Spearman", _correlation(at - 1)) for at in others),
-    )
-    tell(table(fields, found["families"]))
-    tell(f"correlations are with {engines[0]}")
+    first, *others = engines
+    breaks = (f"first break ({engine})" for engine in engines)
+    machines = columns("machine", *engines, *["difference"] * len(others), *breaks)
+    for item in found["machines"]:
+        results = item["results"]
+        known = all(result["status"] == "ok" for result in results)
+        more = (change(r["score"] - results[0]["score"] if known else None) for r in results[1:])
+        machines.add_row(
+            item["machine"], *map(outcome, results), *more, *map(_first_break, results)
+        )
+    tell(machines, wide=True)
+    families = columns("family", "machines", *(f"{engine}, Spearman" for engine in others))
+    for family in found["families"]:
+        ranks = (number(correlation, 3) for correlation in family["correlations"])
+        families.add_row(family["family"], str(family["machines"]), *ranks)
+    tell(families)
+    tell(f"correlations are with {first}")
     if found["note"]:
         tell(found["note"])
-
-
-def _of(at: int, show: Callable[[Data], str]) -> Callable[[Data], str]:
-    """Shows the result of a machine on one of the engines."""
-    return lambda item: show(item["results"][at])
-
-
-def _difference(at: int) -> Callable[[Data], str | None]:
-    """What a machine scores more on another engine than on the first, if all could simulate it."""
-
-    def told(item: Data) -> str | None:
-        results = item["results"]
-        if any(result["status"] != "ok" for result in results):
-            return None
-        return change(results[at]["score"] - results[0]["score"])
-
-    return told
-
-
-def _correlation(at: int) -> Callable[[Data], str]:
-    return lambda family: number(family["correlations"][at], 3)
 
 
 def _first_break(result: Data) -> str:
