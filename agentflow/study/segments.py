@@ -33,6 +33,7 @@ from agentflow.runs import Notify
 from agentflow.study.episodes import (
     ALLOWED,
     MEANING,
+    Coarse,
     Episode,
     Label,
     Utterance,
@@ -167,54 +168,40 @@ def label_by_rules(session: Session, episodes: Sequence[Episode]) -> list[Episod
     * Right after a trial or a look at one, it is Diagnose if the last trial failed, else Observe.
     * All others are Plan before the first trial, and Hypothesize later.
     """
-    rules = _Rules(session, episodes)
-    return [
-        episode.model_copy(update={"label": rules.label(number)})
-        for number, episode in enumerate(episodes)
-    ]
-
-
-class _Rules:
-    def __init__(self, session: Session, episodes: Sequence[Episode]) -> None:
-        self._session, self._episodes = session, episodes
-        self._trials = session.of(StudioTest)
-        self._worse = {edit.after.machine for edit in edits_of(session) if edit.failed}
-
-    def label(self, number: int) -> Label | None:
-        episode = self._episodes[number]
+    worse = {edit.after.machine for edit in edits_of(session) if edit.failed}
+    kinds = [episode.coarse for episode in episodes]
+    labelled = []
+    for number, episode in enumerate(episodes):
+        trials = [trial for trial in session.of(StudioTest) if trial.at < episode.begin]
+        label: Label | None = next(iter(ALLOWED[episode.coarse]), None)
         if episode.coarse == "building":
-            return self._label_building(episode)
-        if episode.coarse in THINKING:
-            return self._label_thinking(number)
-        return next(iter(ALLOWED[episode.coarse]), None)
+            label = _label_revision(session, episode) if trials else "Build"
+        elif episode.coarse in THINKING:
+            failed = None
+            if trials:
+                result = result_of(session, trials[-1])
+                failed = result.score is None or fails(result) or result.machine in worse
+            label = _label_thinking(kinds[:number], {*kinds[number + 1 :]}, failed)
+        labelled.append(episode.model_copy(update={"label": label}))
+    return labelled
 
-    def _label_building(self, episode: Episode) -> Label:
-        if not self._last_trial(episode):
-            return "Build"
-        before = machine_at(self._session, episode.begin)
-        after = machine_at(self._session, episode.end)
-        given = len(self._session.machine(self._session.start))
-        anew = count_restarts([len(before) - given, len(after) - given])
-        return "Restructure" if anew or moving_types(before) != moving_types(after) else "Revise"
 
-    def _label_thinking(self, number: int) -> Label:
-        done = [one.coarse for one in self._episodes[:number]]
-        to_come = {one.coarse for one in self._episodes[number + 1 :]}
-        trial = self._last_trial(self._episodes[number])
-        if "building" not in done and not trial:
-            return "Plan"
-        if to_come <= {*THINKING, "break"}:
-            return "Reflect"
-        if trial and done[-1] in ("testing", "looking"):
-            return "Diagnose" if self._failed(trial) else "Observe"
-        return "Hypothesize" if trial else "Plan"
+def _label_revision(session: Session, episode: Episode) -> Label:
+    before, after = machine_at(session, episode.begin), machine_at(session, episode.end)
+    given = len(session.machine(session.start))
+    anew = count_restarts([len(before) - given, len(after) - given])
+    return "Restructure" if anew or moving_types(before) != moving_types(after) else "Revise"
 
-    def _last_trial(self, episode: Episode) -> StudioTest | None:
-        return next((one for one in reversed(self._trials) if one.at < episode.begin), None)
 
-    def _failed(self, trial: StudioTest) -> bool:
-        result = result_of(self._session, trial)
-        return trial.score is None or fails(result) or result.machine in self._worse
+def _label_thinking(done: Sequence[str], to_come: set[Coarse], failed: bool | None) -> Label:
+    """By what goes on before and after; `failed` is about the last trial, None before the first."""
+    if "building" not in done and failed is None:
+        return "Plan"
+    if to_come <= {*THINKING, "break"}:
+        return "Reflect"
+    if failed is not None and done[-1] in ("testing", "looking"):
+        return "Diagnose" if failed else "Observe"
+    return "Plan" if failed is None else "Hypothesize"
 
 
 FILE = "episodes.json"
