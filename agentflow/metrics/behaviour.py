@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import statistics
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -236,61 +237,47 @@ def agent_edits(events: Iterable[RunEvent | Event]) -> Iterator[Edit]:
     nearest simulated ancestor. Machines that it wrote from scratch have no ancestor and are not
     edits. Edits are left out if a simulation of one of their machines crashed or timed out.
     """
-    family, turn = _Family(), Location()
+    names: dict[str, str] = {}  # name -> content hash
+    # content hash -> that of the machine it was made of, and whether scores were known
+    parents: dict[str, tuple[str, bool]] = {}
+    # content hash -> replies that made the machine or had it simulated
+    turns: defaultdict[str, dict[Location, None]] = defaultdict(dict)
+    results: dict[str, EvaluationEvent] = {}
+    turn = Location()
     for event in events:
         if isinstance(event, AttemptEvent):  # the calls of a reply come after it
             turn = event.location
-        elif isinstance(event, ToolEvent):
-            family.take_in(event, turn)
+        elif isinstance(event, ToolEvent) and event.machine is not None and not event.refused:
+            made = event.machine
+            names[made[:NAME]] = made
+            sent = event.arguments if isinstance(event.arguments, Mapping) else {}
+            parent = names.get(str(sent.get("machine")))
+            if parent and made != parent and made not in parents:
+                parents[made] = parent, event.location.name == FEEDBACK
+                turns[made][turn] = None
         elif isinstance(event, EvaluationEvent):
-            family.names[event.machine[:NAME]] = event.machine
+            names[event.machine[:NAME]] = event.machine
             if event.location.call:  # asked for by a tool, in this turn
-                family.add_turn(event.machine, turn)
-            yield from family.simulate(event)
+                turns[event.machine][turn] = None
+            if event.machine not in results:
+                results[event.machine] = event
+                yield from _edit_to(event, parents, turns, results)
 
 
-class _Family:
-    """The machines of a run, and which was made of which."""
-
-    def __init__(self) -> None:
-        self.names: dict[str, str] = {}
-        """Name -> content hash."""
-        self._parents: dict[str, tuple[str, bool]] = {}
-        """Content hash -> that of the machine it was made of, and whether scores were known."""
-        self._turns: dict[str, list[Location]] = {}
-        """Content hash -> replies that made the machine or had it simulated."""
-        self._results: dict[str, EvaluationEvent] = {}
-
-    def take_in(self, event: ToolEvent, turn: Location) -> None:
-        """Note whether a call has made a machine of another."""
-        made = event.machine
-        if made is None or event.refused:
+def _edit_to(
+    result: EvaluationEvent,
+    parents: Mapping[str, tuple[str, bool]],
+    turns: Mapping[str, Iterable[Location]],
+    results: Mapping[str, EvaluationEvent],
+) -> Iterator[Edit]:
+    """The edit that led to a machine from its nearest ancestor in the results, if it has one."""
+    replies, seen, at, informed = list[Location](), set[str](), result.machine, True
+    while at in parents and at not in seen:
+        seen.add(at)
+        replies += turns.get(at, ())
+        at, told = parents[at]
+        informed &= told
+        if before := results.get(at):
+            if None not in (before.score, result.score):
+                yield Edit(tuple(replies), before, result, informed)
             return
-        self.names[made[:NAME]] = made
-        sent = event.arguments if isinstance(event.arguments, Mapping) else {}
-        parent = self.names.get(str(sent.get("machine")))
-        if parent and made != parent and made not in self._parents:
-            self._parents[made] = parent, event.location.name == FEEDBACK
-            self.add_turn(made, turn)
-
-    def add_turn(self, machine: str, turn: Location) -> None:
-        """Note that a reply is about a machine."""
-        turns = self._turns.setdefault(machine, [])
-        if turn not in turns:
-            turns.append(turn)
-
-    def simulate(self, result: EvaluationEvent) -> Iterator[Edit]:
-        """The edit that led to a machine, if this is its first simulation."""
-        if result.machine in self._results:
-            return
-        self._results[result.machine] = result
-        turns, seen, at, informed = list[Location](), set[str](), result.machine, True
-        while at in self._parents and at not in seen:
-            seen.add(at)
-            turns += self._turns.get(at, ())
-            at, told = self._parents[at]
-            informed &= told
-            if before := self._results.get(at):
-                if None not in (before.score, result.score):
-                    yield Edit(tuple(turns), before, result, informed)
-                return
