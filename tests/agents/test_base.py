@@ -9,10 +9,10 @@ import pytest
 
 from agentflow.agents.base import AskContext, Parsed, Role, RoleAttempt, ask
 from agentflow.llm.messages import Reply, Sampling
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.prompts.render import PromptSet
+from tests.scripted import ScriptedClient
 
 
 class Number(Role[str, int]):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.agents.querier import Inquiry, Querier, QuerierInput
+from agentflow.agents.querier import Querier, QuerierInput
 from tests.agents.fakes import FRAME, MOVEMENT
 
 GIVEN = QuerierInput(MOVEMENT, FRAME, 3.0, "Score: 3.00 m")
@@ -30,7 +30,7 @@ TEXT = '{"id": 3, "duration": [0, 1], "properties": ["position"]}'
 def test_queries(wanted: str, queries: tuple[object, ...], repaired: bool) -> None:
     text = f"<thought process>why</thought process><Required Feedback>{wanted}</Required Feedback>"
     parsed = Querier().parse(text, GIVEN)
-    assert (parsed.output, parsed.repaired) == (Inquiry(queries), repaired)
+    assert (parsed.output, parsed.repaired) == (queries, repaired)
 
 
 def test_missing_section() -> None:

@@ -19,7 +19,8 @@ from typing import Any
 import pytest
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.designer import DesignedMachine, Designer, DesignerInput, Placer, PlacerInput
+from agentflow.agents.context import RoleInput
+from agentflow.agents.designer import DesignedMachine, Designer, DesignerInput, Placer
 from agentflow.agents.inspector import Inspection, Inspector, InspectorInput
 from agentflow.agents.meta_designer import (
     Blueprint,
@@ -27,7 +28,7 @@ from agentflow.agents.meta_designer import (
     MetaDesignerInput,
     read_blueprint,
 )
-from agentflow.agents.querier import Inquiry, Querier, QuerierInput
+from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refinement, Refiner, RefinerInput
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.brief import Brief
@@ -65,7 +66,7 @@ def given(row: Row, brief: Brief) -> object:
         case "meta_designer":
             return MetaDesignerInput(brief)
         case "placer":
-            return PlacerInput(brief)
+            return RoleInput(brief)
         case "designer":
             return DesignerInput(brief, plan, row["structure"], machine, row["last"])
     assert machine is not None
@@ -88,8 +89,8 @@ def what_was_read(output: object) -> dict[str, Any]:
             return {"machine": machine.digest}
         case Refinement(machine, script=script):
             return {"machine": machine.digest, "script": script}
-        case Inquiry(queries):
-            return {"queries": list(queries)}
+        case tuple():
+            return {"queries": list(output)}
         case Blueprint():
             return {"blueprint": output.to_json()}
         case Inspection(defects=defects):

@@ -10,10 +10,10 @@ from pydantic import ValidationError
 from agentflow.errors import BudgetSpentError
 from agentflow.llm.build import wrap
 from agentflow.llm.messages import Reply, Usage
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import FREE, Budget, BudgetClient, BudgetSettings, Price
 from agentflow.llm.wrappers.record import CallLog
 from tests.llm.helpers import ask
+from tests.scripted import ScriptedClient
 
 
 def scripted() -> ScriptedClient:

@@ -22,12 +22,12 @@ from agentflow.errors import (
 from agentflow.llm.build import open_client, wrap
 from agentflow.llm.endpoint.body import Endpoint
 from agentflow.llm.messages import Client, Reply
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.settings import EndpointSettings
 from agentflow.llm.wrappers.budget import Budget, BudgetSettings
 from agentflow.llm.wrappers.record import CallLog, ReplayClient
 from tests.conftest import free_port
 from tests.llm.helpers import KEY, ask
+from tests.scripted import ScriptedClient
 
 QUICK = EndpointSettings.model_validate({"retry": {"attempts": 3, "base_s": 0.001}})
 

@@ -10,9 +10,9 @@ import pytest
 
 from agentflow.errors import BudgetSpentError, ReplayMissError
 from agentflow.llm.messages import Message, Reply, Request
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.record import CallLog, RecordingClient, ReplayClient
 from tests.llm.helpers import ask
+from tests.scripted import ScriptedClient
 
 
 def call_log_at(folder: Path, *, writable: bool = True) -> CallLog:

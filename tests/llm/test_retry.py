@@ -10,11 +10,11 @@ import pytest
 from agentflow.errors import EndpointError, RefusedError, UnreachableError
 from agentflow.llm.endpoint.faults import TransientFault
 from agentflow.llm.messages import Reply, Request
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.settings import RetrySettings
 from agentflow.llm.wrappers.limits import RetryClient
 from tests.llm.helpers import ask, client_for
 from tests.llm.hostile import body, hang_up, reply, serving
+from tests.scripted import ScriptedClient
 from tests.timing import JumpingLoop
 
 BUSY = RefusedError("busy")

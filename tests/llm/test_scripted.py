@@ -6,8 +6,8 @@ import pytest
 
 from agentflow.errors import UsageError
 from agentflow.llm.messages import Reply
-from agentflow.llm.scripted import ScriptedClient
 from tests.llm.helpers import ask
+from tests.scripted import ScriptedClient
 
 
 async def test_a_list_replies_in_order() -> None:

@@ -14,10 +14,10 @@ from agentflow.errors import (
     UnreachableError,
 )
 from agentflow.llm.messages import Sampling
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.models.choices import CALLS, continuable, recorded_models
 from agentflow.models.completion import complete_config
 from tests.llm.helpers import ask
+from tests.scripted import ScriptedClient
 
 CONFIG = complete_config({"model": {"budget": {"calls": 2}}})
 

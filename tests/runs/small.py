@@ -12,7 +12,6 @@ from pathlib import Path
 from agentflow.agents.base import AskContext
 from agentflow.llm.build import wrap
 from agentflow.llm.messages import Client, ClientWrapper, Reply, Request
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.record import CallLog
 from agentflow.runs import RunDirectory, RunResult
@@ -20,6 +19,7 @@ from agentflow.workflows.base import WorkflowResult, stage_row
 from agentflow.workflows.hierarchical import HIERARCHICAL
 from agentflow.workflows.settings import WorkflowSettings
 from tests.runs.results import a_result
+from tests.scripted import ScriptedClient
 from tests.workflows.fakes import BRIEF, PROMPTS, Author, Delayed, Shelf
 
 SETTINGS = WorkflowSettings.model_validate(

@@ -25,7 +25,6 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.machine import Machine
 from agentflow.models.completion import complete_config
 from agentflow.studio.folder import RunFolder
@@ -34,6 +33,7 @@ from agentflow.tools import Bench
 from agentflow.workflows.tools import workflow_of
 from tests.app.benchmark import boards
 from tests.llm.foreign import ROOT
+from tests.scripted import ScriptedClient
 from tests.study.example import TRANSCRIPT, record
 from tests.tools.benches import CAR
 from tests.training.data.conftest import OBJECTIVES

@@ -10,12 +10,12 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from agentflow.cli import main
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.models.completion import complete_config
 from agentflow.study.elan import write_elan
 from agentflow.study.segments import segment
 from agentflow.study.session import Session, read_session
 from tests.report.browser import chromium
+from tests.scripted import ScriptedClient
 from tests.studio.pages import attach, blocks, find, keys, open_page, said, take_block, until
 from tests.studio.serving import studio
 from tests.study.test_segments import takes_the_last

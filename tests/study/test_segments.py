@@ -12,12 +12,12 @@ import pytest
 from agentflow.cli import main
 from agentflow.errors import ConfigError, RunError, UnauthorisedError
 from agentflow.llm.messages import Request
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.models.choices import CALLS
 from agentflow.models.completion import complete_config
 from agentflow.study.segments import FILE, Segments, read_segments, segment
 from agentflow.study.session import Session
 from tests.llm.hostile import body, completion, serving
+from tests.scripted import ScriptedClient
 from tests.study.example import TRANSCRIPT, record
 
 CONFIG = complete_config({})

@@ -44,6 +44,8 @@ _WORDS = frozenset({"add", "remove", "move", "to", "in", "as", "end", "replace",
 _EXAMPLE = "Add 63 to 3 in 0 as a"
 MAX_COMMANDS = 500
 """Most commands of a script: enough to replace every block of a machine several times."""
+MAX_WIDTH = 200
+"""Most characters of a line that are shown with its verdict."""
 NO_CHANGE = "the script has no commands, so the machine stays as it is"
 
 
@@ -101,6 +103,11 @@ class StepVerdict:
     reason: str = ""
     """Of an error, one sentence that a model can act on; of a success, what it has changed besides
     what the line says; "" if there is nothing to say."""
+
+    def __str__(self) -> str:
+        """Such as `Remove 7: Error (code: reason)`."""
+        reason = f" ({self.code}: {self.reason})" if self.code else ""
+        return f"{self.text[:MAX_WIDTH] or '(no command)'}: {self.verdict}{reason}"
 
     def to_json(self) -> dict[str, str]:
         """The verdict as JSON data."""

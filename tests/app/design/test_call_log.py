@@ -16,7 +16,6 @@ import pytest
 from agentflow.agents.base import AskContext
 from agentflow.llm.build import wrap
 from agentflow.llm.messages import Client
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.settings import LimitSettings
 from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.limits import LimitedClient, Limiter
@@ -25,6 +24,7 @@ from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
+from tests.scripted import ScriptedClient
 from tests.workflows.fakes import BRIEF, PROMPTS, Author, Delayed, Shelf
 
 SETTINGS = WorkflowSettings.model_validate(
@@ -110,7 +110,7 @@ import asyncio, os, random, sys
 from pathlib import Path
 from agentflow.llm.wrappers.record import RecordingClient
 from agentflow.llm.messages import Request
-from agentflow.llm.scripted import ScriptedClient
+from tests.scripted import ScriptedClient
 from agentflow.llm.wrappers.record import CallLog
 from tests.llm.helpers import ask
 

@@ -17,10 +17,10 @@ from agentflow.config.run import build_config
 from agentflow.env.tasks.families.movement import Movement
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.machine.brief import Brief
 from agentflow.runs import RunDirectory, read_document
 from agentflow.runs.reading import document_text
+from tests.scripted import ScriptedClient
 
 PLAN = RunPlan.of(build_config({"task": "movement", "workflow": "random-dsl", "workers": 1}))
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"

@@ -12,10 +12,10 @@ from agentflow.app.design.run import RunOptions, design, resume
 from agentflow.config.run import build_config
 from agentflow.errors import DamagedError, UnreachableError
 from agentflow.llm.messages import Request
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.runs import Event, RunDirectory, read_events
 from agentflow.version import __version__
 from tests.runs.sources import InProcess
+from tests.scripted import ScriptedClient
 
 CONFIG = build_config({"task": "movement", "workflow": "single", "workers": 1})
 

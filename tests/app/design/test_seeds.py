@@ -14,10 +14,10 @@ from agentflow.cli import main
 from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import EndpointError, RunError, UnreachableError
 from agentflow.llm.messages import Request
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.runs import RunResult, read_document, read_result
 from tests.machine.builders import CAR
 from tests.runs.results import a_result
+from tests.scripted import ScriptedClient
 
 TINY = {
     "task": "movement",

@@ -9,12 +9,12 @@ import pytest
 from agentflow.app.design.notices import watch_calls
 from agentflow.errors import UnreachableError
 from agentflow.llm.messages import Reply, Request
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.models.choices import Models
 from agentflow.runs import Event
 from agentflow.runs.events import CallsEvent
 from agentflow.runs.locations import Location
 from tests.llm.helpers import ask
+from tests.scripted import ScriptedClient
 
 
 class Closing(ScriptedClient):

@@ -13,10 +13,10 @@ from agentflow.app.diagnose.question import DOCUMENT, Diagnosis
 from agentflow.app.diagnose.run import diagnose
 from agentflow.errors import ConfigError, RunError, UnauthorisedError, UsageError
 from agentflow.llm.messages import Reply, Request
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.machine import place, read_machine
 from agentflow.machine.blocks.library import library
 from agentflow.models.completion import complete_config
+from tests.scripted import ScriptedClient
 
 Answer = Callable[[Request], str]
 PAIRS = 6

@@ -66,11 +66,11 @@ async def test_it_queries_broken_blocks_around_the_time_of_breaking() -> None:
     outcome = await ask(Querier(), given, context(0), "querier")
     assert outcome.output is not None
     asked = {"duration": [0.0, 0.7], "properties": ["position", "velocity"]}
-    assert outcome.output.queries == ({"id": 2, **asked}, {"id": 1, **asked})
+    assert outcome.output == ({"id": 2, **asked}, {"id": 1, **asked})
 
 
 async def test_it_queries_the_root_when_nothing_broke() -> None:
     given = QuerierInput(brief_of("movement"), machine_of((2, 0, 3)), 1.0, "Score: 1.00 m")
     outcome = await ask(Querier(), given, context(0), "querier")
     assert outcome.output is not None
-    assert [query["id"] for query in outcome.output.queries] == [1, 0]
+    assert [query["id"] for query in outcome.output] == [1, 0]

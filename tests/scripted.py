@@ -1,4 +1,4 @@
-"""A client with scripted replies, for tests, examples and dry runs."""
+"""A client with scripted replies."""
 
 from collections.abc import Callable, Sequence
 
