@@ -94,14 +94,9 @@ def flatten(row: Mapping[str, Any], above: str = "") -> dict[str, float]:
     for key, value in row.items():
         if isinstance(value, Mapping):
             found |= flatten(value, f"{above}{key}.")
-        elif isinstance(value, int | float) and not isinstance(value, bool) and _is_finite(value):
+        elif type(value) in (int, float) and -MOST <= value <= MOST:  # not so of NaN
             found[f"{above}{key}"] = value
     return found
-
-
-def _is_finite(value: float) -> bool:
-    """Whether a number, perhaps a very large integer, can be drawn."""
-    return -MOST <= value <= MOST
 
 
 ABOUT, CONFIG, CURVES, RESULT = "training.json", "config.yaml", "curves.jsonl", "result.json"
@@ -261,7 +256,10 @@ class TrainingRun:
     def note(self, step: int, numbers: Mapping[str, Any]) -> None:
         """Add a line to the curves; infinite and undefined numbers become null."""
         seconds = round(time.monotonic() - self._begun, 3)
-        row = {"step": step, "seconds": seconds} | {k: _finite(v) for k, v in numbers.items()}
+        row = {"step": step, "seconds": seconds} | {
+            name: None if isinstance(value, float) and not isfinite(value) else value
+            for name, value in numbers.items()
+        }
         self._curves.append(json.dumps(row, allow_nan=False).encode())
 
     def samples(self, step: int, replies: Iterable[BaseModel]) -> None:
@@ -328,7 +326,3 @@ def _is_complete(checkpoint: Path) -> bool:
     except (OSError, ValueError, RecursionError):
         return False
     return isinstance(state, dict) and state.get("global_step") == _step_of(checkpoint)
-
-
-def _finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not isfinite(value) else value

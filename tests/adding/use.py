@@ -115,7 +115,7 @@ def use(car: str) -> dict[str, Any]:
         "Search strategy": read_document(run)["config"]["settings"]["search"]["strategy"],
         "Workflow": result["workflow"],
         "Tool": asyncio.run(weigh(car)),
-        "Function test": [rests.phrase, rested.passed],
+        "Function test": [rests.phrase(), rested.passed],
         "Physics engine": result["engine"],
         "Metric": METRICS["run_count"].about,
         "Advantage": AdvantageConfig(name="middle").chosen(np.array([1.0, 2.0, 9.0])).tolist(),

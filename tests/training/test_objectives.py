@@ -12,7 +12,8 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.errors import NoScoreError
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
-from agentflow.training.objectives import FUNCTIONS, Objective, ObjectiveVerdict, works
+from agentflow.training.objectives.functions import FUNCTIONS
+from agentflow.training.objectives.objective import Objective, ObjectiveVerdict, works
 from tests.env.machines import CAR, FOLDER, machine
 
 FLAT = machine((0, -1, -1), (63, 0, 0), (63, 0, 1), (1, 0, 4))

@@ -16,7 +16,7 @@ from agentflow.llm.procedural.reading import read_prompt
 from agentflow.machine import check, read_machine
 from agentflow.machine.blocks.library import BOULDER, CONTAINER
 from agentflow.machine.tree import ROOT, Machine, Step
-from agentflow.training.objectives import OBJECTIVES, Objective, read_objectives, works
+from agentflow.training.objectives.objective import OBJECTIVES, Objective, read_objectives, works
 
 FILE = Path(__file__).parents[2] / OBJECTIVES
 BEAMS = (63, 1, 41, 15)

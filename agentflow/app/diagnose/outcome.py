@@ -135,7 +135,7 @@ def _rule(verb: str) -> str:
             f"at t = 0, after it has settled with its motors off, its Starting Block leans by at "
             f"most {LEAN:g} degrees from how it was built"
         )
-    return TESTS[verb].phrase
+    return TESTS[verb].phrase()
 
 
 def _truth(rollout: Rollout, question: Question, window: float) -> dict[str, bool] | None:

@@ -93,13 +93,9 @@ def make_card(
     judged: Sequence[Judgement],
     kinds: Mapping[str, str],
     *,
-    model: str,
-    made_with: str,
-    licence: str,
-    engine: str | None,
-    planned: int,
     seed: int,
     likenesses: Mapping[str, Likeness],
+    **about: Any,
 ) -> DataCard:
     """The card of a set.
 
@@ -107,13 +103,9 @@ def make_card(
         pairs: The pairs of the set.
         judged: What the gates said about every machine.
         kinds: Name of each objective -> its kind.
-        model: Who designed the machines.
-        made_with: Command that recorded them.
-        licence: Of the set.
-        engine: Physics engine, with its version; None if nothing was simulated.
-        planned: Answers that were to be recorded.
         seed: Decides which objectives are kept apart.
         likenesses: How near each text comes to the levels.
+        about: `model`, `made_with`, `licence`, `engine` and `planned` of the card.
     """
     dropped = Counter(judgement.dropped for judgement in judged)
     kept = Counter(pair.objective for pair in pairs)
@@ -121,14 +113,10 @@ def make_card(
     apart = _kept_apart(kept, seed)
     sizes = Counter("dev" if pair.objective in apart else "train" for pair in pairs)
     return DataCard(
-        model=model,
-        made_with=made_with,
-        licence=licence,
-        engine=engine,
-        planned=planned,
+        **about,
         answers=sum(not judgement.variant for judgement in judged),
         variants=sum(bool(judgement.variant) for judgement in judged),
-        gates=tuple(_gate_counts(len(judged), dropped, simulated=engine is not None)),
+        gates=tuple(_gate_counts(len(judged), dropped, simulated=about["engine"] is not None)),
         faults=dropped["simulation"],
         pairs={"train": sizes["train"], "dev": sizes["dev"]},
         sources=dict(sorted(Counter(pair.source for pair in pairs).items())),
@@ -218,8 +206,8 @@ def card_text(card: DataCard) -> str:
 
 def _head(card: DataCard) -> str:
     """What hubs read: their name of the licence, and the file of each split that has pairs."""
-    splits = {"train": ("train", TRAIN), "dev": ("validation", DEV)}
-    files = [{"split": splits[of][0], "path": splits[of][1]} for of in splits if card.pairs[of]]
+    splits = (("train", "train", TRAIN), ("dev", "validation", DEV))
+    files = [{"split": split, "path": path} for of, split, path in splits if card.pairs[of]]
     head = {
         "pretty_name": "Machines of agentflow",
         "license": "mit" if card.licence == "MIT" else "other",

@@ -25,14 +25,7 @@ from agentflow.training.data.card import DataCard, make_card, write_set
 from agentflow.training.data.contamination import compare_texts, evaluation_trees
 from agentflow.training.data.gates import Gate, Judgement
 from agentflow.training.data.generate import split_reply
-from agentflow.training.data.pairs import (
-    ChatMessage,
-    Pair,
-    clean_text,
-    make_messages,
-    make_prompt,
-    make_reply,
-)
+from agentflow.training.data.pairs import ChatMessage, Pair, clean_text, make_pair, make_prompt
 
 DATA_SOURCE = "agentflow"
 """By it, verl groups its metrics and chooses its reward function."""
@@ -167,15 +160,8 @@ def _judge(
 def _pair(row: ImportedPair) -> Pair:
     machine = row.report.machine
     assert machine is not None, "it passed its gates"
-    reply = make_reply(row.rationale, machine) if row.reply is None else row.reply
-    return Pair(
-        messages=make_messages(row.prompt, reply),
-        machine=tuple(step.to_json() for step in machine),
-        objective=row.name,
-        rationale=row.rationale,
-        score=None,
-        source=row.source,
-    )
+    about = {"objective": row.name, "score": None, "source": row.source}
+    return make_pair(row.prompt, row.rationale, machine, row.reply, **about)
 
 
 def _read_file(path: Path) -> Iterator[ImportedPair]:

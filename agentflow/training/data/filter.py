@@ -28,7 +28,7 @@ from agentflow.training.data.generate import (
     describe_changes,
     read_answers,
 )
-from agentflow.training.data.pairs import Pair, clean_text, make_messages, make_reply
+from agentflow.training.data.pairs import Pair, clean_text, make_pair
 
 JUDGED = "judged.jsonl"
 
@@ -136,14 +136,8 @@ def _pair(question: ObjectivePrompt, candidate: PairCandidate, judgement: Judgem
     if candidate.variant:
         own = _read(PairCandidate(answer, 0), brief)
         rationale = f"{rationale} {describe_changes(own, machine)}".lstrip()
-    return Pair(
-        messages=make_messages(question.prompt, make_reply(rationale, machine)),
-        machine=tuple(step.to_json() for step in machine),
-        objective=answer.objective,
-        rationale=rationale,
-        score=judgement.score,
-        source=candidate.source,
-    )
+    about = {"objective": answer.objective, "score": judgement.score, "source": candidate.source}
+    return make_pair(question.prompt, rationale, machine, None, **about)
 
 
 def _read(candidate: PairCandidate, brief: Brief) -> Machine:

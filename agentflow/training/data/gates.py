@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import BaseModel
 
@@ -21,19 +21,9 @@ from agentflow.search.concurrency import work_in_order
 from agentflow.training.data.contamination import Likeness
 from agentflow.training.data.folder import open_log
 from agentflow.training.data.generate import EDITED, Answer, AnswerPlan
-from agentflow.training.objectives import Objective, works
+from agentflow.training.objectives.objective import Objective, works
 
-Gate = Literal[
-    "objective",
-    "original",
-    "parse",
-    "validity",
-    "evaluation",
-    "duplicate",
-    "simulation",
-    "function",
-]
-GATES: Mapping[Gate, str] = MappingProxyType(
+GATES: Mapping[str, str] = MappingProxyType(
     {
         "objective": "the objective's text is not too near the brief of a level",
         "original": "it is not a variant of a machine that another gate dropped (except as a "
@@ -47,6 +37,10 @@ GATES: Mapping[Gate, str] = MappingProxyType(
     }
 )
 """In their order, cheap ones first: what passes each of them."""
+if TYPE_CHECKING:
+    Gate = str
+else:  # type checkers cannot compute a Literal
+    Gate = Literal[tuple(GATES)]
 
 
 class Judgement(BaseModel, frozen=True, extra="forbid"):
@@ -88,13 +82,8 @@ class PairCandidate:
         return check(self.answer.program, brief)
 
 
-@dataclass(frozen=True)
-class _Screened:
-    """A candidate after the gates that need no simulation."""
-
-    judgement: Judgement
-    machine: Machine | None
-    """To simulate; None if a gate dropped it."""
+_Screened = tuple[Judgement, Machine | None]
+"""A candidate after the gates that need no simulation, and what to simulate unless one drops it."""
 
 
 class Judge:
@@ -160,31 +149,31 @@ class Judge:
         )
         likeness = self._likenesses[answer.objective]
         if likeness.contaminated:
-            return _drop(judgement, "objective", likeness.level)
+            return _drop(judgement, "objective", likeness.level), None
         if candidate.variant and (answer.objective, answer.sample) in self._useless:
-            return _drop(judgement, "original")
+            return _drop(judgement, "original"), None
         report = candidate.report(self._briefs[answer.objective])
         if report.machine is None:
-            return _drop(judgement, "parse", report.problems[0].code)
+            return _drop(judgement, "parse", report.problems[0].code), None
         if not report.task_valid:
-            return _drop(judgement, "validity", report.problems[0].code)
+            return _drop(judgement, "validity", report.problems[0].code), None
         tree = tree_hash(report.machine)
         judgement = judgement.model_copy(update={"tree": tree})
         if tree in self._trees:
-            return _drop(judgement, "evaluation")
+            return _drop(judgement, "evaluation"), None
         if tree in self._kept or (answer.objective, tree) in self._seen:
-            return _drop(judgement, "duplicate")
-        return _Screened(judgement, report.machine)
+            return _drop(judgement, "duplicate"), None
+        return judgement, report.machine
 
     async def _simulate(self, pool: Pool, screened: _Screened) -> Judgement:
         """Apply the gates that need a simulation; again if that of an equal one failed."""
-        judgement, machine = screened.judgement, screened.machine
+        judgement, machine = screened
         if machine is None:
             return judgement
         known = judgement.objective, judgement.tree
         async with self._turns[known]:
             if known in self._seen:
-                return _drop(judgement, "duplicate").judgement
+                return _drop(judgement, "duplicate")
             tested = await self._test(pool, judgement, machine)
             if tested.dropped != "simulation":
                 self._seen.add(known)
@@ -194,21 +183,19 @@ class Judge:
         """Simulate a machine and see whether it does what its objective asks."""
         rollout = await pool.run(machine, self._tasks[judgement.objective])
         if rollout.score is None:
-            return _drop(judgement, "simulation", rollout.status).judgement
+            return _drop(judgement, "simulation", rollout.status)
         if rollout.status != "ok":
-            return _drop(judgement, "function", rollout.status).judgement
+            return _drop(judgement, "function", rollout.status)
         verdict = works(self._objectives[judgement.objective], rollout, machine)
         if not verdict.passed:
             failed = (name for name, finding in verdict.found.items() if not finding.passed)
-            return _drop(judgement, "function", ", ".join(failed)).judgement
+            return _drop(judgement, "function", ", ".join(failed))
         return judgement.model_copy(update={"score": rollout.score})
 
     def _settle(self, judgement: Judgement) -> Judgement:
         """The judgement, unless the same tree has come into the set since it was screened."""
         if judgement.tree in self._kept:
-            judgement = judgement.model_copy(
-                update={"dropped": "duplicate", "why": "", "score": None}
-            )
+            judgement = _drop(judgement, "duplicate").model_copy(update={"score": None})
         self._remember(judgement)
         return judgement
 
@@ -226,5 +213,5 @@ def _task(objective: Objective, engine: str) -> Task:
     return replace(task, engine=engine, base=replace(task.base, engine=engine))
 
 
-def _drop(judgement: Judgement, gate: Gate, why: str = "") -> _Screened:
-    return _Screened(judgement.model_copy(update={"dropped": gate, "why": why}), None)
+def _drop(judgement: Judgement, gate: Gate, why: str = "") -> Judgement:
+    return judgement.model_copy(update={"dropped": gate, "why": why})

@@ -28,7 +28,7 @@ from agentflow.runs import Notify
 from agentflow.search.concurrency import work_in_order
 from agentflow.training.data.folder import open_log, read_log, read_plan, work_in
 from agentflow.training.data.pairs import ChatMessage, make_prompt
-from agentflow.training.objectives import Objective
+from agentflow.training.objectives.objective import Objective
 
 MOST_EDITS = 2
 """A variant differs from its machine by 1 or 2 edits: with up to 3, half of them stop working."""
@@ -210,25 +210,23 @@ def generate(
         EndpointError: The model cannot be used; the same command continues.
         InterruptedRunError: Ctrl-C; the same command continues.
     """
+
+    async def carry_out() -> dict[str, Any]:
+        async with recorded_models(config, out, notify) as models:
+            work = _Work(plan, models.clients[ROLE], show)
+            stopped = await work.complete(out / ANSWERS, workers)
+            return {
+                "out": str(out),
+                "model": plan.model,
+                "answers": work.done,
+                "planned": plan.count,
+                "variants": work.variants,
+                **models.budget.to_json(),
+                "stopped": stopped,
+            }
+
     with work_in(out, plan, ANSWERS):
-        return asyncio.run(_carry_out(plan, config, out, workers, notify, show))
-
-
-async def _carry_out(
-    plan: AnswerPlan, config: DesignConfig, out: Path, workers: int, notify: Notify, show: Progress
-) -> dict[str, Any]:
-    async with recorded_models(config, out, notify) as models:
-        work = _Work(plan, models.clients[ROLE], show)
-        stopped = await work.complete(out / ANSWERS, workers)
-        return {
-            "out": str(out),
-            "model": plan.model,
-            "answers": work.done,
-            "planned": plan.count,
-            "variants": work.variants,
-            **models.budget.to_json(),
-            "stopped": stopped,
-        }
+        return asyncio.run(carry_out())
 
 
 class _Work:

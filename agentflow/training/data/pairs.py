@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ValidationError, field_serializer, field_validator
 
@@ -101,21 +101,14 @@ def read_pairs(path: Path) -> Iterator[Pair]:
                 yield _read_pair(line, f"{path}, line {number}")
 
 
-def write_pairs(path: Path, pairs: Iterable[Pair]) -> int:
+def write_pairs(path: Path, pairs: Iterable[Pair]) -> None:
     """Write pairs to a JSONL file, which replaces an older one only once it is complete.
-
-    Returns:
-        How many there are.
 
     Raises:
         UsageError: The file cannot be written.
     """
-    count = 0
     with write_output(path) as part, part.open("w", encoding="utf-8", newline="\n") as file:
-        for pair in pairs:
-            file.write(pair.model_dump_json() + "\n")
-            count += 1
-    return count
+        file.writelines(f"{pair.model_dump_json()}\n" for pair in pairs)
 
 
 def make_prompt(prompt: Sequence[Mapping[str, str]]) -> tuple[ChatMessage, ...]:
@@ -126,6 +119,17 @@ def make_prompt(prompt: Sequence[Mapping[str, str]]) -> tuple[ChatMessage, ...]:
 def make_messages(prompt: Sequence[ChatMessage], reply: str) -> tuple[ChatMessage, ...]:
     """The messages of a pair."""
     return (*prompt, ChatMessage(role="assistant", content=reply))
+
+
+def make_pair(
+    prompt: Sequence[ChatMessage], rationale: str, machine: Machine, reply: str | None, **about: Any
+) -> Pair:
+    """The pair of a reply, or of one that is written from rationale and machine; `about` are its
+    objective, score and source."""
+    written = make_reply(rationale, machine) if reply is None else reply
+    steps = tuple(step.to_json() for step in machine)
+    messages = make_messages(prompt, written)
+    return Pair(messages=messages, machine=steps, rationale=rationale, **about)
 
 
 def _read_pair(line: bytes, where: str) -> Pair:

@@ -3,7 +3,6 @@
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager, closing
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -186,38 +185,6 @@ def _trained_on(folder: Path) -> tuple[str, ...]:
     return tuple(read_training(training).config.get("tasks", ()))
 
 
-@dataclass(frozen=True)
-class _Session:
-    """One process at work on an evaluation."""
-
-    folder: EvaluationFolder
-    config: DesignConfig
-    answer: Answer
-    scorer: Scorer
-
-    async def complete(self, say: Progress) -> None:
-        """Add the replies that are missing, batch by batch."""
-        about, replies = self.folder.about, self.folder.replies
-        for place, task in enumerate(about.tasks):
-            begin, end = place * about.samples, (place + 1) * about.samples
-            for first in range(begin, end, BATCH):
-                last = min(first + BATCH, end)
-                if len(replies) < last:
-                    texts = await self._ask(task, first - begin, last - first)
-                    await self._judge(task, texts[len(replies) - first :])
-                    say(len(replies), about.samples * len(about.tasks))
-
-    async def _ask(self, task: str, first: int, count: int) -> list[str]:
-        config = self.config
-        brief = get_task(task, config.knobs, config.engine).brief
-        return await self.answer(task, chat_prompt(Designer, brief, config.prompts), first, count)
-
-    async def _judge(self, task: str, texts: Sequence[str]) -> None:
-        config = self.config
-        samples = [Sample(task, text, config.seed, config.knobs, config.engine) for text in texts]
-        self.folder.add(await judge_async(samples, self.scorer))
-
-
 async def _carry_out(
     folder: EvaluationFolder,
     config: DesignConfig,
@@ -225,6 +192,19 @@ async def _carry_out(
     notify: Notify,
     say: Progress,
 ) -> None:
+    """Add the replies that are missing, batch by batch."""
+    about, replies = folder.about, folder.replies
     with closing(Scorer(config.workers, open_pool)) as scorer:
         async with open_model(config, folder.path, notify) as answer:
-            await _Session(folder, config, answer, scorer).complete(say)
+            for place, task in enumerate(about.tasks):
+                brief = get_task(task, config.knobs, config.engine).brief
+                prompt = chat_prompt(Designer, brief, config.prompts)
+                given = (config.seed, config.knobs, config.engine)
+                begin, end = place * about.samples, (place + 1) * about.samples
+                for first in range(begin, end, BATCH):
+                    last = min(first + BATCH, end)
+                    if len(replies) < last:
+                        texts = await answer(task, prompt, first - begin, last - first)
+                        new = [Sample(task, text, *given) for text in texts[len(replies) - first :]]
+                        folder.add(await judge_async(new, scorer))
+                        say(len(replies), about.samples * len(about.tasks))

@@ -57,45 +57,37 @@ def general_table(found: Collection, *, with_published: bool = False) -> Table:
 
 def uncertainty_table(found: Collection, *, with_published: bool = False) -> Table:
     """Every number with its interval, by task."""
-    rows = tuple(
-        Row((task, *_labels(item)), _numbers(item.summaries[task]))
-        for task, item in _by_task(found)
-    )
-    others = _published_numbers(found.tasks, transfer=False) if with_published else ()
-    return Table(
-        "Trained models: uncertainty",
-        ("task", "name", "model"),
-        NUMBERS,
-        rows,
-        tuple(Row((task, name, model), values) for task, name, model, values in others),
-        (*_notes(found), MEANING, INTERVALS, *filter(None, [missing_scipy()])),
-    )
+    return _numbers_table(found, with_published, transfer=False)
 
 
 def transfer_table(found: Collection, *, with_published: bool = False) -> Table:
     """What models achieve at tasks, beside the tasks of their reinforcement learning."""
-    rows = tuple(
-        Row((", ".join(item.first.trained_on) or "-", task, *_labels(item)), values)
+    return _numbers_table(found, with_published, transfer=True)
+
+
+def _numbers_table(found: Collection, with_published: bool, *, transfer: bool) -> Table:
+    """The numbers of each evaluation at each task; with the tasks that it was trained on."""
+
+    def row(trained_on: str, labels: tuple[str, ...], values: tuple[Value, ...]) -> Row:
+        return Row((trained_on, *labels) if transfer else labels, values)
+
+    own = tuple(
+        row(
+            ", ".join(item.first.trained_on) or "-",
+            (task, *_labels(item)),
+            _numbers(item.summaries[task]),
+        )
         for task, item in _by_task(found)
-        for values in [_numbers(item.summaries[task])]
     )
-    others = _published_numbers(found.tasks, transfer=True) if with_published else ()
+    others = _published_numbers(found.tasks, transfer=transfer) if with_published else ()
+    about = "trained on: the tasks of the reinforcement learning; a dash for models without any."
     return Table(
-        "Trained models: transfer",
-        ("trained on", "evaluated on", "name", "model"),
+        f"Trained models: {'transfer' if transfer else 'uncertainty'}",
+        (*(("trained on", "evaluated on") if transfer else ("task",)), "name", "model"),
         NUMBERS,
-        rows,
-        tuple(
-            Row((name.lower().partition(TO)[0], task, name, model), values)
-            for task, name, model, values in others
-        ),
-        (
-            *_notes(found),
-            "trained on: the tasks of the reinforcement learning; a dash for models without any.",
-            MEANING,
-            INTERVALS,
-            *filter(None, [missing_scipy()]),
-        ),
+        own,
+        tuple(row(key[1].lower().partition(TO)[0], key, values) for key, values in others),
+        (*_notes(found), *[about] * transfer, MEANING, INTERVALS, *filter(None, [missing_scipy()])),
     )
 
 
@@ -208,24 +200,22 @@ def _published_general(tasks: Sequence[str]) -> Iterator[Row]:
             rows.setdefault(item.model, {})[item.task, item.metric] = item.value
     for model, values in rows.items():
         base, _, training = model.partition(" + ")
-        cells = tuple(
-            values.get((task, name)) for task in tasks for name in ("valid", "mean", "max")
-        )
+        cells = tuple(values.get((task, name)) for task in tasks for name in MAIN)
         if any(cell is not None for cell in cells):
             yield Row((training or BASE, base), cells)
 
 
 def _published_numbers(
     tasks: Sequence[str], *, transfer: bool
-) -> list[tuple[str, str, str, tuple[Value, ...]]]:
-    """Task, name, model and numbers of the published models, or of the published transfers."""
+) -> list[tuple[tuple[str, str, str], tuple[Value, ...]]]:
+    """(task, name, model) and numbers of the published models, or of the published transfers."""
     rows: dict[tuple[str, str, str], dict[str, str]] = {}
     for item in published():
         if item.table == UNCERTAINTY and item.task in tasks and (TO in item.condition) == transfer:
             rows.setdefault((item.task, item.condition, item.model), {})[item.metric] = item.value
     names = ("valid", "validity_ci95", "mean", "mean_ci95", "sd", "max")
     ordered = sorted(rows.items(), key=lambda row: tasks.index(row[0][0]))
-    return [(*key, tuple(map(values.get, names))) for key, values in ordered]
+    return [(key, tuple(map(values.get, names))) for key, values in ordered]
 
 
 def _notes(found: Collection) -> tuple[str, ...]:

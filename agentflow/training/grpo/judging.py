@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from math import log1p
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from agentflow.env.mechanism import classify
 from agentflow.env.tasks.registry import FAMILIES, get_level
@@ -71,21 +71,6 @@ class Judged(NamedTuple):
 
 LOST = Judged(None, None, False, False, False, None)
 """A design whose simulations failed before it was submitted."""
-
-
-class ToolSession(Protocol):
-    """A design with tools."""
-
-    @property
-    def submitted(self) -> str:
-        """The submitted machine as text; "" for none."""
-
-    @property
-    def lost(self) -> bool:
-        """Whether simulations failed and nothing is submitted."""
-
-    def close(self) -> None:
-        """End it."""
 
 
 class Judging:

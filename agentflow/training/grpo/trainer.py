@@ -14,7 +14,7 @@ from trl import GRPOTrainer
 from agentflow.diversity.topology import tree_edit_distance
 from agentflow.training.advantages import Floats, novelty, unlikeness
 from agentflow.training.grpo.config import AdvantageConfig
-from agentflow.training.grpo.judging import LOST, Judged, Judging, ToolSession
+from agentflow.training.grpo.judging import LOST, Judged, Judging
 
 TOGETHER = 16
 """Replies written at a time on processors. A token for each of 16 takes 5.6 ms with the tiny
@@ -57,7 +57,7 @@ class SimulationTrainer(GRPOTrainer):
         crash. Called by TRL."""
         began = time.perf_counter()
         texts = [_text_of(completion) for completion in completions]
-        sessions: list[ToolSession] = [environment.session for environment in environments]
+        sessions = [environment.session for environment in environments]
         if sessions:
             texts = [session.submitted for session in sessions]
         judged = self._judging.collect(task, texts)

@@ -24,7 +24,6 @@ from agentflow.training.objectives.measuring import (
 class _ThrowTest(FunctionTest):
     """A test of what a thrown boulder does."""
 
-    @property
     def bodies(self) -> tuple[Body, ...]:
         return (BOULDER,)
 
@@ -37,7 +36,6 @@ class Throws(_ThrowTest):
     high: Asked = 0.0
     """Greatest height of the boulder's centre above the ground, m."""
 
-    @property
     def phrase(self) -> str:
         high = f" after rising to {self.high:g} m or higher" if self.high else ""
         return (
@@ -58,7 +56,6 @@ class HitsTarget(_ThrowTest):
     within: Amount
     """m."""
 
-    @property
     def phrase(self) -> str:
         return f"its thrown boulder lands within {self.within:g} m of the target"
 
@@ -72,7 +69,6 @@ class PassesRings(_ThrowTest):
 
     rings: Count
 
-    @property
     def phrase(self) -> str:
         noun = "ring" if self.rings == 1 else "rings"
         return f"its thrown boulder passes through at least {self.rings} {noun}"
@@ -88,11 +84,9 @@ class Raises(FunctionTest):
     metres: Amount
     seconds: Asked = 0.0
 
-    @property
     def bodies(self) -> tuple[Body, ...]:
         return (self.body,)
 
-    @property
     def phrase(self) -> str:
         time = f" for at least {self.seconds:g} s" if self.seconds else ""
         return f"{name_body(self.body)} is {self.metres:g} m or more higher than at t = 0{time}"
@@ -114,11 +108,9 @@ class Holds(FunctionTest):
     """Height of its centre, m."""
     seconds: Amount
 
-    @property
     def bodies(self) -> tuple[Body, ...]:
         return (self.body,)
 
-    @property
     def phrase(self) -> str:
         what = f"{name_body(self.body)} stays at least {self.above:g} m above the ground"
         return f"{what} for at least {self.seconds:g} s"
@@ -135,11 +127,9 @@ class Shifts(FunctionTest):
     metres: Amount
     towards: Direction = "any"
 
-    @property
     def bodies(self) -> tuple[Body, ...]:
         return (self.thing,)
 
-    @property
     def phrase(self) -> str:
         way = name_way(self.towards)
         return f"it touches {name_body(self.thing)}, which moves {self.metres:g} m or more {way}"
@@ -156,11 +146,9 @@ class Strikes(FunctionTest):
     impulse: Amount
     """N s."""
 
-    @property
     def obstacles(self) -> tuple[str, ...]:
         return (self.thing,)
 
-    @property
     def phrase(self) -> str:
         return f"it hits {name_body(self.thing)} with an impulse of at least {self.impulse:g} N s"
 
@@ -173,11 +161,9 @@ class Avoids(FunctionTest):
 
     thing: str
 
-    @property
     def obstacles(self) -> tuple[str, ...]:
         return (self.thing,)
 
-    @property
     def phrase(self) -> str:
         return f"it never touches {name_body(self.thing)}"
 
@@ -192,11 +178,9 @@ class Carries(FunctionTest):
     count: Count = 1
     metres: Amount
 
-    @property
     def bodies(self) -> tuple[Body, ...]:
         return (self.type,)
 
-    @property
     def phrase(self) -> str:
         name = library()[self.type].name
         return (

@@ -182,7 +182,6 @@ class FunctionTest(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     Frozen, range-checked, no unknown keys.
     """
 
-    @property
     @abstractmethod
     def phrase(self) -> str:
         """What must happen, for designers, to follow "The machine works if"."""
@@ -191,12 +190,10 @@ class FunctionTest(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     def measure(self, motion: Motion) -> Findings:
         """What is measured, by the name of its threshold."""
 
-    @property
     def bodies(self) -> tuple[Body, ...]:
         """Block types that a machine needs to pass, and moving objects that the scene needs."""
         return ()
 
-    @property
     def obstacles(self) -> tuple[str, ...]:
         """Objects that the scene needs, whether they move or not."""
         return ()

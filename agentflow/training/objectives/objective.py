@@ -78,7 +78,7 @@ class Objective(BaseModel, frozen=True, extra="forbid"):
     @property
     def phrases(self) -> str:
         """The function tests in words, as one sentence."""
-        return f"The machine works if {'; '.join(test.phrase for test in self.test.values())}."
+        return f"The machine works if {'; '.join(test.phrase() for test in self.test.values())}."
 
     @property
     def task(self) -> ObjectiveTask:
@@ -224,11 +224,11 @@ def _check(objective: Objective) -> None:
     objects = [item.name for item in scene.objects]
     moving = [item.name for item in scene.moving]
     for name, test in objective.test.items():
-        named = [body for body in test.bodies if isinstance(body, str)]
-        types = [body for body in test.bodies if not isinstance(body, str)]
+        named = [body for body in test.bodies() if isinstance(body, str)]
+        types = [body for body in test.bodies() if not isinstance(body, str)]
         _expect(name, "allowed block type", types, objective.blocks)
         _expect(name, "moving object of the scene", named, moving)
-        _expect(name, "object of the scene", test.obstacles, objects)
+        _expect(name, "object of the scene", test.obstacles(), objects)
 
 
 def _expect(test: str, kind: str, wanted: Iterable[object], known: Collection[object]) -> None:

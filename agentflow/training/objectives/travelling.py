@@ -28,7 +28,6 @@ class Moves(FunctionTest):
     speed: Asked = 0.0
     """m/s, mean of the fastest second."""
 
-    @property
     def phrase(self) -> str:
         fast = f" and averages at least {self.speed:g} m/s over one second" if self.speed else ""
         return f"its Starting Block moves at least {self.metres:g} m {name_way(self.towards)}{fast}"
@@ -47,7 +46,6 @@ class Reaches(FunctionTest):
     within: Amount
     """m."""
 
-    @property
     def phrase(self) -> str:
         place = f"x = {self.x:g}, z = {self.z:g} m"
         return f"its Starting Block passes within {self.within:g} m of {place}"
@@ -63,7 +61,6 @@ class StaysUpright(FunctionTest):
 
     degrees: Amount
 
-    @property
     def phrase(self) -> str:
         return f"its Starting Block never tilts by more than {self.degrees:g} degrees"
 
@@ -74,7 +71,6 @@ class StaysUpright(FunctionTest):
 class StaysWhole(FunctionTest):
     """No connection breaks; decouplers that let go break nothing."""
 
-    @property
     def phrase(self) -> str:
         return "nothing breaks"
 
@@ -92,11 +88,9 @@ class Turns(FunctionTest):
     types: tuple[int, ...] = ()
     count: Count = 1
 
-    @property
     def bodies(self) -> tuple[Body, ...]:
         return self.types
 
-    @property
     def phrase(self) -> str:
         names = " or ".join(library()[kind].name for kind in self.types)
         what = names or "block that is not a wheel"
@@ -118,7 +112,6 @@ class Spins(FunctionTest):
 
     revolutions: Amount
 
-    @property
     def phrase(self) -> str:
         return f"its Starting Block turns {self.revolutions:g} times or more about the vertical"
 
@@ -132,7 +125,6 @@ class Jumps(FunctionTest):
 
     metres: Amount
 
-    @property
     def phrase(self) -> str:
         return (
             f"all of its parts are at the same time at least {self.metres:g} m above where its "
@@ -150,7 +142,6 @@ class Unfolds(FunctionTest):
     metres: Amount
     seconds: Asked = 0.0
 
-    @property
     def phrase(self) -> str:
         time = f" for at least {self.seconds:g} s" if self.seconds else ""
         return f"its highest part is {self.metres:g} m or more higher than at t = 0{time}"

@@ -17,7 +17,7 @@ from agentflow.machine import Machine, read_machine
 from agentflow.machine.tree import ROOT, Step
 from agentflow.training.data.contamination import compare_texts, evaluation_trees
 from agentflow.training.evaluation.replies import JudgedReply
-from agentflow.training.objectives import read_objectives
+from agentflow.training.objectives.objective import read_objectives
 from benchmarks.shelf import machine_records
 
 pytest.importorskip("sklearn")

@@ -78,7 +78,7 @@ def test_answers_take_turns_and_have_variants(
 
 
 def test_the_objectives_come_back_from_the_plan(objectives: Path, tmp_path: Path) -> None:
-    from agentflow.training.objectives import read_objectives
+    from agentflow.training.objectives.objective import read_objectives
 
     main(generate(objectives, tmp_path / "a", "--samples", "1"))
     plan, _ = read_answers(tmp_path / "a")

@@ -38,7 +38,7 @@ def pair(rationale: str = "One block on top.") -> Pair:
 
 def test_pairs_are_read_as_they_were_written(tmp_path: Path) -> None:
     pairs = [pair(), pair("Line one.\u2028Line two.")]
-    assert write_pairs(tmp_path / "train.jsonl", pairs) == 2
+    write_pairs(tmp_path / "train.jsonl", pairs)
     assert list(read_pairs(tmp_path / "train.jsonl")) == pairs
     assert pairs[0].reply == f"One block on top.\n```json\n{MACHINE.to_text()}\n```"
     assert [message.role for message in pairs[0].prompt] == ["system", "user"]

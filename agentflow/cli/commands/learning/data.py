@@ -67,7 +67,7 @@ def generate(
     from agentflow.cli.display.show_learning import show_answers
     from agentflow.training.data.generate import generate as record
     from agentflow.training.data.generate import plan_answers
-    from agentflow.training.objectives import read_objectives
+    from agentflow.training.objectives.objective import read_objectives
 
     keys = {"model.name": model, "model.base_url": base_url, "seed": seed}
     config = load_config(None, settings or (), keys)

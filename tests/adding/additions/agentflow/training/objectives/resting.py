@@ -10,7 +10,6 @@ class Rests(FunctionTest):
 
     metres: Amount
 
-    @property
     def phrase(self) -> str:
         return f"its Starting Block stays within {self.metres:g} m"
 
