@@ -49,13 +49,7 @@ def open_client(
     return LimitedClient(retry, limits or Limiter(settings.limits))
 
 
-def wrap(
-    inner: Client,
-    *,
-    call_log: CallLog | None = None,
-    budget: Budget | None = None,
-    price: Price | None = None,
-) -> Client:
+def wrap(inner: Client, *, call_log: CallLog, budget: Budget, price: Price | None = None) -> Client:
     """Wrap any client (HTTP, procedural or scripted) in the call log and the budget.
 
     Args:
@@ -64,11 +58,7 @@ def wrap(
         budget: Shared by all clients of the run.
         price: Price of this model; None if unknown.
     """
-    if call_log is None:
-        return BudgetClient(inner, budget, price) if budget is not None else inner
     recorded = RecordingClient(inner, call_log)
-    if budget is None:
-        return recorded
     return BudgetClient(recorded, budget, price, recorded.holds)
 
 

@@ -185,12 +185,8 @@ class Usage(_Frozen):
         return self.prompt + self.completion
 
     def __add__(self, other: Usage) -> Usage:
-        return Usage(
-            prompt=self.prompt + other.prompt,
-            completion=self.completion + other.completion,
-            reasoning=self.reasoning + other.reasoning,
-            cached=self.cached + other.cached,
-        )
+        both = self.model_dump(), other.model_dump()
+        return Usage(**{name: sum(each[name] for each in both) for name in both[0]})
 
 
 class Reply(Recorded):

@@ -69,7 +69,6 @@ class Endpoint:
                 f"the base URL {self.base_url} must end before {_PATH}: change --base-url or "
                 f"OPENAI_BASE_URL to {right}"
             )
-        """Shown in messages: without credentials and query."""
         self.url = bare.copy_with(path=bare.path.rstrip("/") + _PATH)
         basic = b64encode(f"{given.username}:{given.password}".encode()).decode()
         # URLs may carry a token as the user name, with no password or a dummy one.

@@ -159,22 +159,10 @@ def error_for(endpoint: Endpoint, response: ErrorResponse) -> EndpointError:
     return RefusedError(f"{where} rejected the request ({status}: {message})")
 
 
-def tools_refused(endpoint: Endpoint, response: ErrorResponse) -> RefusedError:
-    """The error for a model or a server that does not support tools."""
-    return RefusedError(
-        f"model {endpoint.model!r} at {endpoint.base_url} does not support tools "
-        f"({response.status}: {printable_excerpt(endpoint, response.message)}); switch on tool "
-        "calling at the server, or use another model, or a workflow without tools"
-    )
-
-
-def images_refused(endpoint: Endpoint, response: ErrorResponse) -> RefusedError:
-    """The error for a model or a server that takes no pictures."""
-    return RefusedError(
-        f"model {endpoint.model!r} at {endpoint.base_url} takes no pictures "
-        f"({response.status}: {printable_excerpt(endpoint, response.message)}); use a model that "
-        "sees, or leave out the sketch and vision"
-    )
+def unable(endpoint: Endpoint, response: ErrorResponse, what: str, advice: str) -> RefusedError:
+    """The error for a model or a server that cannot do something, such as call tools."""
+    why = f"{response.status}: {printable_excerpt(endpoint, response.message)}"
+    return RefusedError(f"model {endpoint.model!r} at {endpoint.base_url} {what} ({why}); {advice}")
 
 
 def unreachable(endpoint: Endpoint, reason: str) -> TransientFault:

@@ -82,6 +82,11 @@ class ConnectionPool:
 _MAX_ANSWER_BYTES = 64 * 2**20
 _MAX_ERROR_BYTES = 2**16
 _HEADERS = {"Accept-Encoding": ACCEPTED}
+_NO_TOOLS = (
+    "does not support tools",
+    "switch on tool calling at the server, or use another model, or a workflow without tools",
+)
+_NO_PICTURES = "takes no pictures", "use a model that sees, or leave out the sketch and vision"
 _DRAIN_S = 1.0
 """Maximum wait for a stream to end after `[DONE]`; its connection can then be reused."""
 _BROKEN = (httpx.RequestError, UndecodableError, wire.NotACompletionError)
@@ -134,9 +139,9 @@ class OpenAIClient:
             if self.unsupported.learn(answer, sent, message):
                 continue
             if request.tools and refuses_tools(answer):
-                raise faults.tools_refused(self._endpoint, answer)
+                raise faults.unable(self._endpoint, answer, *_NO_TOOLS)
             if any(message.images for message in request.messages) and refuses_images(answer):
-                raise faults.images_refused(self._endpoint, answer)
+                raise faults.unable(self._endpoint, answer, *_NO_PICTURES)
             raise faults.error_for(self._endpoint, answer)
 
     async def aclose(self) -> None:

@@ -102,16 +102,18 @@ class UnsupportedParameters:
 
 def refuses_tools(response: ErrorResponse) -> bool:
     """Whether an error response says that model or server do not support tools."""
-    words = f"{response.message} {response.param} {response.code}".replace("_", " ")
-    unsupported = _UNSUPPORTED.search(words) or _NO_TOOLS.search(words)
-    return bool(response.status in _TOOLS_STATUSES and unsupported and _TOOLS.search(words))
+    return _refuses(response, _TOOLS, _NO_TOOLS)
 
 
 def refuses_images(response: ErrorResponse) -> bool:
     """Whether an error response says that model or server take no pictures."""
+    return _refuses(response, _IMAGES, _NO_IMAGES)
+
+
+def _refuses(response: ErrorResponse, what: re.Pattern[str], how: re.Pattern[str]) -> bool:
     words = f"{response.message} {response.param} {response.code}".replace("_", " ")
-    unsupported = _UNSUPPORTED.search(words) or _NO_IMAGES.search(words)
-    return bool(response.status in _TOOLS_STATUSES and unsupported and _IMAGES.search(words))
+    unsupported = _UNSUPPORTED.search(words) or how.search(words)
+    return bool(response.status in _TOOLS_STATUSES and unsupported and what.search(words))
 
 
 def _format_type(form: object) -> str:

@@ -163,6 +163,11 @@ class Notes:
         """What is known about a machine."""
         return self.seen_machines.setdefault(name, SeenMachine())
 
+    def make(self, name: str, machine: Machine | None) -> None:
+        """Note a machine that was made in this conversation."""
+        candidate = self.at(name)
+        candidate.machine, candidate.made, candidate.described = machine, True, True
+
     def by_score(self) -> list[str]:
         """Names of machines with a score, best first."""
         known = self.seen_machines.items()
@@ -208,18 +213,14 @@ def _read_arguments(text: str) -> Mapping[str, str]:
 
 def _read_check(notes: Notes, arguments: Mapping[str, str], answer: str) -> None:
     if made := _MADE.match(answer):
-        candidate = notes.at(made[1])
-        candidate.made = candidate.described = True
-        candidate.machine = read_machine(arguments["machine"], library()).machine
+        notes.make(made[1], read_machine(arguments["machine"], library()).machine)
 
 
 def _read_edit(notes: Notes, arguments: Mapping[str, str], answer: str) -> None:
     parent, script = notes.at(arguments["machine"]), arguments["script"]
     parent.tried.add(refining.normalise(script.split("\n")))
     if (made := _MADE.match(answer)) and parent.machine:
-        candidate = notes.at(made[1])
-        candidate.made = candidate.described = True
-        candidate.machine = apply_script(parent.machine, script, notes.prompt.brief).machine
+        notes.make(made[1], apply_script(parent.machine, script, notes.prompt.brief).machine)
 
 
 def _read_describe(notes: Notes, arguments: Mapping[str, str], answer: str) -> None:
