@@ -99,7 +99,8 @@ class RoleInput:
 def task_context(brief: Brief) -> dict[str, object]:
     """Template variables of the task, the block table and the rules on blocks."""
     kinds = [library()[kind] for kind in brief.blocks]
-    plain = _plain(kinds)
+    plain, greatest = _plain(kinds), brief.greatest
+    known = [] if greatest is None else [f"The greatest possible score is {greatest:g}."]
     return {
         **types_context(kinds),
         "task": {
@@ -111,7 +112,7 @@ def task_context(brief: Brief) -> dict[str, object]:
             ],
             "scene": brief.scene,
             "schedule": brief.schedule,
-            "score": [*brief.score, *_greatest_text(brief)],
+            "score": [*brief.score, *known],
         },
         "wishes": brief.wishes,
         "sketch": bool(brief.sketch),
@@ -176,18 +177,16 @@ def machine_context(
 
     `geometry_short` is the geometry without building points and positions of faces.
     """
-    shown = machine if spatial else None
-    written = list_text if representation == "tree" else _coordinates_text
+    shown, written = machine if spatial else None, ""
+    if machine:
+        tree = representation == "tree"
+        written = list_text(machine) if tree else machine_text(machine, representation)
     return {
         "representation": representation,
-        "machine": written(machine) if machine else "",
+        "machine": written,
         "geometry": describe_text(shown, brief) if shown else "",
         "geometry_short": describe_text(shown, brief, short=True) if shown else "",
     }
-
-
-def _coordinates_text(machine: Machine) -> str:
-    return machine_text(machine, "coordinates")
 
 
 def report_context(score: float | None, feedback: str) -> dict[str, object]:
@@ -214,7 +213,7 @@ def block_rows(kinds: Sequence[BlockType]) -> list[dict[str, object]]:
             {
                 "type": kind.type,
                 "name": kind.name,
-                "size": _join(kind.size, "x") if kind.size else "two-ended",
+                "size": "x".join(f"{n:g}" for n in kind.size) if kind.size else "two-ended",
                 "mass": f"{kind.mass:g}",
                 "faces": f"as type {same}" if repeated else _faces_text(kind.faces),
                 "function": block_functions()[kind.type],
@@ -250,14 +249,6 @@ def _faces_text(faces: Sequence[Face]) -> str:
         where = ",".join(axis[0] if len(set(axis)) == 1 else "/".join(axis) for axis in axes)
         groups.append(f"{direction} {' '.join(str(face.id) for face in members)} @{where}")
     return "; ".join(groups) or "none"
-
-
-def _join(numbers: Sequence[float], by: str) -> str:
-    return by.join(f"{number:g}" for number in numbers)
-
-
-def _greatest_text(brief: Brief) -> list[str]:
-    return [] if brief.greatest is None else [f"The greatest possible score is {brief.greatest:g}."]
 
 
 def _required_text(kind: int, count: int) -> str:

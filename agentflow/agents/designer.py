@@ -211,15 +211,8 @@ def _find_foreign_block(machine: Machine, given: DesignerInput) -> tuple[str, st
     return None
 
 
-@dataclass(frozen=True)
-class PlacerInput:
-    """A task; its brief holds the given structure."""
-
-    brief: Brief
-
-
-class Placer(Role[PlacerInput, DesignedMachine]):
-    """Adds blocks to a given structure."""
+class Placer(Role[RoleInput, DesignedMachine]):
+    """Adds blocks to the structure that a task gives."""
 
     name: ClassVar[str] = "placer"
     stage: ClassVar[str] = "initial"
@@ -229,10 +222,10 @@ class Placer(Role[PlacerInput, DesignedMachine]):
     script: ClassVar[Script] = Script(place_cogs, "Place cogs")
 
     @classmethod
-    def sample(cls, brief: Brief, machine: Machine) -> PlacerInput:  # noqa: ARG003
-        return PlacerInput(brief)
+    def sample(cls, brief: Brief, machine: Machine) -> RoleInput:  # noqa: ARG003
+        return RoleInput(brief)
 
-    def variables(self, given: PlacerInput) -> Mapping[str, object]:
+    def variables(self, given: RoleInput) -> Mapping[str, object]:
         brief, start = given.brief, given.brief.given
         kinds = {*brief.blocks, *(step.type for step in start.steps[1:])}
         return {
@@ -243,7 +236,7 @@ class Placer(Role[PlacerInput, DesignedMachine]):
             "first_step": json.dumps(start[0].to_json()),
         }
 
-    def parse(self, text: str, given: PlacerInput) -> Parsed[DesignedMachine]:
+    def parse(self, text: str, given: RoleInput) -> Parsed[DesignedMachine]:
         """Read the last machine of the reply, as the designer does."""
         parsed = Designer().parse(text, DesignerInput(given.brief))
         return parsed if parsed.parsed else replace(parsed, spatial=None)

@@ -47,23 +47,15 @@ class History:
     """Edits in order of time. If there are too many, the newest, best and worst are kept."""
 
     entries: tuple[EditRecord, ...] = ()
-    limit: int = LIMIT
-    """Maximum number of entries, at least 3: the best, the worst and the newest."""
-
-    def __post_init__(self) -> None:
-        if self.limit < 3:
-            raise ValueError(f"the history limit must be at least 3, not {self.limit}")
 
     def add(self, entry: EditRecord) -> History:
         """The history with one more entry; the oldest is dropped if there are too many."""
         number = self.entries[-1].number + 1 if self.entries else 1
-        entries = (*self.entries, replace(entry, number=number))
-        return replace(self, entries=_limit(entries, self.limit))
+        return History(_limit((*self.entries, replace(entry, number=number)), LIMIT))
 
     def renumbered(self, ids: Renumbering) -> History:
         """The history in the numbering after a further edit."""
-        entries = (replace(item, ids=follow(item.ids, ids)) for item in self.entries)
-        return replace(self, entries=tuple(entries))
+        return History(tuple(replace(it, ids=follow(it.ids, ids)) for it in self.entries))
 
     def to_text(self) -> str:
         """One paragraph per entry, oldest first; "" if empty."""

@@ -28,15 +28,11 @@ class QuerierInput(RoleInput):
     feedback: str = ""
 
 
-@dataclass(frozen=True)
-class Inquiry:
-    """The querier's queries, as raw JSON items. They are checked when they are answered."""
+class Querier(Role[QuerierInput, tuple[object, ...]]):
+    """Asks for recorded states of single blocks.
 
-    queries: tuple[object, ...]
-
-
-class Querier(Role[QuerierInput, Inquiry]):
-    """Asks for recorded states of single blocks."""
+    Queries stay raw JSON items: they are checked when they are answered.
+    """
 
     name: ClassVar[str] = "querier"
     stage: ClassVar[str] = "env_feedback"
@@ -55,7 +51,7 @@ class Querier(Role[QuerierInput, Inquiry]):
             "queries": True,
         }
 
-    def parse(self, text: str, given: QuerierInput) -> Parsed[Inquiry]:  # noqa: ARG002
+    def parse(self, text: str, given: QuerierInput) -> Parsed[tuple[object, ...]]:  # noqa: ARG002
         """Read the list of queries, which may be empty."""
         found = find_sections(text, (THOUGHT, QUERIES))
         if QUERIES not in found:
@@ -63,13 +59,13 @@ class Querier(Role[QuerierInput, Inquiry]):
             return Parsed(None, problem, "missing_section", parsed=False)
         wanted = found[QUERIES]
         if wanted.strip(" .`\n").casefold() in _NOTHING:
-            return Parsed(Inquiry(()))
+            return Parsed(())
         many, repaired = extract_json(wanted, list)
+        if many is None:
+            one, repaired = extract_json(wanted, dict)
+            many = one and [one]
         if many is not None:
-            return Parsed(Inquiry(tuple(many)), repaired=repaired)
-        one, repaired = extract_json(wanted, dict)
-        if one is not None:
-            return Parsed(Inquiry((one,)), repaired=repaired)
+            return Parsed(tuple(many), repaired=repaired)
         problem = (
             f"<{QUERIES}> contains no JSON list. Example: "
             '[{"id": 3, "duration": [0.0, 1.0], "properties": ["position"]}]'

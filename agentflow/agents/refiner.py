@@ -35,8 +35,6 @@ TRIED_STAGES = ("initial", "blind_refinement")
 """Stages whose machines get all trials of the task."""
 MAX_LINES = 30
 """Maximum number of verdicts shown for a failing script."""
-MAX_WIDTH = 200
-"""Maximum number of characters shown of a line of a script."""
 GEOMETRIC = frozenset(
     {"face_occupied", "overlap", "size_limit", "duplicate_connection", "too_many_parts"}
 )
@@ -182,12 +180,6 @@ def _judge(
 
 
 def verdict_text(steps: Sequence[StepVerdict]) -> str:
-    """One line per verdict: `Remove 7: Error (code: reason)`; later ones are only counted."""
-    lines = [
-        f"{step.text[:MAX_WIDTH] or '(no command)'}: {step.verdict}"
-        + (f" ({step.code}: {step.reason})" if step.code else "")
-        for step in steps
-    ]
-    if len(lines) <= MAX_LINES:
-        return "\n".join(lines)
-    return "\n".join([*lines[:MAX_LINES], f"... and {len(lines) - MAX_LINES} more"])
+    """One line per verdict; later ones are only counted."""
+    more = [f"... and {len(steps) - MAX_LINES} more"] if len(steps) > MAX_LINES else []
+    return "\n".join([*map(str, steps[:MAX_LINES]), *more])

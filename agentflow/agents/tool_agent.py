@@ -13,11 +13,7 @@ from agentflow.machine.tree import Machine
 NO_CALL = "The reply calls no tool."
 
 
-class AgentInput(RoleInput):
-    """A task."""
-
-
-class Agent(Role[AgentInput, str]):
+class Agent(Role[RoleInput, str]):
     """Designs machines with tools."""
 
     name: ClassVar[str] = "agent"
@@ -27,8 +23,8 @@ class Agent(Role[AgentInput, str]):
     replies: ClassVar[Replies] = "calls"
 
     @classmethod
-    def sample(cls, brief: Brief, machine: Machine) -> AgentInput:  # noqa: ARG003
-        return AgentInput(brief)
+    def sample(cls, brief: Brief, machine: Machine) -> RoleInput:  # noqa: ARG003
+        return RoleInput(brief)
 
     @classmethod
     def stage_for(cls, purpose: str) -> str:
@@ -40,11 +36,11 @@ class Agent(Role[AgentInput, str]):
         """It may be anywhere, because there is no field for it."""
         return expectations(text)
 
-    def variables(self, given: AgentInput) -> Mapping[str, object]:
+    def variables(self, given: RoleInput) -> Mapping[str, object]:
         start = given.brief.given
         return given.context(start if len(start) > 1 else None)
 
-    def parse(self, text: str, given: AgentInput) -> Parsed[str]:  # noqa: ARG002
+    def parse(self, text: str, given: RoleInput) -> Parsed[str]:  # noqa: ARG002
         """A reply without tool calls; it ends nothing by itself."""
         return Parsed(None, NO_CALL, "no_tool_call", parsed=False)
 

@@ -22,6 +22,7 @@ class BenchAction(Action):
     """A call of a tool."""
 
     tool: str
+    """Its name, as the brief lists it."""
     arguments: Mapping[str, Any] = Field(default_factory=dict)
     """By name, as the tool's JSON schema says."""
 
@@ -88,7 +89,9 @@ class BenchEnvironment(Environment[BenchAction, BenchObservation, BenchState]):
         self.close()
         session = self._session = self._benches.begin(task, seed, knobs)
         self._state = BenchState(episode_id=episode_id, task=task, seed=seed or 0)
-        return BenchObservation(text=session.brief, tools=[vars(spec) for spec in session.tools])
+        return BenchObservation(
+            text=session.bench.brief_text, tools=[vars(spec) for spec in session.bench.tools]
+        )
 
     def step(self, action: BenchAction, **_: object) -> BenchObservation:
         """Call a tool. Simulations have a limit of time of their own.
@@ -115,7 +118,9 @@ class BenchEnvironment(Environment[BenchAction, BenchObservation, BenchState]):
     def state(self) -> BenchState:
         """The session so far."""
         session = self._session
-        told = {"budget": session.budget, "submitted": session.submitted} if session else {}
+        told = (
+            {"budget": session.bench.budget_text, "submitted": session.submitted} if session else {}
+        )
         return BenchState(**{**self._state.model_dump(), **told})
 
     def close(self) -> None:

@@ -73,7 +73,7 @@ class BenchSession:
         self._temporary = TemporaryDirectory() if benches.out is None else None
         self._out = benches.out or Path(self._temporary.name if self._temporary else "")
         self._faulty = False
-        self._bench = self._scorer.wait_for(self._open())
+        self.bench = self._scorer.wait_for(self._open())
 
     async def _open(self) -> Bench:
         async def leave_unverified(_path: Path) -> bool:
@@ -90,29 +90,14 @@ class BenchSession:
         return DesignRun.create(self._config, self._out, options, "")
 
     @property
-    def tools(self) -> tuple[ToolSpec, ...]:
-        """The tools on offer."""
-        return self._bench.tools
-
-    @property
-    def brief(self) -> str:
-        """The task, the rules and the budget."""
-        return self._bench.brief_text
-
-    @property
-    def budget(self) -> str:
-        """What is left of the budget, in one sentence."""
-        return self._bench.budget_text
-
-    @property
     def submitted(self) -> str:
         """The submitted machine as JSON text; "" before that."""
-        return self._bench.submitted[-1].to_text() if self._bench.submitted else ""
+        return self.bench.submitted[-1].to_text() if self.bench.submitted else ""
 
     @property
     def lost(self) -> bool:
         """Whether a simulation or the run failed and nothing is submitted: no sample."""
-        return self._faulty and not self._bench.submitted
+        return self._faulty and not self.bench.submitted
 
     def call(self, tool: str, arguments: object) -> ToolResult:
         """Call a tool; what does not fit is refused. After the submission, those that only read
@@ -121,11 +106,11 @@ class BenchSession:
         Raises:
             AgentflowError: The run cannot go on.
         """
-        ended, faulty = self._bench.ended, self._faulty
-        answer = self._bench.review if ended else self._bench.call
+        ended, faulty = self.bench.ended, self._faulty
+        answer = self.bench.review if ended else self.bench.call
         self._faulty = True  # unless there is an answer
         result = self._scorer.wait_for(answer(tool, arguments))
-        if self._bench.ended and not ended:
+        if self.bench.ended and not ended:
             self._scorer.wait_for(self._session.finish())
         self._faulty = faulty or result.data.get("status") in FAULTS
         return result

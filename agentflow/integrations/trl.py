@@ -102,7 +102,7 @@ class BenchTools:
         """
         self._open.close()
         self.session = self._open.enter_context(closing(self._benches.begin(task, seed, knobs)))
-        return f"\n{self.session.budget}"
+        return f"\n{self.session.bench.budget_text}"
 
     def _call(self, tool: str, arguments: Mapping[str, Any]) -> str | list[dict[str, Any]]:
         result = self.session.call(tool, arguments)

@@ -69,6 +69,7 @@ class Filed:
 
 SearchEvent = Selected | Expanded | Simulated | BackedUp | ArchiveOpened | Filed
 Observer = Callable[[SearchEvent], None]
+"""Receives every event of a search."""
 
 
 def ignore(_event: SearchEvent) -> None:

@@ -13,6 +13,7 @@ from agentflow.search.elites.axes import Measurement
 from agentflow.search.pareto import Point
 
 C = TypeVar("C")
+"""A candidate."""
 
 
 @dataclass(frozen=True)

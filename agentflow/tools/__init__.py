@@ -1,7 +1,7 @@
 """The bench where agents work on a machine, and its tools; they know no transport and no engine."""
 
 from agentflow.tools.bench import READING, Bench
-from agentflow.tools.host import BenchHost, Shot, Simulation, ViewDirection
+from agentflow.tools.host import BenchHost, Shot, ViewDirection
 from agentflow.tools.results import ToolResult, ToolSpec
 
 __all__ = [
@@ -9,7 +9,6 @@ __all__ = [
     "Bench",
     "BenchHost",
     "Shot",
-    "Simulation",
     "ToolResult",
     "ToolSpec",
     "ViewDirection",

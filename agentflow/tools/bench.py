@@ -165,10 +165,9 @@ class Bench:
         self._calls += 1
         finished = asyncio.Event()
         self._unfinished.add(finished)
+        location = Location(self._workspace.stage, call=self._calls)
         try:
-            return await self._answer(
-                name, arguments, Location(self._workspace.stage, call=self._calls)
-            )
+            return await self._answer(name, arguments, location)
         finally:
             self._unfinished.remove(finished)
             finished.set()
@@ -176,17 +175,14 @@ class Bench:
     async def _answer(self, name: str, arguments: object, location: Location) -> ToolResult:
         """Carry out a call or refuse it, and record it."""
         given: Mapping[str, Any] = {}
-        code = ""
+        code, call = "", Call(self._workspace, location)
         try:
             if self.ended:
                 raise StageEnded
             given = _read_arguments(arguments)
-            result = await self._before_end(
-                self._find(name)(Call(self._workspace, location), given)
-            )
+            result = await self._before_end(self._find(name)(call, given))
         except RefusedCall as refused:
-            code = refused.code
-            result = refused.result
+            code, result = refused.code, refused.result
         self._note(location, name, given, result, code)
         return result
 

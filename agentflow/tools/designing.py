@@ -11,7 +11,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.description.geometry_info import describe as geometry_of
 from agentflow.machine.description.geometry_info import describe_text, joined_lines
 from agentflow.machine.description.statics_text import statics_text
-from agentflow.machine.edits.script import EditOutcome, StepVerdict, apply_script
+from agentflow.machine.edits.script import MAX_WIDTH, EditOutcome, apply_script
 from agentflow.machine.formats.detect import read_for
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.problems import Problem
@@ -23,8 +23,6 @@ from agentflow.tools.workspace import Call, KnownMachine, Workspace
 
 MAX_PROBLEMS = 12
 """Most problems and verdicts in a text; the data has all."""
-MAX_WIDTH = 200
-"""Most characters of a line of a script in a text."""
 
 JsonText = Annotated[
     str, BeforeValidator(lambda value: value if isinstance(value, str) else json.dumps(value))
@@ -92,7 +90,7 @@ async def edit(call: Call, machine: str, script: str) -> ToolResult:
     known = workspace.machines.find(machine)
     outcome = apply_script(known.machine, script, workspace.host.brief)
     if not outcome.success:
-        verdicts = _shorten(_verdict(step) for step in outcome.steps)
+        verdicts = _shorten(outcome.steps)
         text = f"The script failed, and machine {known.name} is unchanged:\n{verdicts}"
         code = next(step.code for step in outcome.steps if step.verdict == "Error")
         raise RefusedCall(text, code, verdicts=[step.to_json() for step in outcome.steps])
@@ -161,11 +159,6 @@ def _invalid(text: str, report: Report) -> RefusedCall:
 
 def _problem_data(problems: Sequence[Problem]) -> list[dict[str, object]]:
     return [problem.to_json() for problem in problems]
-
-
-def _verdict(step: StepVerdict) -> str:
-    reason = f" ({step.code}: {step.reason})" if step.code else ""
-    return f"{step.text[:MAX_WIDTH] or '(no command)'}: {step.verdict}{reason}"
 
 
 def _shorten(items: Any) -> str:

@@ -1,7 +1,7 @@
 """What a bench needs from the outside: simulations, pictures and a record."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from random import Random
 from typing import Any, Literal, Protocol
 
@@ -9,6 +9,7 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import RunEvent
 from agentflow.runs.locations import Location
+from agentflow.search.node import Evaluation
 
 ViewDirection = Literal["front", "side", "top", "iso"]
 """Directions of pictures: from ahead (z+), from the right (x+), from above, from above at the right
@@ -52,24 +53,71 @@ class Aims:
     """What they change, in a phrase."""
 
 
-class Simulation(Protocol):
-    """The result of a simulation."""
+@dataclass(frozen=True)
+class SimulationSummary:
+    """A simulation as workflows see it: the `details` of an evaluator's evaluation."""
+
+    score: float | None
+    status: str
+    """ok, invalid, diverged, timeout, crashed."""
+    feedback: str
+    """The default feedback, as models read it."""
+    broken: tuple[tuple[int, int, float], ...] = ()
+    """(block, partner, seconds since t = 0) of each broken connection."""
+    digest: str | None = None
+    """Hash of every recorded state."""
+    moved: float | None = None
+    """Largest displacement of any block's centre from its start, m; None without states."""
+    mechanism: str | None = None
+    """Class of the machine's mechanism; None if the simulation does not show it."""
+    success: bool | None = None
+    """Whether the task's criterion of success is met; None if it has none."""
+    met: tuple[int, int] | None = None
+    """How many requirements are met, of how many; None without any."""
+    facts: Mapping[str, str] = field(default_factory=dict)
+    """What edit histories report besides the score: name -> value."""
+
+
+class Evaluator(Protocol):
+    """Simulates machines for the task of a run."""
+
+    async def evaluate(self, machine: Machine, label: str) -> Evaluation:
+        """Simulate a machine; the result's `details` are a `SimulationSummary`."""
 
     @property
-    def score(self) -> float | None:
-        """None if the simulation crashed or timed out."""
+    def aims(self) -> Aims:
+        """What a score is worth, and how the final one is made."""
 
-    @property
-    def status(self) -> str:
-        """ok, invalid, diverged, timeout, crashed."""
+    def count_changes(self, machine: Machine) -> int:
+        """How many simulations `verified` takes."""
 
-    @property
-    def feedback(self) -> str:
-        """What happened, as text."""
+    async def verified(self, machine: Machine) -> Told:
+        """How the score of an evaluated machine holds under small changes: `score`, `low`, `high`
+        and `scores` as data, as in the result of a run; without a score if one timed out."""
 
-    @property
-    def broken(self) -> Sequence[tuple[int, int, float]]:
-        """(block, partner, seconds since t = 0) of each broken connection."""
+    async def feedback(self, machine: Machine, trial: int) -> Told:
+        """What happened in the simulation of an evaluated machine.
+
+        Args:
+            machine: The machine.
+            trial: Number of the trial to tell about, from 1; 0 for the usual one.
+
+        Raises:
+            UsageError: There is no such trial.
+        """
+
+    async def query(self, machine: Machine, queries: Sequence[object]) -> Told:
+        """Recorded states of an evaluated machine; see `BenchHost.query`."""
+
+    async def views(self, machine: Machine) -> tuple[str, ...]:
+        """Pictures of a machine as built, as PNG data URLs; always the same bytes."""
+
+    async def look(self, machine: Machine, shot: Shot) -> bytes:
+        """A PNG picture with axes, scale and block ids.
+
+        Raises:
+            UsageError: There is no such time, trial, or nothing such to follow.
+        """
 
 
 class BenchHost(Protocol):
@@ -84,35 +132,17 @@ class BenchHost(Protocol):
         """The task, the blocks and the rules as designers see them."""
 
     @property
-    def aims(self) -> Aims:
-        """What a score is worth, and how the final one is made."""
+    def evaluator(self) -> Evaluator:
+        """Simulates, tells of simulations and draws pictures, of which nothing is recorded."""
 
     def stream(self, name: str) -> Random:
         """A random stream for one purpose, derived from the run's seed and the name."""
 
-    def simulated(self, machine: Machine) -> Simulation | None:
+    def simulated(self, machine: Machine) -> SimulationSummary | None:
         """The result of a finished simulation; None without one."""
 
-    async def simulate(self, machine: Machine, location: Location) -> Simulation:
+    async def simulate(self, machine: Machine, location: Location) -> SimulationSummary:
         """Simulate a machine once; concurrent calls share it until the last one is cancelled."""
-
-    def count_changes(self, machine: Machine) -> int:
-        """How many simulations verifying a simulated machine takes."""
-
-    async def verify(self, machine: Machine) -> Told:
-        """How the score of a simulated machine holds under small changes: `score`, `low`, `high`
-        and `scores` as data, as in the result of a run; without a score if one timed out."""
-
-    async def feedback(self, machine: Machine, trial: int) -> Told:
-        """What happened in the simulation of a simulated machine.
-
-        Args:
-            machine: The machine.
-            trial: Number of the trial to tell about, from 1; 0 for the usual one.
-
-        Raises:
-            UsageError: There is no such trial.
-        """
 
     async def query(
         self, machine: Machine, queries: Sequence[object], location: Location | None
@@ -120,13 +150,6 @@ class BenchHost(Protocol):
         """Recorded states of a simulated machine, as tables and as a list with one item for each
         query; a query may name a `trial` and an `interval` between rows, s. Without a location, the
         run does not record it."""
-
-    async def look(self, machine: Machine, shot: Shot) -> bytes:
-        """A PNG picture of a machine.
-
-        Raises:
-            UsageError: There is no such time, trial, or nothing such to follow.
-        """
 
     def save(self, machine: Machine) -> None:
         """Store a machine by its content hash; the same machine may come twice."""

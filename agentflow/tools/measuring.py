@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field, WithJsonSchema
 
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
-from agentflow.tools.host import Shot, Simulation, Told, ViewDirection
+from agentflow.tools.host import Shot, SimulationSummary, Told, ViewDirection
 from agentflow.tools.results import RefusedCall, ToolResult, brief_numbers
 from agentflow.tools.workspace import Call, KnownMachine, Workspace, require_complete
 
@@ -153,7 +153,7 @@ def _moment_text(data: Mapping[str, Any]) -> str:
     return f"{left}{data['moment']['time']:.2f} s"
 
 
-def _is_greatest(workspace: Workspace, result: Simulation) -> bool:
+def _is_greatest(workspace: Workspace, result: SimulationSummary) -> bool:
     greatest = workspace.host.brief.greatest
     return greatest is not None and result.score is not None and result.score >= greatest
 
@@ -237,7 +237,7 @@ async def look(
     shot = Shot(view, times, follow, within, trial)
     with pictures.using() if times else nullcontext():
         try:
-            image = await workspace.host.look(known.machine, shot)
+            image = await workspace.host.evaluator.look(known.machine, shot)
         except UsageError as error:
             raise RefusedCall(str(error)) from None
     seconds = ", ".join(f"{each:g}" for each in times)
@@ -270,7 +270,7 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
     return _counted(workspace, text, {"machine": known.name, "ended": workspace.ended.is_set()})
 
 
-async def _simulate(call: Call, machines: Sequence[Machine]) -> list[Simulation]:
+async def _simulate(call: Call, machines: Sequence[Machine]) -> list[SimulationSummary]:
     for machine in machines:
         require_complete(machine, call.workspace.host.brief)
     return await call.workspace.simulate(machines, call.location)
@@ -289,12 +289,12 @@ def _simulated(workspace: Workspace, name: str) -> KnownMachine:
 async def _feedback(workspace: Workspace, machine: Machine, trial: int) -> Told:
     """What happened to a simulated machine, or refuse a trial that does not exist."""
     try:
-        return await workspace.host.feedback(machine, trial)
+        return await workspace.host.evaluator.feedback(machine, trial)
     except UsageError as error:
         raise RefusedCall(str(error)) from None
 
 
-def _result_text(result: Simulation) -> str:
+def _result_text(result: SimulationSummary) -> str:
     score = "no score" if result.score is None else f"score {result.score:.2f}"
     ended = "" if result.status == "ok" else f" ({result.status})"
     return f"{score}{ended}."

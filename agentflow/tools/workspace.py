@@ -12,7 +12,7 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import problems_of
 from agentflow.runs.locations import Location, StageName
-from agentflow.tools.host import BenchHost, Simulation, Told
+from agentflow.tools.host import BenchHost, SimulationSummary, Told
 from agentflow.tools.results import RefusedCall, StageEnded
 
 DIGITS = 8
@@ -87,7 +87,7 @@ def require_complete(machine: Machine, brief: Brief) -> None:
         )
 
 
-def _result(found: Simulation | BaseException) -> Simulation:
+def _result(found: SimulationSummary | BaseException) -> SimulationSummary:
     """What a simulation found, or raise its error."""
     if isinstance(found, BaseException):
         raise found
@@ -189,11 +189,13 @@ class Workspace:
         self.host.save(machine)
         return known
 
-    def result_of(self, machine: Machine) -> Simulation | None:
+    def result_of(self, machine: Machine) -> SimulationSummary | None:
         """The simulation of a machine, as far as this stage may know it."""
         return None if self.budget.simulations is None else self.host.simulated(machine)
 
-    async def simulate(self, machines: Sequence[Machine], location: Location) -> list[Simulation]:
+    async def simulate(
+        self, machines: Sequence[Machine], location: Location
+    ) -> list[SimulationSummary]:
         """Simulate different machines at once.
 
         New ones are charged to the budget, all or none, unless every call for one is cancelled.
@@ -221,14 +223,14 @@ class Workspace:
         also how many those were."""
         simulations = self.budget.simulations
         assert simulations is not None, "only simulated machines are verified"
-        cost = 0 if known.verified else self.host.count_changes(known.machine)
+        cost = 0 if known.verified else self.host.evaluator.count_changes(known.machine)
         if cost > simulations.left:
             raise RefusedCall(
                 f"verifying machine {known.name} takes {cost} simulations, and {simulations.left} "
                 "are left; `submit` it: the best machine is verified in the end"
             )
         with simulations.using(cost):
-            told = await self.host.verify(known.machine)
+            told = await self.host.evaluator.verified(known.machine)
         if told.data["score"] is None or (cost and known.verified):
             simulations.give_back(cost)
             cost = 0
@@ -238,7 +240,7 @@ class Workspace:
     def charge_changes(self, known: KnownMachine) -> None:
         """Charge a verification that an earlier process has made."""
         if self.budget.simulations and not known.verified:
-            self.budget.simulations.take(self.host.count_changes(known.machine))
+            self.budget.simulations.take(self.host.evaluator.count_changes(known.machine))
             known.verified = True
 
     def require_submittable(self, known: KnownMachine) -> None:
@@ -272,7 +274,7 @@ class Workspace:
             if budget.simulations
             else "Machines that you submit are simulated once this stage is over."
         )
-        aims = self.host.aims
+        aims = self.host.evaluator.aims
         told += f" A good score is {aims.good:g}." if aims.good is not None else ""
         told += f" The best known one is {aims.record:g}." if aims.record is not None else ""
         more = f"{budget.stages_left} more stage{'s' * (budget.stages_left > 1)}"
@@ -282,7 +284,7 @@ class Workspace:
     @property
     def _final_score(self) -> str:
         """Which machine counts, and how."""
-        aims = self.host.aims
+        aims = self.host.evaluator.aims
         if not aims.most_changes:
             return "The best submitted machine is the result."
         now = " `verify` does this now, at their cost; for the result, it is free."

@@ -14,70 +14,11 @@ from agentflow.runs.locations import StageName
 from agentflow.search.node import Evaluation, SearchCost
 from agentflow.search.pareto import ranks
 from agentflow.search.tree import is_better
-from agentflow.tools.host import Aims, Shot, Told
 
 GREATEST: Final = "greatest score"
 """Why a search or a run ended: a machine has the greatest possible score of the task."""
 AskContexts = Callable[[str], AskContext]
 """Role name -> client, prompts and sampling to ask the role with."""
-
-
-@dataclass(frozen=True)
-class SimulationSummary:
-    """A simulation as workflows see it: the `details` of an evaluator's evaluation."""
-
-    score: float | None
-    status: str
-    """ok, invalid, diverged, timeout, crashed."""
-    feedback: str
-    """The default feedback, as models read it."""
-    broken: tuple[tuple[int, int, float], ...] = ()
-    """(block, partner, seconds since t = 0) of each broken connection."""
-    digest: str | None = None
-    """Hash of every recorded state."""
-    moved: float | None = None
-    """Largest displacement of any block's centre from its start, m; None without states."""
-    mechanism: str | None = None
-    """Class of the machine's mechanism; None if the simulation does not show it."""
-    success: bool | None = None
-    """Whether the task's criterion of success is met; None if it has none."""
-    met: tuple[int, int] | None = None
-    """How many requirements are met, of how many; None without any."""
-    facts: Mapping[str, str] = field(default_factory=dict)
-    """What edit histories report besides the score: name -> value."""
-
-
-class Evaluator(Protocol):
-    """Simulates machines for the task of a run."""
-
-    async def evaluate(self, machine: Machine, label: str) -> Evaluation:
-        """Simulate a machine; the result's `details` are a `SimulationSummary`."""
-
-    @property
-    def aims(self) -> Aims:
-        """What a score is worth, and how the final one is made."""
-
-    def count_changes(self, machine: Machine) -> int:
-        """How many simulations `verified` takes."""
-
-    async def verified(self, machine: Machine) -> Told:
-        """How the score of an evaluated machine holds; see `BenchHost.verify`."""
-
-    async def feedback(self, machine: Machine, trial: int) -> Told:
-        """What happened in a trial of an evaluated machine; see `BenchHost.feedback`."""
-
-    async def query(self, machine: Machine, queries: Sequence[object]) -> Told:
-        """Answer queries on the recorded states of a machine; see `BenchHost.query`."""
-
-    async def views(self, machine: Machine) -> tuple[str, ...]:
-        """Pictures of a machine as built, as PNG data URLs; always the same bytes."""
-
-    async def look(self, machine: Machine, shot: Shot) -> bytes:
-        """A PNG picture with axes, scale and block ids.
-
-        Raises:
-            UsageError: The machine's rollout has no such time, or nothing such to follow.
-        """
 
 
 class Record(Protocol):

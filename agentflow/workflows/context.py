@@ -9,10 +9,10 @@ from typing import Any, TypeVar
 
 from agentflow.agents.analyst import Analyst
 from agentflow.agents.base import AskContext, Role, RoleAttempt, RoleOutcome, ask
-from agentflow.agents.context import Elsewhere
+from agentflow.agents.context import Elsewhere, RoleInput
 from agentflow.agents.refiner import Refinement
 from agentflow.agents.registry import ROLES, with_model
-from agentflow.agents.tool_agent import Agent, AgentInput, take_turn
+from agentflow.agents.tool_agent import Agent, take_turn
 from agentflow.errors import BudgetSpentError, DamagedError
 from agentflow.llm.messages import Message, Tool
 from agentflow.machine.blocks.library import library
@@ -35,16 +35,14 @@ from agentflow.runs.locations import FEEDBACK, INITIAL, Location, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
 from agentflow.search.strategies import searches_whole_run
-from agentflow.tools.host import Aims, Shot, Told
+from agentflow.tools.host import Evaluator, SimulationSummary, Told
 from agentflow.workflows.base import (
     GREATEST,
     AskContexts,
     Candidate,
-    Evaluator,
     Finalist,
     Maker,
     Record,
-    SimulationSummary,
     Stage,
     WorkflowResult,
     find_best,
@@ -97,7 +95,7 @@ class WorkflowContext:
         self.makers: tuple[Maker, ...] = ()
         """Set by a search over the whole run."""
         self._workflow, self._contexts, self._seed = workflow, contexts, seed
-        self._evaluator, self._record = evaluator, record
+        self.evaluator, self._record = evaluator, record
         self._evaluations: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
         self._stages: list[Stage] = []
         self._opened = settings.trajectories
@@ -263,28 +261,11 @@ class WorkflowContext:
             raise DamagedError(f"machines/{digest}.json of the run is damaged")
         return machine
 
-    @property
-    def aims(self) -> Aims:
-        """What a score is worth, and how the final one is made."""
-        return self._evaluator.aims
-
-    def count_changes(self, machine: Machine) -> int:
-        """How many simulations verifying an evaluated machine takes."""
-        return self._evaluator.count_changes(machine)
-
-    async def verify(self, machine: Machine) -> Told:
-        """How the score of an evaluated machine holds under small changes."""
-        return await self._evaluator.verified(machine)
-
-    async def feedback(self, machine: Machine, trial: int) -> Told:
-        """What happened in a trial of an evaluated machine."""
-        return await self._evaluator.feedback(machine, trial)
-
     async def query(
         self, machine: Machine, queries: Sequence[object], location: Location | None
     ) -> Told:
         """Answer queries on an evaluated machine, recorded at the location of the querier."""
-        answer = await self._evaluator.query(machine, queries)
+        answer = await self.evaluator.query(machine, queries)
         if location is not None:
             self.note(QueryEvent(location, machine.digest, list(queries), answer.text))
         return answer
@@ -318,11 +299,7 @@ class WorkflowContext:
 
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Pictures of a machine for a refiner; none if vision is switched off."""
-        return await self._evaluator.views(machine) if self.settings.vision else ()
-
-    async def look(self, machine: Machine, shot: Shot) -> bytes:
-        """A picture of a machine, as PNG."""
-        return await self._evaluator.look(machine, shot)
+        return await self.evaluator.views(machine) if self.settings.vision else ()
 
     def prompts_of(self, role: Role[In, Out], given: In) -> tuple[str, str]:
         """The system and the user prompt of a role."""
@@ -332,7 +309,7 @@ class WorkflowContext:
     @property
     def brief_text(self) -> str:
         """The user prompt of an agent: the task, the blocks and the rules."""
-        return self.prompts_of(Agent(), AgentInput(**self.role_input))[1]
+        return self.prompts_of(Agent(), RoleInput(**self.role_input))[1]
 
     def begin_stage(self, name: StageName) -> None:
         """Open a stage; a second call, for another trajectory, does nothing."""
@@ -407,7 +384,7 @@ class WorkflowContext:
 
     async def _evaluate(self, machine: Machine, label: str) -> Evaluation:
         self.save(machine)
-        evaluation = await self._evaluator.evaluate(machine, label)
+        evaluation = await self.evaluator.evaluate(machine, label)
         greatest, reward = self.brief.greatest, evaluation.reward
         reached = greatest is not None and reward is not None and reward >= greatest
         alone = evaluation.objectives is None  # else smaller machines are better still

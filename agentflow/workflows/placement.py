@@ -5,7 +5,8 @@ Nothing is refined; the result counts how many attempts succeed.
 
 from dataclasses import replace
 
-from agentflow.agents.designer import Placer, PlacerInput
+from agentflow.agents.context import RoleInput
+from agentflow.agents.designer import Placer
 from agentflow.machine.brief import Brief
 from agentflow.runs.locations import INITIAL, RANDOM_EDITS, Location
 from agentflow.search.concurrency import run_concurrently
@@ -25,7 +26,7 @@ async def placement(run: WorkflowContext) -> WorkflowResult:
     brief = _brief(run)
 
     async def place(attempt: int) -> Candidate:
-        asked, given = Location(Placer.name, trajectory=attempt), PlacerInput(brief)
+        asked, given = Location(Placer.name, trajectory=attempt), RoleInput(brief)
         outcome = await run.ask(Placer(), given, asked, stage=INITIAL, once=True)
         return candidate_of(attempt, outcome)
 

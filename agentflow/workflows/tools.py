@@ -5,7 +5,8 @@ import base64
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
 
-from agentflow.agents.tool_agent import Agent, AgentInput
+from agentflow.agents.context import RoleInput
+from agentflow.agents.tool_agent import Agent
 from agentflow.llm.messages import Message, Tool, ToolCall
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, CandidateEvent, RunEvent
@@ -129,7 +130,7 @@ def converse(run: WorkflowContext) -> Worker:
 
     async def work(bench: Bench, stage: StageName) -> None:
         tools = [Tool(**vars(spec)) for spec in bench.tools]
-        system, _ = run.prompts_of(Agent(), AgentInput(**run.role_input))
+        system, _ = run.prompts_of(Agent(), RoleInput(**run.role_input))
         messages = [
             Message(role="system", text=system),
             Message(role="user", text=bench.brief_text),

@@ -9,7 +9,8 @@ from agentflow.errors import ConfigError
 from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.search.settings import INDEPENDENT, MAP_ELITES
 from agentflow.search.strategies import deals_budget
-from agentflow.workflows.base import AskContexts, Evaluator, Record, WorkflowResult
+from agentflow.tools.host import Evaluator
+from agentflow.workflows.base import AskContexts, Record, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 

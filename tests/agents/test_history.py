@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import pytest
-
 from agentflow.agents.history import EditRecord, History
 
 
-def _history(scores: list[float | None], limit: int = 20) -> History:
-    history = History(limit=limit)
+def _history(scores: list[float | None]) -> History:
+    history = History()
     for i, score in enumerate(scores):
         history = history.add(EditRecord(f"Remove {i}", "Success", before=1.0, after=score))
     return history
@@ -98,8 +96,8 @@ def test_newest_best_and_worst_stay() -> None:
 
 
 def test_earlier_of_equals_is_the_best() -> None:
-    history = _history([1.0, 2.0, 2.0, 1.0, 1.5, 1.5], limit=4)
-    assert [item.number for item in history.entries] == [1, 2, 5, 6]
+    history = _history([1.0, 2.0, 2.0, 1.0, *[1.5] * 18])
+    assert [item.number for item in history.entries] == [1, 2, *range(5, 23)]
 
 
 def test_long_scripts_are_cut() -> None:
@@ -108,8 +106,3 @@ def test_long_scripts_are_cut() -> None:
     assert len(lines) == 22
     assert lines[1] == "   " + "x" * 300
     assert lines[-1] == "   ..."
-
-
-def test_limit() -> None:
-    with pytest.raises(ValueError, match="the history limit must be at least 3, not 2"):
-        History(limit=2)

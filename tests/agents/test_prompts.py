@@ -12,7 +12,8 @@ from itertools import product
 import pytest
 
 from agentflow.agents.base import Role, chat_prompt
-from agentflow.agents.designer import Designer, DesignerInput, Placer, PlacerInput
+from agentflow.agents.context import RoleInput
+from agentflow.agents.designer import Designer, DesignerInput, Placer
 from agentflow.agents.history import EditRecord, History
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
@@ -67,13 +68,13 @@ def _inputs(brief: Brief) -> Iterator[tuple[Role[object, object], object]]:
     yield Refiner(), replace(FULL, brief=brief, format="whole_machine", spatial=False)
     yield Refiner(), replace(FULL, brief=brief, images=("data:image/png;base64,",))
     if brief.given != LONE_ROOT:
-        yield Placer(), PlacerInput(brief)
+        yield Placer(), RoleInput(brief)
 
 
 def _in_coordinates(brief: Brief) -> Iterator[tuple[Role[object, object], object]]:
     """The questions that show or ask for a machine, with machines in coordinates."""
     for role, given in _inputs(brief):
-        if not isinstance(given, MetaDesignerInput | PlacerInput):
+        if not isinstance(role, MetaDesigner | Placer):
             yield role, replace(given, representation="coordinates")  # type: ignore[type-var]
 
 

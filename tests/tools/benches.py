@@ -12,13 +12,13 @@ from agentflow.app.design.evaluator import PhysicsEvaluator
 from agentflow.app.design.replay import MemoryRecord
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.prompts.render import PromptSet
 from agentflow.runs.locations import FEEDBACK, StageName
 from agentflow.tools.bench import Bench
 from agentflow.tools.workspace import Allowance, KnownMachines, StageBudget
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
+from tests.scripted import ScriptedClient
 
 CAR = Path("examples/car.json").read_text(encoding="utf-8")
 

@@ -13,7 +13,6 @@ from agentflow.agents.base import AskContext
 from agentflow.agents.replies import machine_items
 from agentflow.llm.messages import Client, Reply, Request, ToolCall, Usage
 from agentflow.llm.procedural.reading import read_listing
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import Budget, BudgetClient, BudgetSettings
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.coordinates import read_coordinates
@@ -23,10 +22,11 @@ from agentflow.prompts.render import PromptSet
 from agentflow.runs.events import RunEvent
 from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.node import Evaluation
-from agentflow.tools.host import Aims, Shot, Told
-from agentflow.workflows.base import SimulationSummary, WorkflowResult
+from agentflow.tools.host import Aims, Shot, SimulationSummary, Told
+from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
+from tests.scripted import ScriptedClient
 
 BRIEF = Brief(
     name="movement",

@@ -11,15 +11,15 @@ import pytest
 
 from agentflow.agents.refiner import Refiner
 from agentflow.llm.messages import Reply, Request
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.machine.tree import Machine
 from agentflow.runs.locations import FEEDBACK
 from agentflow.search.node import Evaluation, Node
-from agentflow.workflows.base import SimulationSummary
+from agentflow.tools.host import SimulationSummary
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.feedback import Revision, Trajectory
+from tests.scripted import ScriptedClient
 from tests.workflows.fakes import BRIEF, Author, Run, Script, Shelf, edit, fenced, machine, steps
 
 SEARCH = {"rounds": 2, "width": 2, "request_rounds": 2}

@@ -14,23 +14,23 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.procedural import ProceduralClient
-from agentflow.llm.scripted import ScriptedClient
 from agentflow.machine.geometry.gears import gear_trains, meshing_pairs
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step
 from agentflow.prompts.render import PromptSet
 from agentflow.runs.events import RunEvent
 from agentflow.search.node import Evaluation
+from agentflow.tools.host import SimulationSummary
 from agentflow.workflows.base import (
     Candidate,
     FirstAttempt,
-    SimulationSummary,
     Stage,
     WorkflowResult,
     count_passes,
 )
 from agentflow.workflows.registry import WORKFLOWS, check_fit
 from agentflow.workflows.settings import WorkflowSettings
+from tests.scripted import ScriptedClient
 
 TASK = get_task("gearing")
 BRIEF = TASK.brief

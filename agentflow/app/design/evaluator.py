@@ -36,8 +36,7 @@ from agentflow.machine import Machine, library, place
 from agentflow.machine.geometry.balance import mass
 from agentflow.machine.requirements import met_of
 from agentflow.search.node import Evaluation
-from agentflow.tools.host import Aims, Shot, Told
-from agentflow.workflows.base import SimulationSummary
+from agentflow.tools.host import Aims, Shot, SimulationSummary, Told
 from agentflow.workflows.settings import Objective
 
 PICTURE = (1440, 720)

@@ -61,9 +61,8 @@ def resources(bench: Bench | None, events: str) -> list[types.Resource]:
     """What a client can read now, at a bench or after the last one."""
     found = []
     if bench:
-        found.append(
-            types.Resource(name="brief", uri=BRIEF, description="The task.", mime_type=TEXT)
-        )
+        task = types.Resource(name="brief", uri=BRIEF, description="The task.", mime_type=TEXT)
+        found.append(task)
     if events:
         about = "What has happened in this run, one JSON object per line."
         found.append(types.Resource(name="events", uri=EVENTS, description=about, mime_type=LINES))

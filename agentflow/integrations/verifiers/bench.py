@@ -61,7 +61,7 @@ class BenchTools(vf.Toolset[BenchConfig, DesignState]):
 
     def register(self, mcp: Any) -> None:
         """Offer the tools of the bench, with their own schemas."""
-        for spec in self._session.tools:
+        for spec in self._session.bench.tools:
             mcp.add_tool(self._with_state(self._function(spec)), spec.name, None, spec.description)
 
     def _function(self, spec: ToolSpec) -> Callable[..., Awaitable[CallToolResult]]:

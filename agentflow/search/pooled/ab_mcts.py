@@ -63,30 +63,33 @@ class AdaptiveBranching(PooledStrategy):
         """Descend from the root until a new child is drawn, or a node without children is met."""
         scores = Scores(pool)
         begun = [scores.of_branch(branch) for branch in pool.branches]
-        wider = self._goes_wider([own for own, _ in begun], [deep for _, deep in begun], rng)
-        if wider and not pool.is_full:
+        if _goes_wider(begun, rng) and not pool.is_full:
             return Choice(draw_arm(scores, pool.openers, rng))
-        drawn = [Posterior.given([own, *deep]).draw(rng) for own, deep in begun]
-        branch = pool.branches[drawn.index(max(drawn))]
+        branch = pool.branches[_draw_best([[own, *deep] for own, deep in begun], rng)]
         if branch.tree is None or not pool.arms:
             return None if pool.is_full else Choice(draw_arm(scores, pool.openers, rng))
         node = branch.tree.nodes[0]
         while node.children:
             children = [branch.tree.nodes[id_] for id_ in node.children]
             found = [(scores.of(child), scores.below(branch, child)) for child in children]
-            if self._goes_wider([own for own, _ in found], [deep for _, deep in found], rng):
+            if _goes_wider(found, rng):
                 return Choice(draw_arm(scores, pool.arms, rng), branch.number, node.id)
-            drawn = [Posterior.given([own, *deep]).draw(rng) for own, deep in found]
-            node = children[drawn.index(max(drawn))]
-        self._goes_wider([], [], rng)  # the reference draws here as well
+            node = children[_draw_best([[own, *deep] for own, deep in found], rng)]
+        _goes_wider([], rng)  # the reference draws here as well
         return Choice(draw_arm(scores, pool.arms, rng), branch.number, node.id)
 
-    def _goes_wider(
-        self, children: Sequence[float], deeper: Iterable[Sequence[float]], rng: Random
-    ) -> bool:
-        wider = Posterior.given(children).draw(rng)
-        beyond = Posterior.given([score for scores in deeper for score in scores]).draw(rng)
-        return wider >= beyond or not children
+
+def _goes_wider(children: Sequence[tuple[float, Sequence[float]]], rng: Random) -> bool:
+    """Whether to make a new child, given the scores of the others and of all below each."""
+    wider = Posterior.given([own for own, _ in children]).draw(rng)
+    beyond = Posterior.given([score for _, deep in children for score in deep]).draw(rng)
+    return wider >= beyond or not children
+
+
+def _draw_best(of: Iterable[Sequence[float]], rng: Random) -> int:
+    """The number of the highest draw from the posteriors of some scores."""
+    drawn = [Posterior.given(scores).draw(rng) for scores in of]
+    return drawn.index(max(drawn))
 
 
 class Scores:
@@ -130,5 +133,4 @@ def draw_arm(scores: Scores, arms: Sequence[str], rng: Random) -> str:
     """Who makes a child; drawn by the scores of all that each has made."""
     if len(arms) == 1:
         return arms[0]
-    drawn = [Posterior.given(scores.by_arm.get(arm, ())).draw(rng) for arm in arms]
-    return arms[drawn.index(max(drawn))]
+    return arms[_draw_best((scores.by_arm.get(arm, ()) for arm in arms), rng)]

@@ -20,7 +20,8 @@ from agentflow.runs.events import FLAWLESS, FirstAttempt, InspectionEvent
 from agentflow.runs.locations import BLIND, INITIAL, Location, StageName
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Evaluation
-from agentflow.workflows.base import Candidate, SimulationSummary
+from agentflow.tools.host import SimulationSummary
+from agentflow.workflows.base import Candidate
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 
@@ -187,7 +188,7 @@ async def refine_blindly(
         machine=candidate.machine,
         blueprint=blueprint,
         critique=critique,
-        **_simulation_of(run, candidate),
+        **(_shown(run, candidate.evaluation) if run.settings.simulate_first else {}),
         format=run.settings.refinement,
         images=await run.views(candidate.machine),
     )
@@ -217,15 +218,10 @@ def with_result(edit: EditRecord, after: Evaluation) -> EditRecord:
     return replace(edit, after=after.score, facts=(edit.facts[0], after.details.facts))
 
 
-def _simulation_of(run: WorkflowContext, candidate: Candidate) -> dict[str, Any]:
-    """Score and feedback of a designed machine, as far as the settings show them."""
-    if not run.settings.simulate_first or candidate.evaluation is None:
-        return {}
-    return _shown(run, candidate.evaluation)
-
-
-def _shown(run: WorkflowContext, evaluation: Evaluation) -> dict[str, Any]:
+def _shown(run: WorkflowContext, evaluation: Evaluation | None) -> dict[str, Any]:
     """Score and feedback of a simulation for a refiner, as far as the settings show them."""
+    if evaluation is None:
+        return {}
     summary: SimulationSummary = evaluation.details
     told = "" if run.settings.feedback == "score_only" else summary.feedback
     return {"score": evaluation.score, "feedback": told}

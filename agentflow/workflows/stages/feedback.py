@@ -20,7 +20,8 @@ from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Attempt, Evaluation, Node, SearchResult
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.strategies import extras
-from agentflow.workflows.base import Candidate, SimulationSummary
+from agentflow.tools.host import SimulationSummary
+from agentflow.workflows.base import Candidate
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages import designs
 from agentflow.workflows.stages.local_trials import Explored, Tried, explore
@@ -220,9 +221,18 @@ class Trajectory:
         return self._explored[node.id].gain if edited else None
 
     async def _query(self, node: Node[Revision]) -> None:
-        """Ask the querier about a node, once."""
-        if self._run.settings.asks_querier and node.id not in self._queried:
-            self._queried[node.id] = await self._inquire(node)
+        """Ask the querier about a node, once; "" is what a reply without a valid query tells."""
+        run, machine = self._run, node.candidate.machine
+        if not run.settings.asks_querier or node.id in self._queried:
+            return
+        given = QuerierInput(
+            **run.role_input, machine=machine, score=node.evaluation.score, feedback=_feedback(node)
+        )
+        location = Location(Querier.name, trajectory=self._number, node=node.id)
+        outcome = await run.ask(Querier(), given, location, stage=FEEDBACK)
+        queries = outcome and outcome.output
+        told = (await run.query(machine, queries, location)).text if queries else ""
+        self._queried[node.id] = told
 
     async def _explore(self, node: Node[Revision], edited: list[Machine]) -> None:
         """Simulate the machines of the local trials of a node."""
@@ -341,18 +351,6 @@ class Trajectory:
                 tried = designs.with_result(child.edit, self.evaluations[child.machine])
                 history = history.add(replace(tried, ids={}))
         return history
-
-    async def _inquire(self, node: Node[Revision]) -> str:
-        """Ask the querier about a node; "" if there is no valid reply or no query in it."""
-        run, machine = self._run, node.candidate.machine
-        given = QuerierInput(
-            **run.role_input, machine=machine, score=node.evaluation.score, feedback=_feedback(node)
-        )
-        location = Location(Querier.name, trajectory=self._number, node=node.id)
-        outcome = await run.ask(Querier(), given, location, stage=FEEDBACK)
-        if outcome is None or outcome.output is None or not outcome.output.queries:
-            return ""
-        return (await run.query(machine, outcome.output.queries, location)).text
 
 
 def _verdict(attempt: Attempt[Revision]) -> str:

@@ -22,7 +22,7 @@ from agentflow.runs.events import MemoryEvent, RememberedMachine, RememberedMech
 from agentflow.runs.locations import FEEDBACK, Location
 from agentflow.search.node import Evaluation
 from agentflow.search.tree import is_better
-from agentflow.workflows.base import SimulationSummary
+from agentflow.tools.host import SimulationSummary
 from agentflow.workflows.settings import WorkflowSettings
 
 T = TypeVar("T")

@@ -26,7 +26,8 @@ from agentflow.search.events import (
     Simulated,
 )
 from agentflow.search.node import Evaluation, Node, SearchResult
-from agentflow.workflows.base import GREATEST, SimulationSummary
+from agentflow.tools.host import SimulationSummary
+from agentflow.workflows.base import GREATEST
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.memory import Known
 
