@@ -9,6 +9,7 @@ from typing import Literal
 
 StageName = Literal["initial", "blind_refinement", "env_feedback"]
 INITIAL: StageName = "initial"
+"""The stage of the first designs."""
 BLIND: StageName = "blind_refinement"
 FEEDBACK: StageName = "env_feedback"
 STAGES = (INITIAL, BLIND, FEEDBACK)
