@@ -13,7 +13,7 @@ from random import Random
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.machine.geometry.mobility import Loop, MovingJoint
+from agentflow.machine.geometry.joints import Loop, MovingJoint
 from agentflow.machine.geometry.vectors import Vec3, cross, subtract
 
 Array = NDArray[np.float64]

@@ -7,37 +7,9 @@ A jammed joint makes one cluster of the two that it connects.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Protocol
 
-from agentflow.machine.geometry.vectors import Vec3, cross, length, scale, subtract
-
-
-class MovingJoint(Protocol):
-    """A joint at rest, between two bodies; fixed ones have no pivot and axis."""
-
-    @property
-    def a(self) -> int:
-        """Body."""
-
-    @property
-    def b(self) -> int:
-        """Body."""
-
-    @property
-    def kind(self) -> str:
-        """`revolute`, `prismatic` or `spherical`."""
-
-    @property
-    def pivot(self) -> Vec3:
-        """m."""
-
-    @property
-    def axis(self) -> Vec3:
-        """Unit vector."""
-
-
-Loop = Sequence[tuple[int, float]]
-"""The joints along a closed way through clusters; 1 where it leads from `a` to `b`, else -1."""
+from agentflow.machine.geometry.joints import Loop, MovingJoint
+from agentflow.machine.geometry.vectors import cross, length, scale, subtract
 
 
 class Sets:
