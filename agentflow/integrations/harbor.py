@@ -13,8 +13,6 @@ from pathlib import Path
 from shlex import join
 from typing import Any
 
-import jinja2
-
 from agentflow.app.benchmark.plan import MOST, item_configs, plan_benchmark, read_items, share_of
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.engines import choose_engine
@@ -23,6 +21,7 @@ from agentflow.env.tasks.records import record_machine, record_of
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import NoScoreError, UsageError
 from agentflow.files.atomic import write_output
+from agentflow.files.templates import fill
 from agentflow.integrations.episode import rules_of
 from agentflow.rewards import Sample, require_score, shared_scorer
 from agentflow.version import __version__
@@ -35,12 +34,6 @@ FILES = {
     "solution/solve.sh": "solve.sh",
 }
 """Files of a task -> their templates. The format is 1.1, the first with a verifier apart."""
-_TEMPLATES = jinja2.Environment(
-    loader=jinja2.PackageLoader("agentflow.integrations"),
-    undefined=jinja2.StrictUndefined,
-    keep_trailing_newline=True,
-    trim_blocks=True,
-)
 
 
 @dataclass(frozen=True)
@@ -157,7 +150,7 @@ def _contents(
     files = {"tests/graded.json": json.dumps({**graded, "engine": engine}) + "\n"}
     for name, template in FILES.items():
         if solutions or not name.startswith("solution"):
-            files[name] = _TEMPLATES.get_template(f"{template}.j2").render(known)
+            files[name] = fill("agentflow.integrations", template, **known)
     return files
 
 

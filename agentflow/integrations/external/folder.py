@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from heapq import nsmallest
 from pathlib import Path
 
+from agentflow.files.templates import fill
 from agentflow.machine.tree import Machine
-from agentflow.runs.locations import BLIND, FEEDBACK, INITIAL, StageName
+from agentflow.runs.locations import StageName
 from agentflow.tools import ToolSpec
 
 TASK, MCP, MACHINES, BEFORE = "TASK.md", ".mcp.json", "machines", "before"
@@ -19,12 +20,6 @@ MOST_FILES = 100
 """Most machine files that are read."""
 LARGEST = 1 << 20
 """Most bytes of a machine file; a machine of 800 blocks has about 60,000."""
-_STAGES: Mapping[StageName, str] = {
-    INITIAL: "Design machines. Nothing is simulated before this stage is over.",
-    BLIND: "Improve the machines of the stage before. Nothing is simulated before this stage is "
-    "over.",
-    FEEDBACK: "Improve the machines of the stages before. You can simulate machines.",
-}
 
 
 @dataclass(frozen=True)
@@ -55,40 +50,20 @@ def write_folder(folder: Path, assignment: Assignment, url: str, token: str) -> 
 
 def task_text(assignment: Assignment) -> str:
     """The text of TASK.md."""
-    tools = "\n".join(f"- `{tool.name}`: {tool.description}" for tool in assignment.tools)
     limit = assignment.limit
-    time = f"{limit:.3g} seconds" if limit < 120 else f"{limit / 60:.3g} minutes"
-    earlier = (
-        f"\nThe machines so far are in `{MACHINES}/{BEFORE}`, under their names. They do not count "
-        "again in this stage unless you hand them in again.\n"
-        if assignment.before
-        else ""
+    return fill(
+        "agentflow.integrations",
+        TASK,
+        stage=assignment.stage,
+        time=f"{limit:.3g} seconds" if limit < 120 else f"{limit / 60:.3g} minutes",
+        machines=MACHINES,
+        before=f"{MACHINES}/{BEFORE}" if assignment.before else "",
+        mcp=MCP,
+        url=URL,
+        token=TOKEN,
+        tools=assignment.tools,
+        task=assignment.task.strip(),
     )
-    return f"""\
-# Stage {assignment.stage}
-
-{_STAGES[assignment.stage]}
-{earlier}
-# How to hand in machines
-
-Do this in the folder that this file is in:
-
-- Write each machine to a file of its own, such as `{MACHINES}/a.json`, in a form that the task \
-below describes: JSON and nothing else. Files are checked when you have ended.
-- Or call the tool `submit`.
-- No more machines count than the budget below has submissions: the submitted ones, then those in \
-files, in the order of the files' names.
-- You are stopped after {time}. What is there by then counts.
-
-# Tools
-
-`{MCP}` describes an MCP server, `agentflow`. Its URL is also in the environment variable {URL}, \
-and its bearer token in {TOKEN}. Its tools:
-
-{tools}
-
-{assignment.task.strip()}
-"""
 
 
 @dataclass(frozen=True)

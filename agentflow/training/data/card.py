@@ -12,6 +12,7 @@ import yaml
 from pydantic import BaseModel
 
 from agentflow.files.atomic import write_output
+from agentflow.files.templates import fill
 from agentflow.llm.messages import CHARS_PER_TOKEN, estimate_tokens
 from agentflow.training.data.contamination import MOST_SHARED, MOST_SIMILAR, WORDS, Likeness
 from agentflow.training.data.gates import GATES, Judgement
@@ -189,19 +190,26 @@ def write_set(folder: Path, pairs: Sequence[Pair], card: DataCard) -> None:
 
 def card_text(card: DataCard) -> str:
     """The card for people, in Markdown."""
-    parts = {
-        "Data card": _facts(card),
-        "Gates": _gates(card),
-        "Sources": _table(("source", "pairs"), list(card.sources.items())),
-        "Lengths": _tell_lengths(card),
-        "Contamination": _contamination(card),
-        "Objectives": _table(
-            ("objective", "kind", "file", "machines", "pairs"),
-            [(i.name, i.kind, i.split, i.machines, i.pairs) for i in card.objectives],
-        ),
-    }
-    headed = ("\n".join([f"## {title}", "", *lines]) for title, lines in parts.items())
-    return f"---\n{_head(card)}---\n\n" + "\n\n".join(headed).removeprefix("#") + "\n"
+    texts = card.contamination["texts"].items()
+    ranked = sorted(texts, key=lambda item: -max(item[1]["shared"], item[1]["cosine"]))
+    return fill(
+        "agentflow.training.data",
+        "card.md",
+        card=card,
+        head=_head(card),
+        train=TRAIN,
+        dev=DEV,
+        cells=_cells,
+        chars_per_token=CHARS_PER_TOKEN,
+        shared=MOST_SHARED,
+        similar=MOST_SIMILAR,
+        words=WORDS,
+        nearest=ranked[:10],
+    )
+
+
+def _cells(*cells: object) -> str:
+    return " | ".join(str(cell).replace("|", "\\|").replace("\n", " ") for cell in cells)
 
 
 def _head(card: DataCard) -> str:
@@ -216,76 +224,3 @@ def _head(card: DataCard) -> str:
         **({"configs": [{"config_name": "default", "data_files": files}]} if files else {}),
     }
     return yaml.safe_dump(head, sort_keys=False)
-
-
-def _facts(card: DataCard) -> list[str]:
-    return [
-        f"* Machines designed by: {card.model}",
-        f"* Recorded with: `{card.made_with}`",
-        f"* Licence: {card.licence}",
-        f"* Physics engine: {card.engine or 'none; the machines were not simulated'}",
-        f"* Answers: {card.answers} of {card.planned} planned; variants made by random edits: "
-        f"{card.variants}",
-        f"* Pairs: {card.pairs['train']} in {TRAIN}, {card.pairs['dev']} in {DEV}; no objective is "
-        "in both",
-        f"* Simulations that timed out or crashed, dropped: {card.faults}",
-    ]
-
-
-def _gates(card: DataCard) -> list[str]:
-    published, total = card.published, sum(card.pairs.values())
-    return [
-        "In the order in which they were applied: those that need no simulation come first.",
-        "",
-        *_table(
-            ("gate", "passes if", "machines before", "after"),
-            [(item.gate, item.passes, item.entered, item.passed) for item in card.gates],
-        ),
-        "",
-        f"The published data: {published['objectives']} objectives x {published['samples']} "
-        f"replies = {published['answers']:,}, of which {published['pairs']:,} pairs "
-        f"({published['pairs'] / published['answers']:.0%}) passed. Here: {len(card.objectives)} "
-        f"objectives, {card.answers:,} answers and {card.variants:,} variants, {total:,} pairs "
-        f"({total / max(1, card.answers + card.variants):.0%}).",
-    ]
-
-
-def _tell_lengths(card: DataCard) -> list[str]:
-    return [
-        f"In tokens, estimated from {CHARS_PER_TOKEN} characters a token.",
-        "",
-        *_table(
-            ("text", "mean", "median", "greatest"),
-            [(name, item.mean, item.median, item.most) for name, item in card.tokens.items()],
-        ),
-    ]
-
-
-def _contamination(card: DataCard) -> list[str]:
-    return [
-        f"An objective is left out if {MOST_SHARED:.0%} or more of its runs of {WORDS} words are "
-        f"in the brief of a level, if {MOST_SHARED:.0%} or more of those of a level's objective "
-        "are in its text, or if its TF-IDF cosine with a sentence of a brief is "
-        f"{MOST_SIMILAR:g} or more. The texts that come nearest:",
-        "",
-        *_table(("text", "level", "shared", "cosine"), _nearest(card)),
-        "",
-        "A machine is left out if it is the same tree of block types as one of an evaluation or as "
-        "the best known machine of a level.",
-    ]
-
-
-def _nearest(card: DataCard) -> list[tuple[object, ...]]:
-    """The ten texts that come nearest to a level."""
-    texts = card.contamination["texts"].items()
-    ranked = sorted(texts, key=lambda item: -max(item[1]["shared"], item[1]["cosine"]))
-    return [
-        (name, found["level"], f"{found['shared']:.2f}", f"{found['cosine']:.2f}")
-        for name, found in ranked[:10]
-    ]
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
-    cells = [[str(cell).replace("|", "\\|").replace("\n", " ") for cell in row] for row in rows]
-    lines = [head, ["---"] * len(head), *cells]
-    return [f"| {' | '.join(line)} |" for line in lines]
