@@ -23,7 +23,7 @@ from agentflow.llm.build import open_client, wrap
 from agentflow.llm.endpoint.body import Endpoint
 from agentflow.llm.messages import Client, Reply
 from agentflow.llm.settings import EndpointSettings
-from agentflow.llm.wrappers.budget import Budget, BudgetSettings
+from agentflow.llm.wrappers.budget import Budget, BudgetClient, BudgetSettings
 from agentflow.llm.wrappers.record import CallLog, ReplayClient
 from tests.conftest import free_port
 from tests.llm.helpers import KEY, ask
@@ -44,7 +44,9 @@ async def opened(
 ) -> AsyncIterator[Client]:
     endpoint = Endpoint(model, base_url, KEY)
     reached = open_client(endpoint, settings, warn=pytest.fail, on_wait=on_wait)
-    client = wrap(reached, call_log=call_log, budget=budget)
+    client: Client = reached
+    if call_log is not None:
+        client = wrap(reached, call_log=call_log, budget=budget or Budget())
     try:
         yield client
     finally:
@@ -160,7 +162,7 @@ async def test_recorded_then_replayed_without_the_server(stub_url: str, tmp_path
     )
     with CallLog(path, pytest.fail, writable=False) as call_log:
         budget = Budget(BudgetSettings(calls=16))
-        client = wrap(ReplayClient(call_log, "gpt-4o"), budget=budget)
+        client = BudgetClient(ReplayClient(call_log, "gpt-4o"), budget)
         calls = [client.complete(ask("say hello", label)) for label in labels]
         assert await asyncio.gather(*calls) == recorded
         with pytest.raises(BudgetSpentError):
@@ -188,7 +190,6 @@ async def test_the_key_is_in_no_log_and_no_traceback(
 
 async def test_any_client_can_be_wrapped(tmp_path: Path) -> None:
     inner = ScriptedClient(["one"])
-    assert wrap(inner) is inner
     with CallLog(tmp_path / "calls.jsonl", pytest.fail) as call_log:
         client = wrap(inner, call_log=call_log, budget=Budget(BudgetSettings(calls=1)))
         for _ in range(2):

@@ -14,6 +14,7 @@ from agentflow.llm.build import diagnose, open_client, wrap
 from agentflow.llm.endpoint.body import Endpoint
 from agentflow.llm.messages import Client, JsonSchema, Usage
 from agentflow.llm.settings import EndpointSettings, HttpSettings
+from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.record import CallLog
 from tests.llm.foreign import KEY
 from tests.llm.helpers import ask
@@ -31,9 +32,9 @@ async def opened(
 ) -> AsyncIterator[Client]:
     settings = EndpointSettings.model_validate({"retry": {"attempts": 3, "base_s": 0.01}})
     endpoint = Endpoint(model, base_url, key)
-    client = wrap(
-        open_client(endpoint, settings, warn=pytest.fail, on_wait=on_wait), call_log=call_log
-    )
+    client: Client = open_client(endpoint, settings, warn=pytest.fail, on_wait=on_wait)
+    if call_log is not None:
+        client = wrap(client, call_log=call_log, budget=Budget())
     try:
         yield client
     finally:
