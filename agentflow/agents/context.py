@@ -68,13 +68,7 @@ class Elsewhere:
             for other in self.machines
         ]
         lessons, book = within(self.lessons, MOST_TOKENS), within(self.book, MOST_TOKENS)
-        data = {
-            "machines": machines,
-            "lessons": lessons,
-            "analysed": self.analysed,
-            "book": book,
-            "avoid": self.avoid,
-        }
+        data = {**vars(self), "machines": machines, "lessons": lessons, "book": book}
         return {"elsewhere": data} if self != Elsewhere() else {}
 
 
