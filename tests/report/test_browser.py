@@ -420,7 +420,7 @@ def test_the_shown_machine_can_be_downloaded(opened: webdriver.Chrome, tmp_path:
     assert "Step 1 of" in next(tmp_path.glob("*.html")).read_text(encoding="utf-8")
     node(opened, "env_feedback/traj-1/node-1").click()
     until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0 m")
-    digest = find(opened, ".chosen p").text.split(" · ")[-1]
+    digest = find(opened, ".chosen p").text.rpartition(" · hash ")[-1]
     buttons = opened.find_elements(By.CSS_SELECTOR, ".files button")
     assert [button.text for button in buttons] == [".json", ".bsg", ".glb", "parts list"]
     for button, suffix in zip(buttons, (".json", ".bsg", ".glb", ".csv"), strict=True):

@@ -23,7 +23,9 @@ from agentflow.metrics.tables import Column, Row, Table
 from agentflow.report.page import page as whole_page
 from agentflow.report.sweep import Spread, sweep_data
 from tests.app.pages.test_robustness import FOUND
+from tests.app.sweeps.test_tables import sweep
 from tests.machine.builders import CAR
+from tests.metrics.events import candidate
 from tests.report.accessibility import SCREENS, violations
 from tests.report.browser import on_phone
 from tests.report.hostile import hostile_run
@@ -46,6 +48,7 @@ STUDIO = {
     "sessions": "sessions",
     "replay": "replay?session=one",
     "build": "build?task=movement&guide=car",
+    "sweep": "sweep?sweep=study",
 }
 
 HEADS = {
@@ -60,6 +63,7 @@ HEADS = {
     "sessions": ("Sessions", "A session records what a person does while building"),
     "replay": ("Sessions / one", "movement", "free · "),
     "build": ("Build for movement",),
+    "sweep": ("agentflow sweep", "Hand"),
 }
 """What each page says at its top: how the lines begin."""
 HEADS_OF_REPORTS = {
@@ -109,6 +113,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "bench").mkdir()
     record(folder / "sessions" / "one")
     shutil.copy(CARD, folder / "bench" / "card.json")
+    found = {f"seed-{seed}": [candidate("initial", 1, 2.0 + seed)] for seed in (0, 1)}
+    made = sweep(tmp_path_factory.mktemp("swept"), found, seeds=[0, 1])
+    shutil.copytree(made, folder / "study")
     return folder
 
 

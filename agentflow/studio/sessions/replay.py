@@ -19,7 +19,7 @@ _DONE = {
     "open": "opened a machine",
     "new": "started over",
     "refine": "asked a model",
-    "watch": "looked at a trial",
+    "watch": "looked at a test",
     "ask": "looked something up",
     "undo": "undid a step",
     "redo": "redid a step",

@@ -26,7 +26,7 @@ export function controlEditor(editor) {
       el("optgroup", { label: "Output" }, option("outputs blocks", "blocks that follow a law"), option("outputs group", "a group that follows a law"))] : []),
     option("controls", "a level from one time to another"));
   const element = el("details", { class: "control" }, el("summary", {}, "Control"),
-    el("p", { class: "quiet" }, designed ? `Machines of this task bring their own control: ${senses ? "controllers (sensors, laws, outputs) and " : ""}controls, levels of blocks over time. Films show them as curves.`
+    el("p", { class: "quiet" }, designed ? `Machines of this task bring their own control: ${senses ? "controllers (sensors, laws, outputs) and " : ""}controls, levels of blocks over time; without any, nothing is switched on. Begin with Insert, “a level from one time to another”, which makes an example for the chosen block. Films show them as curves.`
       : "This task switches all blocks by its own schedule; machines of it bring no control."),
     ...(designed ? [parts, text, el("p", {}, apply, " ", back), problems] : []));
   let timer = null;
