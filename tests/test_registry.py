@@ -83,7 +83,6 @@ HOMES = ("env/physics/", "prompts/", "search/", "workflows/")
 EXCEPTIONS = {
     "api.py": "the function of the workflow tune",
     "app/machines/convert.py": "the format of one engine, which writes it",
-    "cli/commands/agents.py": "the tool tune, which has the name of the workflow",
     "cli/commands/design.py": "the command of the workflow tune",
     "cli/commands/machines.py": "the format of one engine, which writes it",
     "config/run.py": "a default that users read",
