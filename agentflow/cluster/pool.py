@@ -108,15 +108,17 @@ STARTS = 3
 
 @dataclass(eq=False)
 class _Trial:
-    """A trial that waits for a worker, or is with one."""
+    """A trial that waits for a worker, or is with one.
+
+    After `limit` seconds, its worker counts as hung. It goes `alone` into a batch once one came to
+    harm with it.
+    """
 
     job: bytes
     limit: float
-    """Seconds after which its worker counts as hung."""
     reply: asyncio.Future[Reply] = field(default_factory=asyncio.Future)
     deaths: int = 0
     alone: bool = False
-    """Whether it goes into a batch of its own, since its last batch came to harm."""
 
     def settle(self, reply: Reply) -> None:
         if not self.reply.done():  # else nobody waits for it any more

@@ -97,28 +97,31 @@ class Graph:
 
 
 class Measure(NamedTuple):
-    """The mean of a quantity over all pairs of machines."""
+    """The mean of a quantity over all pairs of machines.
+
+    The mean is None for fewer than two machines, which form no pair, and its 95 % bootstrap
+    interval over machines for fewer than three.
+    """
 
     mean: float | None
-    """None for fewer than two machines, which form no pair."""
     interval: Interval | None
-    """95 % bootstrap interval over machines; None for fewer than three."""
 
 
 @dataclass(frozen=True)
 class Measures:
-    """How different the machines of a set are."""
+    """How different the machines of a set are.
+
+    Chamfer and Hausdorff distance are in diagonals of a machine, and `iou` is from 0 to 1: see
+    `solid.ShapeDistances`. The graph similarity is a cosine, -1 to 1: see `embed`. The tree edit
+    distance is in blocks: see `topology.tree_edit_distance`.
+    """
 
     machines: int
     chamfer: Measure
-    """Diagonals of a machine; see `solid.ShapeDistances` for this and the next two."""
     hausdorff: Measure
     iou: Measure
-    """0 to 1."""
     graph_similarity: Measure
-    """Cosine, -1 to 1; see `embed`."""
     tree_edit_distance: Measure
-    """Blocks; see `topology.tree_edit_distance`."""
 
 
 def diversity(machines: Sequence[Machine], seed: int) -> Measures:

@@ -31,16 +31,16 @@ class Solid:
 
     A two-ended block is a rod with a square section between its ends. As elsewhere, it does not
     count for the size of the machine. Block ids and the order of blocks do not matter.
+
+    `lo` and `hi`, (boxes, 3), are the corners of the boxes of standard blocks, and `ends`, (rods,
+    2, 3), those of two-ended blocks, all sorted. `radius` is half the thickness of rods: that of
+    the balls that two-ended blocks have as ends.
     """
 
     lo: Array
-    """(boxes, 3): lowest corners of the standard blocks' boxes, sorted."""
     hi: Array
-    """(boxes, 3): highest corners."""
     ends: Array
-    """(rods, 2, 3): ends of the two-ended blocks, sorted."""
     radius: float
-    """Half the thickness of rods: that of the balls that two-ended blocks have as ends."""
 
     @classmethod
     def of(cls, machine: Machine) -> Solid:
@@ -148,14 +148,16 @@ NUDGE = 1e-6
 
 
 class ShapeDistances(NamedTuple):
-    """How far two machines are apart as shapes, in diagonals of a machine."""
+    """How far two machines are apart as shapes, in diagonals of a machine.
+
+    `chamfer` is the mean of both directions' mean distance from a point to the nearest point of the
+    other, `hausdorff` the largest such distance in either direction, and `iou` the cells that both
+    occupy, as a share of those that either occupies.
+    """
 
     chamfer: float
-    """Mean of both directions' mean distance from a point to the nearest point of the other."""
     hausdorff: float
-    """The largest such distance in either direction."""
     iou: float
-    """Cells that both occupy, as a share of the cells that either occupies."""
 
 
 def surface_points(solid: Solid, count: int) -> Array:

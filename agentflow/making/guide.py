@@ -59,16 +59,17 @@ WAYS = {"x+": "right", "x-": "left", "y+": "top", "y-": "bottom", "z+": "front",
 
 @dataclass(frozen=True)
 class GuideStep:
-    """What is put on at once."""
+    """What is put on at once.
+
+    `parts` says how many of which type, and `where` what each block is put on; `picture` is the
+    data URL of a PNG.
+    """
 
     blocks: tuple[int, ...]
     parts: tuple[tuple[int, str], ...]
-    """How many of which type."""
     where: tuple[str, ...]
-    """What each block is put on."""
     seen_from: str
     picture: str
-    """Data URL of a PNG."""
 
 
 def steps_of(order: Sequence[int]) -> Iterator[tuple[int, ...]]:

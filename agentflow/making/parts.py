@@ -29,14 +29,16 @@ THICKEST = 100.0
 
 @dataclass(frozen=True)
 class Making:
-    """What was asked for; None and False stand for what is usual in a format."""
+    """What was asked for; None and False stand for what is usual in a format.
+
+    The scale is N of 1 : N. `pegs` is the diameter of pegs in mm, which parts get where they are
+    attached, with holes for them. `parts` says whether each block is a part of its own, which pegs
+    need.
+    """
 
     scale: float | None = None
-    """N of 1 : N."""
     pegs: float | None = None
-    """Diameter of the pegs, mm: parts get pegs where they are attached, and holes for them."""
     parts: bool = False
-    """Whether each block is a part of its own; pegs need that."""
 
     def millimetres(self, usual: float) -> float:
         """mm of the made machine per m, with the scale that is usual in a format."""

@@ -80,14 +80,17 @@ NONE = Rate(0, 0)
 
 @dataclass(frozen=True)
 class Edit:
-    """An accepted edit whose machine was simulated; both results have scores."""
+    """An accepted edit whose machine was simulated; both results have scores.
+
+    `replies` are to the calls in which its author may have predicted its result; a random edit has
+    none. `informed` says whether its author had seen how the previous machine did in the
+    simulation.
+    """
 
     replies: tuple[Location, ...]
-    """Of the calls in which its author may have predicted its result; none of a random edit."""
     before: EvaluationEvent
     after: EvaluationEvent
     informed: bool
-    """Whether its author had seen how the previous machine did in the simulation."""
 
     @property
     def failed(self) -> bool:
@@ -136,21 +139,21 @@ class Change(Protocol):
 
 @dataclass(frozen=True)
 class Behaviour:
-    """Counts of one run or several."""
+    """Counts of one run or several.
+
+    `mispredicted`: edits that failed, of those that were predicted to succeed. `surface`: edits
+    that keep the mechanism, of those of a failed machine by an author who knew it; `local`: of all.
+    `sizes`: tree edit distance of each edit, blocks. `errors`: predicted minus simulated score of
+    each edit whose prediction names a score. `effort`: role -> tokens that its replies took, with
+    reasoning, as reported by the endpoint; for a person, seconds of work like that of the role.
+    """
 
     mispredicted: Rate = NONE
-    """Edits that failed, of those that were predicted to succeed."""
     surface: Rate = NONE
-    """Edits that keep the mechanism, of those of a failed machine by an author who knew it."""
     local: Rate = NONE
-    """Edits that keep the mechanism, of all."""
     sizes: tuple[float, ...] = ()
-    """Tree edit distance of each edit, blocks."""
     errors: tuple[float, ...] = ()
-    """Predicted minus simulated score of each edit whose prediction names a score."""
     effort: Mapping[str, float] = field(default_factory=dict)
-    """Role -> tokens that its replies took, with reasoning, as reported by the endpoint. For a
-    person, seconds of work like that of the role."""
 
     @property
     def shares(self) -> dict[str, float]:

@@ -108,17 +108,18 @@ def best_at(scores: Sequence[float], n: int) -> float:
 
 @dataclass(frozen=True)
 class RunNumbers:
-    """The numbers of one finished run that metrics use."""
+    """The numbers of one finished run that metrics use.
+
+    `width` children are wanted per expansion. `full` is the score that a share of 1 stands for: the
+    greatest possible one, or the verified score of the task's record; None if it has neither.
+    `path` is the run directory; None for a record alone.
+    """
 
     record: RunRecord
     width: int
-    """Number of children wanted per expansion."""
     full: float | None = None
-    """Score that a share of 1 stands for: the greatest possible one, or the verified score of the
-    task's record; None if it has neither."""
 
     path: Path | None = None
-    """The run directory; None for a record alone."""
 
     @property
     def share(self) -> float | None:
@@ -184,7 +185,9 @@ class Metric:
     about: str
     """Explanation, printed below tables."""
     percent: bool = False
+    """Whether to show it as a percentage."""
     digits: int = 2
+    """Decimals of its floats."""
 
 
 def _first_attempts(level: Literal["parsed", "spatial", "valid"]) -> Callable[[Cell], Rate | None]:

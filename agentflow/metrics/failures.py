@@ -18,16 +18,18 @@ TOO_LATE = "stage_ended"
 
 @dataclass
 class Failures:
-    """Counts of failures in one run or several."""
+    """Counts of failures in one run or several.
+
+    `replies` are answered calls; of an agent, its calls of tools that make machines. `kinds` counts
+    replies or machines by the name of the kind, `codes` refused replies by their code, which is
+    `unparsable` without one.
+    """
 
     replies: int = 0
-    """Answered calls; of an agent, its calls of tools that make machines."""
     refused: int = 0
     machines: int = 0
     kinds: Counter[str] = field(default_factory=Counter)
-    """Name of a kind -> replies or machines."""
     codes: Counter[str] = field(default_factory=Counter)
-    """Code of refused replies -> count; `unparsable` for replies without a code."""
 
     def add(self, kind: failure_kinds.FailureKind | None, code: str) -> None:
         """Count a reply, refused if it has a kind of failure."""

@@ -108,12 +108,13 @@ class Column:
 
 @dataclass(frozen=True)
 class Row:
-    """One line of a table."""
+    """One line of a table.
+
+    It has as many labels as the table has `heads`, and as many values as it has `columns`.
+    """
 
     labels: tuple[str, ...]
-    """As many as the table's `heads`."""
     values: tuple[Value, ...]
-    """As many as the table's `columns`."""
 
 
 @dataclass(frozen=True)

@@ -19,22 +19,22 @@ def no_price(_model: str, _usage: Mapping[str, int]) -> float | None:
 
 @dataclass(frozen=True)
 class Spent:
-    """Totals of some calls."""
+    """Totals of some calls.
+
+    Tokens are as reported by the endpoint, 0 if it reports none; those of completions include
+    reasoning, and `cached` ones are prompt tokens read from its cache. `retries` are those after
+    endpoint errors. `seconds` is the sum of latencies; calls overlap, so it is not wall time.
+    `money` is in the currency of the prices, and None if any call has no price.
+    """
 
     calls: int = 0
     prompt: int = 0
-    """Prompt tokens. All token counts are as reported by the endpoint, 0 if it reports none."""
     completion: int = 0
-    """Completion tokens, including reasoning."""
     reasoning: int = 0
     cached: int = 0
-    """Prompt tokens read from the endpoint's cache."""
     retries: int = 0
-    """Retries after endpoint errors."""
     seconds: float = 0.0
-    """Sum of latencies; calls overlap, so this is not wall time."""
     money: float | None = 0.0
-    """In the currency of the prices; None if any call has no price."""
 
     @property
     def tokens(self) -> int:

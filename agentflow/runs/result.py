@@ -82,17 +82,18 @@ class PassRate(_Part):
 
 
 class FrontMember(_Part):
-    """A machine of the Pareto front."""
+    """A machine of the Pareto front.
+
+    `machine` is a content hash, `mass` is in kg, and `required` is what the requirements of the
+    task are about, in their order: the more, the better.
+    """
 
     machine: str
-    """Content hash."""
     score: Number
     robust: Number
     blocks: Count
     mass: Number
-    """kg."""
     required: Sequence[Number] | None = None
-    """What the requirements of the task are about, in their order: the more, the better."""
 
 
 class JudgedRequirement(_Part):
@@ -117,17 +118,17 @@ class MakerResult(_Part):
 
 
 class FinalistResult(_Part):
-    """A machine that was verified to choose the best one."""
+    """A machine that was verified to choose the best one.
+
+    `machine` is a content hash. `verified` is None if the verification is incomplete; `mean` is
+    that of its scores, by which the best machine was chosen; `simulations` says what it took.
+    """
 
     machine: str
-    """Content hash."""
     score: Number
     verified: Number | None
-    """None if its verification is incomplete."""
     mean: Number | None
-    """Of the scores of its verification, by which the best machine was chosen."""
     simulations: Count
-    """What its verification took."""
 
 
 class VariationScore(_Part):

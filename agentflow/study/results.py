@@ -81,26 +81,27 @@ LABEL_OF_TOOL = {tool.spec.name: tool.label for tool in TOOLS if tool.label}
 
 @dataclass(frozen=True)
 class Measured:
-    """A session or a run, and what is measured in it."""
+    """A session or a run, and what is measured in it.
+
+    `by` is a person, or the model of a run. `trials` are simulated machines, and `final` is the
+    score of the last trial of a person, or of the result of a run. `restarts` is None for runs,
+    which have several machines at a time. `labels` are in the order of time, and none follows
+    itself; `labelled_by` is the model that labelled a session, "" for runs, whose labels follow
+    from their roles.
+    """
 
     result: Result
     by: str
-    """Who designed: a person, or the model of a run."""
     effort_in: Literal["seconds", "tokens"]
     task: str
     trials: int
-    """Simulated machines."""
     best: float | None
     final: float | None
-    """Score of the last trial of a person, or of the result of a run."""
     foundation_first: bool | None
     restarts: int | None
-    """None for runs, which have several machines at a time."""
     design: str | None
     labels: tuple[str, ...]
-    """In the order of time; no label follows itself."""
     labelled_by: str
-    """Model that labelled a session; "" for runs, whose labels follow from their roles."""
     unlabelled: int
     cluster: int | None = None
 

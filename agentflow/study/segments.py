@@ -209,15 +209,16 @@ ROLE = Designer.name
 
 
 class Segments(BaseModel, frozen=True, extra="forbid"):
-    """The content of episodes.json."""
+    """The content of episodes.json.
+
+    `model` gave the labels, `transcript` is the name of a file, and `seconds` the length of the
+    session when it was cut.
+    """
 
     format: Literal[1] = 1
     model: str
-    """Name of the model that gave the labels."""
     transcript: str | None = None
-    """Name of the file of the transcript."""
     seconds: float
-    """Length of the session when it was cut."""
     spoken: tuple[Utterance, ...] = ()
     episodes: tuple[Episode, ...]
 

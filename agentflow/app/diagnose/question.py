@@ -23,15 +23,16 @@ from agentflow.machine.tree import MachineJson
 
 @dataclass(frozen=True)
 class Question:
-    """One question about one machine."""
+    """One question about one machine.
+
+    `label` names the call, such as "overlap/3". `truth` is the right answer as JSON data, None
+    until a simulation has judged it. `about` is what is asked about the machine, if not everything.
+    """
 
     label: str
-    """Name of the call, such as "overlap/3"."""
     machine: Machine
     truth: Any
-    """The right answer as JSON data; None until a simulation has judged it."""
     about: Any = None
-    """What is asked about the machine, if not everything."""
 
 
 def digest_of(questions: Sequence[Question]) -> str:
@@ -42,35 +43,38 @@ def digest_of(questions: Sequence[Question]) -> str:
 
 
 class Mark(BaseModel, frozen=True, extra="forbid"):
-    """A question with its right answer and that of the model, as they are saved."""
+    """A question with its right answer and that of the model, as they are saved.
+
+    `truth` is None if the simulation that judges it crashed or timed out, `answer` if the reply
+    holds none that can be read.
+    """
 
     label: str
     machine: MachineJson
     truth: Any
-    """None if the simulation that judges it crashed or timed out."""
     answer: Any
-    """None if the reply holds no answer that can be read."""
 
 
 class Diagnosis(BaseModel, frozen=True, extra="forbid"):
-    """The content of diagnosis.json: everything that decides the results, and the results."""
+    """The content of diagnosis.json: everything that decides the results, and the results.
+
+    `seed` is that of the questions, and of the simulations. `size` is the total number of
+    overlapping pairs, or of questions. `asked` is the content hash of the questions: results of
+    models that were asked the same can be compared. `prompts` is the prompt set with the digest of
+    its questions. `results` are None until the diagnosis is finished.
+    """
 
     format: Literal[1] = 1
     diagnostic: str
     model: str
     seed: int
-    """Of the questions, and of the simulations."""
     size: int
-    """Total number of overlapping pairs, or of questions."""
     asked: str
-    """Content hash of the questions: results of models that were asked the same can be compared."""
     sampling: Sampling
     prompts: str
-    """Prompt set with the digest of its questions."""
     conditions: Mapping[str, str]
     answers: tuple[Mark, ...] = ()
     results: Mapping[str, Any] | None = None
-    """None until the diagnosis is finished."""
 
 
 DOCUMENT = Document("diagnosis.json", Diagnosis, "a diagnosis", outcome=("answers", "results"))

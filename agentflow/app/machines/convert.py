@@ -118,16 +118,17 @@ class Wishes:
 
 @dataclass(frozen=True)
 class Format:
-    """A file format."""
+    """A file format.
+
+    What it `needs`: `blocks` is any file-valid machine; `task` is the scene of a task as well, on
+    which the machine must be valid. `of_the_game` says whether its machines begin with the Starting
+    Block, and `options` which options change what it holds.
+    """
 
     write: Callable[[Machine, Wishes], Written]
     needs: Literal["blocks", "valid machine", "task"] = "blocks"
-    """`blocks`: it holds any file-valid machine; `task`: it holds the scene of a task as well, and
-    the machine must be valid on it."""
     of_the_game: bool = False
-    """Whether its machines begin with the Starting Block."""
     options: tuple[str, ...] = ()
-    """Options that change what it holds."""
 
 
 def _document(write: Callable[[Machine], bytes | str]) -> Callable[[Machine, Wishes], Written]:

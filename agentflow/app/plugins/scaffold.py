@@ -29,13 +29,15 @@ NAME, CLASS = "NAME", "CLASS"
 
 @dataclass(frozen=True)
 class _About:
-    """What a new package of a kind has."""
+    """What a new package of a kind has.
+
+    `use` is a command that uses the part; `entries` maps groups of entry points, without
+    `agentflow.`, to what they name.
+    """
 
     registry: Registry[Any]
     use: str
-    """A command that uses the part."""
     entries: Mapping[str, str]
-    """Group of entry points, without `agentflow.` -> what it names."""
 
 
 KINDS: Mapping[Kind, _About] = MappingProxyType(
@@ -76,11 +78,13 @@ _LANGUAGE = jinja2.Environment(
 
 @dataclass(frozen=True)
 class NewPlugin:
-    """A package that was written."""
+    """A package that was written.
+
+    `files` are paths in its folder; `use` says how to use the part once it is installed.
+    """
 
     path: Path
     files: tuple[str, ...]
-    """Paths in the package's folder."""
     use: str
 
 

@@ -49,17 +49,19 @@ class Origin:
 
 @dataclass(frozen=True)
 class Subject:
-    """A machine to simulate on a task."""
+    """A machine to simulate on a task.
+
+    `origin` is its run, or else the name of its file or record. `faults` say why there is no
+    machine. `recorded` says whether it is from a record, which rules that came later do not make
+    invalid.
+    """
 
     machine: Machine | None
     task: Task
     seed: int = 0
     origin: Origin | str = ""
-    """Its run, or else the name of its file or record."""
     faults: tuple[Problem, ...] = ()
-    """Why there is no machine."""
     recorded: bool = False
-    """Whether it is from a record, which rules that came later do not make invalid."""
 
     @classmethod
     def read(cls, reading: Reading, task: Task, seed: int, origin: str = "") -> Subject:

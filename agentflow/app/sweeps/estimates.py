@@ -28,22 +28,22 @@ WINDOW = 5.0
 
 @dataclass(frozen=True)
 class Estimate:
-    """Cost of one or several runs, without retries or rollouts shared between runs."""
+    """Cost of one or several runs, without retries or rollouts shared between runs.
+
+    `completion_tokens` are without reasoning, and `money` is None if a model has no price.
+    `perturbation` counts further simulations, for robust scores, and `verification` at most those
+    that verify the finalists; neither are among the rollouts. `worker_seconds` are for all
+    simulations, with one finalist verified: others are only if they could still win.
+    """
 
     calls: int
     prompt_tokens: int
     completion_tokens: int
-    """Without reasoning."""
     money: float | None
-    """None if a model has no price."""
     rollouts: int
     perturbation: int
-    """Further simulations of machines, for robust scores; not among the rollouts."""
     verification: int
-    """Most simulations to verify the finalists; not among the rollouts."""
     worker_seconds: float
-    """For all simulations, with the best finalist verified and half of the others: they are only if
-    they could still win."""
 
     def __add__(self, other: Estimate) -> Estimate:
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)

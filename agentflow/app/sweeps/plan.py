@@ -24,14 +24,16 @@ from agentflow.models.completion import fill_from_environment, require_model_nam
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """A sweep whose names have all been looked up."""
+    """A sweep whose names have all been looked up.
+
+    `firsts` has the first run of each group of runs that differ only in the seed, `plans` the plan
+    of each of these.
+    """
 
     name: str
     sweep: SweepConfig
     firsts: tuple[SweepRun, ...]
-    """The first run of each group of runs that differ only in the seed."""
     plans: tuple[RunPlan, ...]
-    """The plans of `firsts`."""
 
     @cached_property
     def runs(self) -> tuple[SweepRun, ...]:

@@ -49,15 +49,16 @@ class Watcher(Protocol):
 
 @dataclass(frozen=True)
 class SweepOutcome:
-    """The names of a sweep's finished and failed runs."""
+    """The names of a sweep's finished and failed runs.
+
+    `done` includes runs finished by earlier processes; `failed` maps names to reasons in one line;
+    `endpoint` says whether every failure was that of the endpoint.
+    """
 
     path: Path
     done: tuple[str, ...]
-    """Including runs finished by earlier processes."""
     failed: Mapping[str, str]
-    """Name -> reason in one line."""
     endpoint: bool = False
-    """Whether every failure was the endpoint's."""
 
 
 def run_blocking(work: Coroutine[Any, Any, T], plan: SweepPlan, folder: Path, again: str = "") -> T:

@@ -28,27 +28,31 @@ from agentflow.workflows.registry import WORKFLOWS
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """One finished run of a sweep."""
+    """One finished run of a sweep.
+
+    `engine` is the name and version of its physics engine.
+    """
 
     planned: SweepRun
     path: Path
     result: RunResult
     engine: str
-    """Name and version of the physics engine."""
     numbers: RunNumbers
 
 
 @dataclass(frozen=True)
 class SweepResult:
-    """The finished runs of a sweep."""
+    """The finished runs of a sweep.
+
+    `planned` are all of its runs, finished or not, in order; `failed` maps the name of each failed
+    run to the reason.
+    """
 
     path: Path
     sweep: SweepConfig
     finished: tuple[FinishedRun, ...]
     planned: tuple[SweepRun, ...]
-    """All runs of the sweep, finished or not, in order."""
     failed: Mapping[str, str]
-    """Name of each failed run -> reason."""
 
     @property
     def missing(self) -> tuple[str, ...]:

@@ -77,12 +77,14 @@ def columns(*names: str) -> Cells:
 
 @dataclass(frozen=True)
 class Field:
-    """One fact of a result."""
+    """One fact of a result.
+
+    `label` is the heading of its column, or the beginning of its line. `show` gives its text, or
+    None where the result lacks it: then a table has a dash, and a list no line.
+    """
 
     label: str
-    """Heading of its column, or beginning of its line."""
     show: Callable[[Data], str | None]
-    """Its text; None where the result lacks it: then a table has a dash, and a list no line."""
 
 
 def field(label: str, key: str = "", show: Callable[[Any], str | None] = str) -> Field:

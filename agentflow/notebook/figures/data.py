@@ -80,13 +80,15 @@ LEVELS = ("in the format", "without overlaps", "valid", "valid after retries")
 
 @dataclass(frozen=True)
 class PlottedRun:
-    """A run, and what it is compared as."""
+    """A run, and what it is compared as.
+
+    `name` is that of its folder, with folders above where others have the same one. Runs with the
+    same `condition` differ only in their seeds.
+    """
 
     run: Run
     name: str
-    """The name of its folder, with folders above where others have the same one."""
     condition: str
-    """Runs with the same one differ only in their seeds."""
     task: str
 
 
