@@ -51,14 +51,16 @@ class Difference:
 
 @dataclass(frozen=True)
 class Document(Generic[_Model]):
-    """The file in which a folder says what it holds, as the JSON of a pydantic model."""
+    """The file in which a folder says what it holds, as the JSON of a pydantic model.
+
+    `what` is what a folder with such a file is, with its article: "an evaluation". `outcome` are
+    the fields that are not decided at the start; they differ from their defaults at the end.
+    """
 
     name: str
     kind: type[_Model]
     what: str
-    """What a folder with such a file is, with its article: "an evaluation"."""
     outcome: Collection[str] = ()
-    """Fields that are not decided at the start; they differ from their defaults at the end."""
 
     def read(self, folder: Path) -> _Model:
         """What a folder holds.

@@ -14,16 +14,17 @@ class FailureKind:
     """One kind of failure. A refused reply has one kind, a machine may have several.
 
     An accepted reply can only be of kind `RATIONALE`.
+
+    At the level `planning`, the wrong machine was planned, at `construction`, it was built wrongly.
+    `codes` are those of the refused replies of this kind. `unit` is what is counted: replies, or
+    simulated machines, each once.
     """
 
     name: str
     level: Literal["format", "planning", "construction"]
-    """planning: the wrong machine was planned; construction: it was built wrongly."""
     rule: str
     codes: frozenset[str] = frozenset()
-    """Codes of the refused replies of this kind."""
     unit: Literal["reply", "machine"] = "reply"
-    """What is counted: replies, or simulated machines (each once)."""
 
 
 def _read(item: dict[str, Any]) -> FailureKind:

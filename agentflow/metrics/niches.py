@@ -14,13 +14,15 @@ Cell = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Elites:
-    """The best machine of each cell over all searches of a run, or of several runs of one task."""
+    """The best machine of each cell over all searches of a run, or of several runs of one task.
+
+    `cells` are in their order and have, of machines that score the same, the first; `counts` says
+    how many different machines fell into each.
+    """
 
     axes: tuple[RecordedAxis, ...]
     cells: dict[Cell, NicheEvent]
-    """In order of the cells; of machines that score the same, the first."""
     counts: Mapping[Cell, int]
-    """How many different machines fell into each cell."""
 
     @classmethod
     def of(cls, events: Iterable[RunEvent | Event]) -> Elites | None:

@@ -91,14 +91,16 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 @dataclass(frozen=True)
 class Column:
-    """One column of numbers."""
+    """One column of numbers.
+
+    `group` is the heading above several columns, "" for none; `digits` are the decimals of its
+    floats.
+    """
 
     group: str
-    """Heading above several columns; "" for none."""
     name: str
     percent: bool = False
     digits: int = 2
-    """Decimals of its floats."""
 
     @property
     def full(self) -> str:

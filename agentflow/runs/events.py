@@ -54,14 +54,15 @@ class RunEvent:
 
 @dataclass(frozen=True)
 class FirstAttempt:
-    """How far the first attempt got, before any retry."""
+    """How far the first attempt got, before any retry.
+
+    `parsed`: its reply had the required format; `spatial`: its machine was also spatially valid;
+    `valid`: it was also accepted.
+    """
 
     parsed: bool = False
-    """The reply had the required format."""
     spatial: bool = False
-    """... and its machine was spatially valid."""
     valid: bool = False
-    """... and it was accepted."""
 
     def __and__(self, other: FirstAttempt) -> FirstAttempt:
         """How far both got, for designs that build on each other."""
@@ -127,10 +128,12 @@ class BeamEvent(RunEvent, kind="beam", needs=("structure",)):
 
 @dataclass(frozen=True)
 class RefillEvent(RunEvent, kind="refill", needs=("structure",)):
-    """Empty places of the beam were filled with copies of other machines."""
+    """Empty places of the beam were filled with copies of other machines.
+
+    `sources` are the trajectories that the machines come from.
+    """
 
     sources: tuple[int, ...]
-    """Trajectory that each machine comes from."""
 
 
 @dataclass(frozen=True)
@@ -144,25 +147,26 @@ class ConstructionEndEvent(RunEvent, kind="construction_end", needs=("structure"
 class EvaluationEvent(
     RunEvent, kind="evaluation", needs=("trajectory",), optional=("robust", "success", "met")
 ):
-    """A machine was simulated, or its earlier result reused."""
+    """A machine was simulated, or its earlier result reused.
+
+    The score is None when the simulation crashed or timed out. `broken` has (block, partner,
+    seconds) of each broken connection, `rollout` is a hash of every recorded state, and `moved` the
+    largest displacement of any block, m. `robust` is the robust score, if searches compare it;
+    `success` says whether the task's criterion of success is met, where the score alone does not
+    say; `met` says how many requirements are met, of how
+    many, and is None without any.
+    """
 
     machine: str
     valid: bool
     score: float | None
-    """None when the simulation crashed or timed out."""
     status: str
     broken: tuple[tuple[int, int, float], ...]
-    """(block, partner, seconds) of each broken connection."""
     rollout: str | None
-    """Hash of every recorded state."""
     moved: float | None = None
-    """Largest displacement of any block, m."""
     robust: float | None = None
-    """The robust score, if searches compare it."""
     success: bool | None = None
-    """Whether the task's criterion of success is met, where the score alone does not say."""
     met: tuple[int, int] | None = None
-    """How many requirements are met, of how many; None without any."""
 
 
 @dataclass(frozen=True)
@@ -177,16 +181,18 @@ class InspectionEvent(RunEvent, kind="inspection"):
 
 @dataclass(frozen=True)
 class CandidateEvent(RunEvent, kind="candidate", needs=("trajectory",)):
-    """The machine of one trajectory at the end of a stage."""
+    """The machine of one trajectory at the end of a stage.
+
+    `valid` says whether there is a machine that could be simulated, after all retries; `reason` why
+    it is invalid, else it is empty.
+    """
 
     trajectory: int
     machine: str | None
     valid: bool
-    """Whether there is a machine that could be simulated, after all retries."""
     score: float | None
     first: FirstAttempt
     reason: str
-    """Why it is invalid; empty when it is valid."""
 
 
 @dataclass(frozen=True)
@@ -232,31 +238,34 @@ class QueryEvent(RunEvent, kind="query"):
 
 @dataclass(frozen=True)
 class ToolEvent(RunEvent, kind="tool", needs=("call",), optional=("machine",)):
-    """An agent called a tool; the location is the stage and the number of the call in it."""
+    """An agent called a tool; the location is the stage and the number of the call in it.
+
+    The name of the tool is `unknown` if there is no such tool. Its arguments are as the agent sent
+    them and, like the answer, cut to a sane length. `code` is the kind of the first problem of a
+    refused machine or edit, as in `AttemptEvent`; `machine` is the content hash of the machine that
+    the call was about, or that it made.
+    """
 
     tool: str
-    """Its name; `unknown` if there is no such tool."""
     arguments: Any
-    """As the agent sent them, cut to a sane length."""
     refused: bool
     answer: str
-    """The answer to the agent, cut to a sane length."""
     code: str = ""
-    """Kind of the first problem of a refused machine or edit, as in `AttemptEvent`."""
     machine: str | None = None
-    """Content hash of the machine that the call was about, or that it made."""
 
 
 @dataclass(frozen=True)
 class ProgramEvent(RunEvent, kind="program"):
-    """The program that worked at a stage has ended."""
+    """The program that worked at a stage has ended.
+
+    `status` is its exit status, or the negative number of the signal that killed it. `timed_out`
+    says whether it was stopped at its time limit, and `isolated` whether it could read nothing but
+    its folder; None in runs of old versions.
+    """
 
     status: int
-    """Exit status; the negative number of the signal that killed it."""
     timed_out: bool
-    """Whether it was stopped at its time limit."""
     isolated: bool | None = None
-    """Whether it could read nothing but its folder; None in runs of old versions."""
 
     def __str__(self) -> str:
         told = "was stopped at its limit" if self.timed_out else "ended"
@@ -266,24 +275,28 @@ class ProgramEvent(RunEvent, kind="program"):
 
 @dataclass(frozen=True)
 class FileVerdict:
-    """What became of a file that a program left."""
+    """What became of a file that a program left.
+
+    `machine` is its name, None if there is none that is valid; `problem` says why it does not
+    count, and is empty if it does.
+    """
 
     file: str
     machine: str | None
-    """Name of the machine in it; None if there is none that is valid."""
     problem: str
-    """Why the machine does not count; empty if it does."""
 
 
 @dataclass(frozen=True)
 class FilesEvent(RunEvent, kind="files"):
-    """The machine files that a program left at the end of a stage were judged."""
+    """The machine files that a program left at the end of a stage were judged.
+
+    `more` files were not looked at. `problem` says why there are none, if their folder cannot be
+    read; else it is empty.
+    """
 
     files: tuple[FileVerdict, ...]
     more: int
-    """Number of files that were not looked at."""
     problem: str
-    """Why there are none, if their folder cannot be read; else empty."""
 
     def __str__(self) -> str:
         """How many files do not count, and why the first does not; "" if all count."""
@@ -309,14 +322,16 @@ class ExpandAttempt:
 
 @dataclass(frozen=True)
 class ExpandEvent(RunEvent, kind="expand", needs=("trajectory", "round")):
-    """A search expanded a node."""
+    """A search expanded a node.
+
+    `children` are the ids of the new nodes. `fallback` says whether no attempt was valid, so the
+    only child has the parent's machine.
+    """
 
     node: int
     attempts: tuple[ExpandAttempt, ...]
     children: tuple[int, ...]
-    """Ids of the new nodes."""
     fallback: bool
-    """Whether no attempt was valid, so the only child has the parent's machine."""
 
     @property
     def valid(self) -> int:
@@ -339,12 +354,14 @@ class NodeEvent(RunEvent, kind="node", needs=("trajectory", "node")):
 
 @dataclass(frozen=True)
 class LocalTrial:
-    """One edit of a machine, tried alone."""
+    """One edit of a machine, tried alone.
+
+    `edit` are commands, with `; ` between them, or words for an edit that none repeat; `machine` is
+    the content hash of what it made.
+    """
 
     edit: str
-    """Commands, with `; ` between them, or words for an edit that none repeat."""
     machine: str
-    """Content hash of what it made."""
     score: float | None
 
 
@@ -361,13 +378,15 @@ class LocalTrialsEvent(RunEvent, kind="local_trials", needs=("trajectory", "node
 
 @dataclass(frozen=True)
 class RememberedMachine:
-    """The best machine of a trajectory."""
+    """The best machine of a trajectory.
+
+    `mechanism` is the class of its mechanism.
+    """
 
     trajectory: int
     machine: str
     score: float | None
     mechanism: str
-    """Class of its mechanism."""
 
 
 @dataclass(frozen=True)
@@ -443,19 +462,20 @@ class ArchiveEvent(RunEvent, kind="archive", needs=("trajectory",)):
 
 @dataclass(frozen=True)
 class NicheEvent(RunEvent, kind="niche", needs=("trajectory", "node")):
-    """A node was offered to the archive of its search; the root is node 0."""
+    """A node was offered to the archive of its search; the root is node 0.
+
+    `values` are on the axes, in their order, and `cell` is its number on each, from 0; None if it
+    belongs to no cell. The outcome is `new` or `better` if it became the best of its cell, else
+    `worse` or `unmeasured`. `mechanism` is the class of the mechanism; None if it is unknown.
+    """
 
     round: int
     machine: str
     score: float | None
     values: tuple[float | None, ...]
-    """On the axes, in their order."""
     cell: tuple[int, ...] | None
-    """Number of the cell on each axis, from 0; None if it belongs to none."""
     outcome: str
-    """`new` or `better`: it became the best of its cell; `worse` or `unmeasured`: it did not."""
     mechanism: str | None
-    """Class of the mechanism; None if it is unknown."""
 
     @property
     def kept(self) -> bool:
@@ -505,6 +525,8 @@ class VerificationEvent(RunEvent, kind="verification"):
     simulated under small variations of the conditions. That of the best machine comes last.
 
     Score (the median), low and high are None if any simulation crashed or timed out.
+
+    The first of the `scores` is that under the default conditions.
     """
 
     machine: str
@@ -512,7 +534,6 @@ class VerificationEvent(RunEvent, kind="verification"):
     low: float | None
     high: float | None
     scores: tuple[VariedScore, ...]
-    """The first is that under the default conditions."""
 
     @property
     def holding(self) -> Holding | None:

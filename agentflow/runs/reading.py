@@ -143,15 +143,17 @@ def read_document(path: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Event:
-    """One thing that happened. `(kind, label)` is unique in a run; `data` holds no timings."""
+    """One thing that happened. `(kind, label)` is unique in a run; `data` holds no timings.
+
+    `at` counts seconds of work into the run, without the time between a kill and a resumption.
+    `line` is its number in the file; 0 if it was not read from one.
+    """
 
     kind: str
     label: str
     data: Mapping[str, Any]
     at: float = field(default=0.0, compare=False)
-    """Seconds of work into the run, without the time between a kill and a resumption."""
     line: int = field(default=0, compare=False)
-    """Line number in the file; 0 if it was not read from one."""
 
 
 def read_events(path: Path) -> Iterator[Event]:

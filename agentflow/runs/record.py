@@ -11,34 +11,33 @@ from agentflow.runs.reading import Event
 
 @dataclass
 class RunRecord:
-    """A run so far."""
+    """A run so far.
+
+    `stage` is the last stage to begin. `calls` are answered model calls, and `tokens` as reported
+    by the endpoint, 0 if it reports none. `machines` maps the content hash of each simulated
+    machine to its last evaluation, and `best` is the highest score of a valid one. `steps` are
+    expansions of search trees, or random edits; `refinements` are accepted replies that hold an
+    edited machine; `archives` are those that searches began, and what was offered to them;
+    `verification` is that of the best machine.
+    """
 
     start: kinds.RunStartEvent | None = None
     stage: kinds.StageBeginEvent | None = None
-    """The last stage to begin."""
     calls: int = 0
-    """Answered model calls."""
     valid_calls: int = 0
     tokens: int = 0
-    """As reported by the endpoint; 0 if it reports none."""
     evaluations: int = 0
     machines: dict[str, kinds.EvaluationEvent] = field(default_factory=dict)
-    """Content hash of each simulated machine -> its last evaluation."""
     best: float | None = None
-    """Highest score of a valid machine."""
     steps: int = 0
-    """Expansions of search trees, or random edits."""
     refinements: list[kinds.AttemptEvent] = field(default_factory=list)
-    """Accepted replies that hold an edited machine."""
     edits: list[kinds.EditEvent] = field(default_factory=list)
     candidates: list[kinds.CandidateEvent] = field(default_factory=list)
     expansions: list[kinds.ExpandEvent] = field(default_factory=list)
     nodes: list[kinds.NodeEvent] = field(default_factory=list)
     archives: list[kinds.ArchiveEvent | kinds.NicheEvent] = field(default_factory=list)
-    """The archives that searches began, and what was offered to them."""
     stages: list[kinds.StageEvent] = field(default_factory=list)
     verification: kinds.VerificationEvent | None = None
-    """Of the best machine."""
     remarks: list[str] = field(default_factory=list)
 
     @classmethod

@@ -141,14 +141,15 @@ class VariationScore(_Part):
 
 
 class VerifiedScore(_Part):
-    """The verification of the best machine; the numbers are None if it is incomplete."""
+    """The verification of the best machine; the numbers are None if it is incomplete.
+
+    `score` is the median; the first of the `scores` is that under the default conditions.
+    """
 
     score: Number | None
-    """The median."""
     low: Number | None
     high: Number | None
     scores: Annotated[Sequence[VariationScore], Field(min_length=1)]
-    """The first is that under the default conditions."""
 
     @property
     def holding(self) -> Holding | None:

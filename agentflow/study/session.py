@@ -45,22 +45,23 @@ class _Line(BaseModel, frozen=True, extra="forbid"):
 
 
 class SessionStart(_Line):
-    """The first line: what the person was asked to do."""
+    """The first line: what the person was asked to do.
+
+    `limit_s` is a time limit, None for none; a `guided` session shows a rationale. `participant` is
+    the code of the person in the study, never a name; "" outside of studies. `consent` is the text
+    that the person agreed to before the start; "" if none was shown. `refine` says whether the
+    person may hand the machine to a model.
+    """
 
     kind: Literal["session"] = "session"
     format: Literal[1] = 1
     task: str = Field(max_length=80)
     limit_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
-    """Time limit, s; None for none."""
     mode: Literal["free", "guided"] = "free"
-    """A guided session shows a rationale."""
     rationale: str = Field("", max_length=20_000)
     participant: str = Field("", pattern=r"^[A-Za-z0-9_-]{0,40}$")
-    """Code of the person in the study, never a name; "" outside of studies."""
     consent: str = Field("", max_length=20_000)
-    """The text that the person agreed to before the start; "" if none was shown."""
     refine: bool = True
-    """Whether the person may hand the machine to a model."""
     machine: Written
     began: AwareDatetime = Field(default_factory=lambda: datetime.now(timezone.utc))
 
@@ -99,15 +100,17 @@ class _Span(_Event):
 
 
 class StudioTest(_Span):
-    """The machine was simulated; the line is written when the result is there."""
+    """The machine was simulated; the line is written when the result is there.
+
+    The score is None if the simulation crashed or timed out; `run` is the name of the run that
+    holds the record.
+    """
 
     kind: Literal["trial"] = "trial"
     machine: Written
     score: Annotated[float, Field(allow_inf_nan=False)] | None
-    """None if the simulation crashed or timed out."""
     status: Literal["ok", "invalid", "diverged", "timeout", "crashed"]
     run: str = Field("", max_length=400)
-    """Name of the run that holds the record."""
 
 
 class Pause(_Span):

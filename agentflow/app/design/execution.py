@@ -154,16 +154,18 @@ BEST = Location("best")
 
 @dataclass(frozen=True)
 class Execution:
-    """The result of a workflow, and what its machines were simulated with."""
+    """The result of a workflow, and what its machines were simulated with.
+
+    `model` names the models in results, or who designed in their place. `verification` is that of
+    the best machine; None without one, or if `config.verify` is off. `verified` are all that were
+    verified to choose it, by falling score.
+    """
 
     model: str
-    """Name of the models in results, or of who designed in their place."""
     result: WorkflowResult
     evaluator: PhysicsEvaluator
     verification: Verification | None
-    """That of the best machine; None without one, or if `config.verify` is off."""
     verified: Mapping[Machine, Verification] = field(default_factory=dict)
-    """All that were verified to choose it, by falling score."""
 
 
 async def execute(

@@ -68,18 +68,19 @@ _PROMPTS = "prompt_folder"
 
 @dataclass(frozen=True)
 class RunPlan:
-    """A configuration whose names have all been looked up."""
+    """A configuration whose names have all been looked up.
+
+    Its configuration names the engine that `auto` stands for here, so that a run keeps its engine;
+    `engine` is its name and version, such as "pybullet 3.2.7". `level` is that of the task, without
+    the configured knobs, and `sketch` that of the user, as models see it.
+    """
 
     config: DesignConfig
-    """With the name of the engine that `auto` stands for here, so that a run keeps its engine."""
     task: Task
     prompts: PromptSet
     engine: str
-    """Name and version of the physics engine, e.g. "pybullet 3.2.7"."""
     level: Level
-    """The level of the task, without the configured knobs."""
     sketch: Sketch | None = None
-    """The user's, as models see it."""
 
     @cached_property
     def brief(self) -> Brief:

@@ -90,16 +90,16 @@ class _Progress:
 
 @dataclass
 class RunView(_Progress):
-    """The live view of a run."""
+    """The live view of a run.
+
+    `ending` is what is done after the workflow, `under_way` counts calls without an answer yet,
+    `cost` is None if unknown, and `curve` has the best score after each evaluation.
+    """
 
     ending: str = ""
-    """What is done after the workflow."""
     under_way: int = 0
-    """Calls without an answer yet."""
     cost: float | None = 0.0
-    """None if unknown."""
     curve: list[float] = field(default_factory=list)
-    """Best score after each evaluation."""
     failures: deque[str] = field(default_factory=lambda: deque(maxlen=3))
     started: float = field(default_factory=time.monotonic)
 

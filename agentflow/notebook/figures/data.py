@@ -23,7 +23,12 @@ CSV = ".csv"
 
 @dataclass(frozen=True)
 class Datum:
-    """One number of a figure: a row of the CSV file."""
+    """One number of a figure: a row of the CSV file.
+
+    `measure` is what x is, such as `simulations`; of `scores` and `ranks`, what y is; of
+    `validity`, a level. `x` is what was spent so far; of `validity`, the number of trajectories;
+    None if there is none. `y` is a score; of `validity`, how many trajectories got so far.
+    """
 
     view: str
     task: str
@@ -31,11 +36,8 @@ class Datum:
     run: str
     seed: int
     measure: str
-    """What x is: `simulations`, ...; of `scores` and `ranks`, what y is; of `validity`, a level."""
     x: float | None
-    """Spent so far; of `validity`, the number of trajectories. None if there is no x."""
     y: float
-    """Score; of `validity`, how many trajectories got so far."""
 
 
 _ROW = TypeAdapter(Datum)
