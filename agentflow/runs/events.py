@@ -153,8 +153,7 @@ class EvaluationEvent(
     seconds) of each broken connection, `rollout` is a hash of every recorded state, and `moved` the
     largest displacement of any block, m. `robust` is the robust score, if searches compare it;
     `success` says whether the task's criterion of success is met, where the score alone does not
-    say; `met` says how many requirements are met, of how
-    many, and is None without any.
+    say; `met` says how many requirements are met, of how many, and is None without any.
     """
 
     machine: str
