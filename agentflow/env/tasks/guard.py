@@ -8,9 +8,10 @@ from concurrent.futures import Future, wait
 from functools import partial, wraps
 from math import isfinite
 from threading import Thread
+from types import SimpleNamespace
 from typing import Any
 
-from agentflow.env.rollout import Feedback, Trace, Verdict
+from agentflow.env.rollout import Feedback, Verdict
 from agentflow.env.scene import Scene
 from agentflow.errors import AgentflowError, PluginError
 from agentflow.machine.brief import Brief
@@ -98,22 +99,19 @@ def _fulfil(result: Future[Any], work: Callable[[], Any]) -> None:
 
 
 def _with_guarded_referee(method: Callable[..., Any], family: type) -> Callable[..., Any]:
+    """The method, whose referees raise PluginError for their faults."""
+
     @wraps(method)
     def call(*args: Any, **options: Any) -> Any:
-        return _GuardedReferee(method(*args, **options), family)
+        referee = method(*args, **options)
+        expected = "a Verdict with finite numbers"
+        return SimpleNamespace(
+            start=_guarded(referee.start, family, "referee.start"),
+            watch=_guarded(referee.watch, family, "referee.watch"),
+            verdict=_guarded(referee.verdict, family, "referee.verdict", expected, _is_verdict),
+        )
 
     return call
-
-
-class _GuardedReferee:
-    """A referee whose faults raise PluginError."""
-
-    def __init__(self, referee: Any, family: type) -> None:
-        self.start = _guarded(referee.start, family, "referee.start")
-        self.watch = _guarded(referee.watch, family, "referee.watch")
-        self.verdict: Callable[[Trace], Verdict] = _guarded(
-            referee.verdict, family, "referee.verdict", "a Verdict with finite numbers", _is_verdict
-        )
 
 
 def _is_verdict(result: Any) -> bool:

@@ -67,7 +67,8 @@ class PyBulletWorld(BaseWorld[Bodies]):
         self._couplings = Couplings(client)
         self._grips: Grippers = Grippers(client, assembly.devices.grippers, moving)
         self.now = self._build_structure(self._plan(), {})
-        _place_at_start(client, self.now.built.pieces, scene.start)
+        if scene.start != Start():
+            self._place_at_start(scene.start)
         self._read()
 
     def _advance(self, ahead: int) -> None:  # noqa: ARG002
@@ -92,7 +93,7 @@ class PyBulletWorld(BaseWorld[Bodies]):
         self.now = self._build_structure(plan, present)
         for body in self.now.built.pieces:
             if body.piece not in present:
-                _restore(self.client, body, self._assembly, parts, motions)
+                self._restore(body, parts, motions)
         self.now.motors.set()
         self._read()
 
@@ -164,45 +165,35 @@ class PyBulletWorld(BaseWorld[Bodies]):
     def _take_works(self) -> Array:
         return self.now.sensors.take_works()
 
+    def _place_at_start(self, start: Start) -> None:
+        """Move newly built bodies from the ground to the start of the scene."""
+        rotation = start.rotation
+        for uid in (body.uid for body in self.now.built.pieces):
+            position, _ = pybullet.getBasePositionAndOrientation(uid, self.client)
+            place = swap(add(rotate_vector(rotation, swap(position)), (0.0, start.height, 0.0)))
+            turn = swap_quaternion(rotation)
+            pybullet.resetBasePositionAndOrientation(uid, place, turn, self.client)
 
-def _place_at_start(client: int, built: Sequence[PieceBody], start: Start) -> None:
-    """Move newly built bodies from the ground to the start of the scene."""
-    if start == Start():
-        return
-    rotation = start.rotation
-    for uid in (body.uid for body in built):
-        position, _ = pybullet.getBasePositionAndOrientation(uid, client)
-        place = add(rotate_vector(rotation, swap(position)), (0.0, start.height, 0.0))
-        pybullet.resetBasePositionAndOrientation(
-            uid, swap(place), swap_quaternion(rotation), client
-        )
+    def _restore(
+        self, body: PieceBody, rows: Array, motions: Mapping[int, tuple[float, float]]
+    ) -> None:
+        """Give a rebuilt body the positions and velocities of its parts, whose `rows` are (P, 13).
 
-
-def _restore(
-    client: int,
-    built: PieceBody,
-    assembly: Assembly,
-    rows: Array,
-    motions: Mapping[int, tuple[float, float]],
-) -> None:
-    """Give a rebuilt body the positions and velocities of its parts, whose `rows` are (P, 13).
-
-    `motions` are position and velocity of the joints that were in trees or parallel to those, by
-    joint.
-    """
-    uid, root = built.uid, rows[built.piece.root]
-    pybullet.resetBasePositionAndOrientation(
-        uid, root[POSITION].tolist(), root[ROTATION].tolist(), client
-    )
-    pybullet.resetBaseVelocity(uid, root[VELOCITY].tolist(), root[SPIN].tolist(), client)
-    for link, index in built.joints:
-        joint = assembly.joints[link.joint]
-        if link.rigid:
-            continue
-        if joint.kind == "spherical":
-            rotation, spin = relative_motion(rows[link.parent], rows[link.part])
-            pybullet.resetJointStateMultiDof(uid, index, rotation, spin, physicsClientId=client)
-        elif joint.kind != "fixed":
-            known = motions.get(link.joint)
-            position, velocity = known or joint_motion(joint, assembly.parts, rows)
-            pybullet.resetJointState(uid, index, position, velocity, physicsClientId=client)
+        `motions` are position and velocity of the joints that were in trees or parallel to those,
+        by joint.
+        """
+        client, uid, assembly = self.client, body.uid, self._assembly
+        root = rows[body.piece.root].tolist()
+        pybullet.resetBasePositionAndOrientation(uid, root[POSITION], root[ROTATION], client)
+        pybullet.resetBaseVelocity(uid, root[VELOCITY], root[SPIN], client)
+        for link, index in body.joints:
+            joint = assembly.joints[link.joint]
+            if link.rigid or joint.kind == "fixed":
+                continue
+            if joint.kind == "spherical":
+                rotation, spin = relative_motion(rows[link.parent], rows[link.part])
+                pybullet.resetJointStateMultiDof(uid, index, rotation, spin, physicsClientId=client)
+            else:
+                known = motions.get(link.joint)
+                position, velocity = known or joint_motion(joint, assembly.parts, rows)
+                pybullet.resetJointState(uid, index, position, velocity, physicsClientId=client)
