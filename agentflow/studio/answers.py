@@ -5,18 +5,25 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
 from agentflow.errors import AgentflowError
+from agentflow.studio.folder import LONGEST
 from agentflow.studio.guard import Refusal, told
 
 DEEPEST = 12
 """Deepest nesting of JSON that is sent here; machines need 3."""
+
+
+Name = Annotated[str, Field(max_length=LONGEST)]
+"""Of a run, a sweep or a session."""
+Hash = Annotated[str, Field(pattern="^[0-9a-f]{16}$")]
+"""Of the content of a machine."""
 
 
 class Arguments(BaseModel):
@@ -27,6 +34,12 @@ class Arguments(BaseModel):
 
 class Nothing(Arguments):
     """No arguments."""
+
+
+class OneRun(Arguments):
+    """A run by name."""
+
+    run: Name
 
 
 Given = TypeVar("Given", bound=Arguments)

@@ -28,7 +28,7 @@ from agentflow.machine.edits.draft import End
 from agentflow.machine.formats.detect import read_for
 from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_document
-from agentflow.studio.answers import Arguments, get, post
+from agentflow.studio.answers import Arguments, Hash, Name, OneRun, get, post
 from agentflow.studio.building.control import control_parts, controlled
 from agentflow.studio.building.person_runs import PersonRuns
 from agentflow.studio.building.state import (
@@ -37,7 +37,7 @@ from agentflow.studio.building.state import (
     find_spots,
     spots_to_add,
 )
-from agentflow.studio.folder import LONGEST, RunFolder
+from agentflow.studio.folder import RunFolder
 from agentflow.studio.simulations import Simulations
 from agentflow.study.session import Written
 
@@ -117,28 +117,21 @@ class Edited(MachineForTask):
 class Tested(MachineForTask):
     """A machine to test."""
 
-    run: str = Field("", max_length=LONGEST)
+    run: Name = ""
     """The run of earlier tests; "" begins another one."""
-
-
-class Finished(Arguments):
-    """A run of tests."""
-
-    run: str = Field(max_length=LONGEST)
 
 
 class Opened(OnTask):
     """The text of a machine file."""
 
     text: str = Field(max_length=4_000_000)
-    name: str = Field("", max_length=LONGEST)
+    name: Name = ""
 
 
-class Recorded(Arguments):
+class Recorded(OneRun):
     """A machine of a run; without a hash, its best one."""
 
-    run: str = Field(max_length=LONGEST)
-    machine: str | None = Field(None, pattern="^[0-9a-f]{16}$")
+    machine: Hash | None = None
 
 
 class Building:
@@ -166,7 +159,7 @@ class Building:
             post("/api/build/made", Made, self.made),
             post("/api/build/test", Tested, self.test),
             post("/api/build/film", MachineForTask, self.film),
-            post("/api/build/finish", Finished, self.finish),
+            post("/api/build/finish", OneRun, self.finish),
         ]
 
     async def blocks(self, given: OnTask) -> list[dict[str, Any]]:
@@ -257,7 +250,7 @@ class Building:
         item = ReportedMachine(machine, given.level, SEED, None, FINE)
         return await self._simulations.film(item)
 
-    async def finish(self, given: Finished) -> dict[str, Any]:
+    async def finish(self, given: OneRun) -> dict[str, Any]:
         """Complete a run of tests."""
         return await self._person_runs.finish(given.run)
 

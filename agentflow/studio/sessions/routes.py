@@ -12,9 +12,8 @@ from starlette.routing import BaseRoute
 from agentflow.app.pages.runs import FINE, ReportedMachine
 from agentflow.app.tasks import find_task
 from agentflow.errors import UsageError
-from agentflow.studio.answers import Arguments, Nothing, get, post
+from agentflow.studio.answers import Arguments, Hash, Name, Nothing, get, post
 from agentflow.studio.building.routes import SEED, MachineForTask
-from agentflow.studio.folder import LONGEST
 from agentflow.studio.sessions.recorder import SessionRecorder
 from agentflow.studio.sessions.replay import replay_data
 from agentflow.studio.simulations import Simulations
@@ -37,13 +36,13 @@ class NewSession(MachineForTask):
 class Named(Arguments):
     """A session by name."""
 
-    session: str = Field(max_length=LONGEST)
+    session: Name
 
 
 class MachineOfSession(Named):
     """A machine of a session by content hash."""
 
-    machine: str = Field(pattern="^[0-9a-f]{16}$")
+    machine: Hash
     film: Literal["", "yes"] = ""
     """Whether it is simulated, or shown as built."""
 

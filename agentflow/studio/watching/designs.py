@@ -97,11 +97,9 @@ def workflow_names() -> list[str]:
 @lru_cache
 def workflows_of_families() -> dict[str, list[str]]:
     """Family of tasks -> the workflows that a page may start on them."""
-    briefs = {name: get_task(name).brief for name in task_names() if "/" not in name}
-    return {
-        family: [name for name in workflow_names() if WORKFLOWS[name].fits(brief)]
-        for family, brief in briefs.items()
-    }
+    families = [name for name in task_names() if "/" not in name]
+    fit = {name: WORKFLOWS[name].fits for name in workflow_names()}
+    return {task: [name for name in fit if fit[name](get_task(task).brief)] for task in families}
 
 
 def require_possible(form: NewDesign) -> RunPlan:

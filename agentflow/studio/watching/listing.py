@@ -252,11 +252,6 @@ def _told_state(state: str, model: str | None) -> str:
     return "open" if state == "running" and model == PERSON else state
 
 
-def _told_stage(record: RunRecord) -> str:
-    """The stage of a run: until it has tried a machine, there is nothing to refine."""
-    return record.stage.location.name if record.stage and record.evaluations else INITIAL
-
-
 def _last_change(path: Path) -> float:
     """When the files of a run were last added or replaced, as its folder tells."""
     try:
@@ -334,7 +329,10 @@ async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[N
             "problem": failing,
             "best": record.best,
             "machine": follower.best,
-            "stage": record.stage and stage_words(_told_stage(record), model or ""),
+            "stage": record.stage
+            and stage_words(
+                record.stage.location.name if record.evaluations else INITIAL, model or ""
+            ),
             "calls": record.calls,
             "refused": record.calls - record.valid_calls,
             "simulations": record.evaluations,

@@ -7,7 +7,6 @@ from collections.abc import AsyncIterator, Mapping
 from functools import lru_cache
 from typing import Any, Literal
 
-from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import BaseRoute, Route
@@ -27,10 +26,10 @@ from agentflow.errors import AgentflowError, UsageError
 from agentflow.machine import Machine
 from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_document
-from agentflow.studio.answers import Arguments, Nothing, get, post
+from agentflow.studio.answers import Arguments, Hash, Name, Nothing, OneRun, get, post
 from agentflow.studio.building.person_runs import PERSON
 from agentflow.studio.building.routes import OnTask
-from agentflow.studio.folder import LONGEST, RunFolder
+from agentflow.studio.folder import RunFolder
 from agentflow.studio.guard import FOLLOW, Refusal, told
 from agentflow.studio.simulations import Simulations
 from agentflow.studio.watching.designs import (
@@ -59,16 +58,10 @@ def _small_picture(machine: Machine, size: tuple[int, int]) -> bytes:
     return png(machine, view="three-quarter", size=size)
 
 
-class OneRun(Arguments):
-    """A run by name."""
-
-    run: str = Field(max_length=LONGEST)
-
-
 class OneMachine(OneRun):
     """A machine of a run by content hash."""
 
-    machine: str = Field(pattern="^[0-9a-f]{16}$")
+    machine: Hash
 
 
 class OnePicture(OneMachine):
@@ -86,14 +79,14 @@ class LevelPicture(OnTask):
 class OneSweep(Arguments):
     """A sweep by name."""
 
-    sweep: str = Field(max_length=LONGEST)
+    sweep: Name
 
 
 class TwoRuns(Arguments):
     """Two runs by name."""
 
-    a: str = Field(max_length=LONGEST)
-    b: str = Field(max_length=LONGEST)
+    a: Name
+    b: Name
 
 
 class Watching:
