@@ -154,17 +154,13 @@ def _framed(shapes: MachineSolids, moment: _Moment, follow: Body | None, within:
         if follow is not None and moment.connected is not None:
             blocks = joined_to(follow, moment.connected)
     near = np.linalg.norm(pose.centre - centre, axis=1) <= within
-    solids = [item for item in shapes.objects(pose) if _is_framed(item, blocks, near)]
+    shown = {f"block {block}" for block in blocks if near[block]}
+    solids = [item for item in shapes.objects(pose) if item.name in shown]
     close = [item for item in moment.moving if dist(item.position, centre) <= within]
     points = [corners_of(item) for item in (*solids, *close)]
     if follow is not None:
         points.append(CORNERS * min(AROUND, 2 * within) + centre)
     return np.concatenate(points)
-
-
-def _is_framed(item: SceneObject, blocks: Collection[int], near: Array) -> bool:
-    block = int(item.name.removeprefix("block "))
-    return block in blocks and bool(near[block])
 
 
 def _draw(shapes: MachineSolids, moment: _Moment, camera: Camera, said: str) -> Image.Image:

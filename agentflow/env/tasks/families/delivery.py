@@ -12,7 +12,7 @@ import numpy as np
 from agentflow.env.constants import constants
 from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import number, sample_indices, series, term_number
-from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
+from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject, blocks_among, objects_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
@@ -168,6 +168,8 @@ class Delivery(Family):
         cargo = even.object_position[:, trace.objects.index(CARGO)]
         gaps = np.linalg.norm(even.centre - cargo[:, None], axis=2).min(axis=1)
         touched, landing = terms["touched"], terms["landing"]
+        picks = sample_indices(len(gaps))
+        step = float(even.times[picks[1]]) if len(picks) > 1 else 0.0
         distance, time, reach, height = (
             number(term_number(terms, name)) for name in ("distance", "time", "reach", "height")
         )
@@ -183,10 +185,11 @@ class Delivery(Family):
                 if landing is None
                 else f"landed at {number(float(landing))} s"
             ),
-            _gap_line(even.times, gaps),
+            f"Distance from the cargo's centre to the nearest block every {step:.3g} s (m): "
+            + " ".join(number(gaps[i], 1) for i in picks),
         )
         path = series("Cargo position", even.times, cargo)
-        data = {"gap": [float(gaps[i]) for i in sample_indices(len(gaps))]}
+        data = {"gap": [float(gaps[i]) for i in picks]}
         return compose(machine, trace, broken, verdict, self.unit, lines, data, (path,))
 
 
@@ -264,10 +267,3 @@ class DeliveryReferee:
             text = f"the cargo lands after {FLIGHT:g} s or more in the air"
             events.append(RolloutEvent(self._landing, "landing", (), text))
         return tuple(events)
-
-
-def _gap_line(times: Array, gaps: Array) -> str:
-    picks = sample_indices(len(gaps))
-    step = float(times[picks[1]]) if len(picks) > 1 else 0.0
-    shown = " ".join(number(gaps[i], 1) for i in picks)
-    return f"Distance from the cargo's centre to the nearest block every {step:.3g} s (m): {shown}"
