@@ -76,6 +76,7 @@ HOMES = ("agents/", "prompts/")
 """Parts that roles consist of."""
 EXCEPTIONS = {
     "api.py": "a default that users read in the signature",
+    "app/benchmark/card.py": "a part of the benchmark, which is named as the role that it asks",
     "app/sweeps/unread.py": "settings, one of which is named as the role that it switches off",
     "cli/commands/design.py": "a default that users read in the help",
     "config/shipped.py": "a sweep, which is named as the role that it studies",
