@@ -324,15 +324,15 @@ async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[N
             return
         record, failing = follower.record, problem if state == "stopped" else ""
         model = record.start.model if record.start else None
+        stage = record.stage and record.stage.location.name
+        if stage and not record.evaluations:  # there is nothing to refine yet
+            stage = INITIAL
         now = {
             "state": "failed" if failing else _told_state(state, model),
             "problem": failing,
             "best": record.best,
             "machine": follower.best,
-            "stage": record.stage
-            and stage_words(
-                record.stage.location.name if record.evaluations else INITIAL, model or ""
-            ),
+            "stage": stage and stage_words(stage, model or ""),
             "calls": record.calls,
             "refused": record.calls - record.valid_calls,
             "simulations": record.evaluations,

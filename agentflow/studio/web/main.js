@@ -43,7 +43,7 @@ async function open() {
   if (number !== asked) return made.close?.();
   close = () => made.close?.();
   const heading = made.elements.find((element) => element?.querySelector?.("h1"))?.querySelector("h1").textContent;
-  document.title = `${heading ?? BAR[page]} · agentflow studio`; // tabs are told apart by it
+  document.title = `${heading ?? BAR[page]} · agentflow studio`; // so that tabs differ
   document.body.replaceChildren(bar, ...made.elements.filter(Boolean));
   scrollTo(0, 0); // else a page begins where the one before was
   document.body.dataset.ready = page;
