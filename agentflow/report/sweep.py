@@ -19,10 +19,12 @@ DASH = "\N{EN DASH}"
 OURS = ("variant", "of")
 """Label columns with names from agentflow; their underscores are shown as spaces."""
 PLAIN = {
+    **STAGE_WORDS,
     "of": "part",
     "rollouts": "simulations",
     "rollouts/s": "simulations/s",
     "score against expansions": "best score after N new machines",
+    "all machines (invalid scored 0)": "all, invalid = 0",
 }
 """Names in tables -> what the page calls them."""
 
@@ -92,8 +94,11 @@ def table_data(
 ) -> dict[str, Any]:
     """A table as a page shows it, without the notes that are `known`; columns without any value
     but 0 are left out unless `zeros` keeps them."""
-    kept = [place for place in range(len(table.columns)) if zeros or _has_values(table, place)]
+    every = (*table.rows, *table.published)
+    kept = [n for n in range(len(table.columns)) if zeros or any(row.values[n] for row in every)]
     columns = [table.columns[place] for place in kept]
+    gone = {column.name for column in table.columns} - {column.name for column in columns}
+    notes = [_reword(note, gone, columns, words) for note in table.notes if note not in known]
     return {
         "title": words.get(table.title, table.title),
         "heads": [words.get(head, head) for head in table.heads],
@@ -102,17 +107,13 @@ def table_data(
         "published": [_cells(table, row, kept) for row in table.published],
         "publishedTitle": PUBLISHED,
         "scored": OURS[-1] not in table.heads,
-        "notes": [_reword(note, table.columns, words) for note in table.notes if note not in known],
+        "notes": [note for note in notes if note],
     }
 
 
-def _has_values(table: Table, place: int) -> bool:
-    """Whether a column has any value other than 0."""
-    return any(row.values[place] not in (None, 0) for row in (*table.rows, *table.published))
-
-
 def _cells(table: Table, row: Row, kept: Sequence[int]) -> list[str]:
-    labels = [_label(head, label) for head, label in zip(table.heads, row.labels, strict=True)]
+    named = zip(table.heads, row.labels, strict=True)
+    labels = [_word(label, STAGE_WORDS) if head in OURS else label for head, label in named]
     return labels + [_cell(row.values[place], table.columns[place]) for place in kept]
 
 
@@ -120,23 +121,20 @@ def _cell(value: Value, column: Column) -> str:
     """A value as on pages: with an en dash for a range or nothing, and groups of digits."""
     if isinstance(value, int):
         return f"{value:,}"
-    digits = 1 if column.percent else column.digits
-    text = cell_text(value, digits, in_percent=column.percent)
+    text = cell_text(value, 1 if column.percent else column.digits, in_percent=column.percent)
     if isinstance(value, float | Interval):
         text = text.replace(" - ", f" {DASH} ").replace("%", "\N{NO-BREAK SPACE}%")
     return DASH if text == NOTHING else text
-
-
-def _label(head: str, label: str) -> str:
-    return STAGE_WORDS.get(label, label.replace("_", " ")) if head in OURS else label
 
 
 def _word(name: str, words: Mapping[str, str]) -> str:
     return words.get(name, name.replace("_", " "))
 
 
-def _reword(note: str, columns: Sequence[Column], words: Mapping[str, str]) -> str:
-    """Replace column names in a note by their headings."""
+def _reword(note: str, gone: set[str], columns: Sequence[Column], words: Mapping[str, str]) -> str:
+    """A note without its sentences on columns that are left out, with headings of the others."""
+    told = re.split(r"(?<=\.) ", note)
+    note = " ".join(line for line in told if re.split(": | is ", line)[0] not in gone)
     for column in columns:
         note = note.replace(column.name, _word(column.name, words))
         if column.group in words:

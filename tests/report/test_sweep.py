@@ -12,7 +12,11 @@ from agentflow.report.sweep import DASH, Spread, sweep_data, table_data
 TABLE = Table(
     title="Hand",
     heads=("task",),
-    columns=(Column("mcts", "mean"), Column("", "valid"), Column("", "share", percent=True)),
+    columns=(
+        Column("env_feedback", "mean"),
+        Column("", "valid"),
+        Column("", "share", percent=True),
+    ),
     rows=(Row(("throwing",), (1.25, Rate(3, 4), 0.5)),),
     published=(Row(("<b>",), ("2.0", None, None)),),
     notes=("8 runs", "a note"),
@@ -27,7 +31,7 @@ def test_tables_are_texts_and_spreads_have_intervals() -> None:
         "title": "Hand",
         "scored": True,
         "heads": ["task"],
-        "columns": [["mcts", "mean"], ["", "valid"], ["", "share"]],
+        "columns": [["refinement with feedback", "mean"], ["", "valid"], ["", "share"]],
         "rows": [["throwing", "1.25", "3/4", "50.0\u00a0%"]],
         "published": [["<b>", "2.0", DASH, DASH]],
         "publishedTitle": PUBLISHED,
@@ -63,7 +67,7 @@ def test_columns_that_say_nothing_are_left_out_and_names_are_words() -> None:
         Row(("my_model", "no_inspector", "blind_refinement"), (3, 0, None, Rate(0, 2))),
         Row(("my_model", "no_inspector", "meta_designer"), (0, 0, 0.0, Rate(0, 2))),
     )
-    notes = ("Tokens.", "avg_speed: fast")
+    notes = ("Tokens. tokens: of all calls. x: many.", "avg_speed: fast", "calls: all")
     table = Table("Title: usage", ("model", "variant", "of"), columns, rows, notes=notes)
     other = Table("Title", ("task",), columns[:1], (Row(("t",), (1,)),))
     (shown, _) = sweep_data("Title", "", {}, [table, other])["tables"]
@@ -73,7 +77,7 @@ def test_columns_that_say_nothing_are_left_out_and_names_are_words() -> None:
         ["my_model", "no inspector", "refinement without simulation", "3", "0/2"],
         ["my_model", "no inspector", "meta designer", "0", "0/2"],
     ]
-    assert shown["notes"] == ["Tokens.", "avg speed: fast"]
+    assert shown["notes"] == ["Tokens. x: many.", "calls: all"]
 
 
 def test_many_scores_are_thinned_evenly() -> None:

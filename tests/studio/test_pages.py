@@ -214,7 +214,10 @@ def test_two_runs_are_shown_side_by_side_in_step(
     until(browser, lambda: len({clock.text for clock in clocks}) == 1)
     differ = browser.find_element(By.XPATH, "//button[text()='Mark differences']")
     assert differ.get_attribute("aria-pressed") == "true"
-    assert "Verified: " in find(browser, "main.compare").text
+    assert "Verified: A " in find(browser, "main.compare").text
+    assert browser.title == "throwing · throwing · agentflow studio"
+    views = [view.size for view in browser.find_elements(By.CSS_SELECTOR, ".view")]
+    assert views[0] == views[1], "both films have one scale"
     assert browser.execute_script("return window.owned ?? null") is None
     assert complaints(browser) == []
 
@@ -283,6 +286,8 @@ def test_an_empty_list_says_where_to_begin(browser: webdriver.Chrome, tmp_path: 
             attach(browser, opposite)
         until(browser, lambda: "Step 5 of 5" in find(browser, ".guide").text)
         assert find(browser, "#faces h2").text == "Faces"
+        browser.get(f"{empty.base}/#guide")
+        until(browser, lambda: find(browser, ".problem").text == "There is no page #guide.")
         open_page(browser, empty, "leaderboard")
         commands = [item.text for item in browser.find_elements(By.CSS_SELECTOR, "main li code")]
         assert len(commands) == 3
@@ -305,14 +310,15 @@ def test_each_benchmark_has_a_leaderboard_that_leads_to_runs(
         open_page(browser, two, "leaderboard")
         others = browser.find_elements(By.CSS_SELECTOR, ".picks a")
         assert [item.get_attribute("aria-current") for item in others] == ["page", None]
-        assert find(browser, ".lede").text.startswith("Benchmark version 2, mujoco ")
+        assert others[0].text.endswith("model on 11 items, 1 per family")
         assert (
             find(browser, ".actions a")
             .get_attribute("href")
             .endswith("#run?run=a%2Fruns%2Fsearch.throwing-1.seed-0")
         )
         others[1].click()
-        until(browser, lambda: "1 model on 33 items" in find(browser, ".lede").text)
+        chosen = 'return document.querySelector(".picks [aria-current]")?.innerText'
+        until(browser, lambda: "33 items, 3 per" in (browser.execute_script(chosen) or ""))
         assert browser.find_elements(By.CSS_SELECTOR, ".actions a") == []
         assert complaints(browser) == []
 
@@ -328,6 +334,7 @@ def test_all_tasks_are_shown_and_one_leads_to_a_machine_or_a_design(
     find(browser, '.card[data-task="throwing/4"]').click()
     title = "return document.querySelector('h1')?.innerText"
     until(browser, lambda: browser.execute_script(title) == "One ring")
+    assert browser.title == "throwing/4 · one ring · agentflow studio"
     with on_phone(browser, 390, 844, dark=False):
         for plan in browser.find_elements(By.CSS_SELECTOR, ".plan"):
             assert plan.rect["x"] + plan.rect["width"] <= 390  # whole, with its target

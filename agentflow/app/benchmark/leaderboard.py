@@ -20,7 +20,7 @@ OF_RECORDS = (
 )
 """Of cards of the first benchmark."""
 OF_PARS = (
-    "Shares are 0 at an item's floor and 1 at its par, and at most 1.5 (floor: what random "
+    "Shares are 0 % at an item's floor and 100 % at its par, and at most 150 % (floor: what random "
     "machines reach; par: what a long search of the built-in designer, or a known machine, reaches)"
 )
 ABOUT = (

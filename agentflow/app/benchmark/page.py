@@ -32,13 +32,13 @@ def leaderboard_data(cards: Sequence[Scorecard], told: Sequence[str] = ()) -> di
     """
     tables = leaderboard(cards, told)
     shown = {"model", "complete", "total", "families"}
-    name, _, conditions = tables[0].title.rpartition(" ")
-    about = f"{counted(len(cards), 'model')} on {counted(len(cards[0].items), 'item')}"
+    items, each = len(cards[0].items), len(cards[0].items) / len(cards[0].families)
     shapes, machines = Shapes(), dict[str, dict[str, Any]]()
     return {
         "kind": "leaderboard",
-        "title": name,
-        "about": f"{about}, conditions {conditions.strip('()')}",
+        "title": tables[0].title,
+        "about": f"{counted(len(cards), 'model')} on {counted(items, 'item')}, {each:g} per family",
+        "pars": "pars" in cards[0].conditions,
         "tables": [table_data(table, words={**PLAIN, **PARTS}, zeros=True) for table in tables],
         "parts": (parts := shown_parts(cards[0])),
         "words": {part: PARTS.get(part, part) for part in parts},

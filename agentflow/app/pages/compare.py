@@ -179,9 +179,9 @@ def _program_difference(one: Machine, other: Machine) -> dict[str, Any]:
 
 
 async def _play_alone(comparison: Comparison, workers: int, say: Progress) -> list[Played]:
-    tick = counter(say, sum(len(item.trials) for item in comparison.items))
+    trials = sum(len(item.trials) for item in comparison.items)
     async with RolloutPool(workers) as pool:
-        return await comparison.play(pool, tick)
+        return await comparison.play(pool, counter(say, trials))
 
 
 def _common_task(tasks: Sequence[Task]) -> Task | None:

@@ -73,11 +73,9 @@ def _groups(result: SweepResult) -> dict[tuple[str, str], list[FinishedRun]]:
 def _best(runs: Sequence[FinishedRun], pictures: bool) -> dict[str, Any] | None:
     """The run with the highest score, and its machine."""
     scored = [run for run in runs if run.result.score is not None and run.result.machine]
-    if not scored:
-        return None
-    run = max(scored, key=lambda one: one.result.score or 0.0)
-    machine = read_machine(run.result.machine, library()).machine
-    if machine is None:
+    run = max(scored, key=lambda one: one.result.score or 0.0, default=None)
+    machine = run and read_machine(run.result.machine, library()).machine
+    if not (run and machine):
         return None
     drawn = png_url(machine, view="three-quarter", size=PICTURE) if pictures else None
     known = {"run": run.planned.name, "score": run.result.score, "machine": machine.digest}

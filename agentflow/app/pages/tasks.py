@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,8 @@ from agentflow.env.tasks.records import record_machine, record_of
 from agentflow.machine import Machine
 from agentflow.report import page as report
 
-NARROW = 560.0
-"""Width of the drawing of one plan on a page, in points: readable on a phone, two side by side."""
+NARROW = 420.0
+"""Width of the drawings of plans on a page, in points: readable on a phone, two side by side."""
 SMALL, LARGE = (400, 300), (960, 720)
 """Width and height of pictures in pixels: on cards, and of one level."""
 
@@ -41,7 +42,7 @@ def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
 
 def draw_all(folder: Path) -> list[Path]:
     """Draw every level into a folder."""
-    names = [item["name"] for item in list_tasks()]
+    names = (item["name"] for item in list_tasks())
     return [draw_task(name, (), folder / picture_name(name)) for name in names]
 
 
@@ -60,20 +61,19 @@ def write_page(names: Iterable[str], file: Path) -> Path:
 def level_data(name: str) -> dict[str, Any]:
     """One level with drawings from above and from the right, for a page."""
     task, drawings = find_task(name), []
-    for plan in level_plans(task):
-        [sheet], pen = place_plans([plan], NARROW), SvgPen(f"{task.name}-{plan.title}")
+    for number, placed in enumerate(place_plans(level_plans(task), NARROW)):
+        sheet, pen = replace(placed, top=0.0), SvgPen(f"plan-{number}")
         draw_plans([sheet], task.scene().wind, pen)
-        drawings.append(pen.to_svg(sheet, f"{task.name} {plan.title}"))
-    machine = _shown_machine(task)[1]
-    return {**task_json(name), "unit": task.unit, "drawings": drawings, "machine": machine}
+        drawings.append(pen.to_svg(sheet, f"{task.name} {placed.plan.title}"))
+    shown = {"drawings": drawings, "machine": _shown_machine(task)[1]}
+    return {**task_json(name), "unit": task.unit, **shown}
 
 
 @lru_cache(maxsize=200)
 def level_picture(name: str, size: tuple[int, int]) -> bytes:
     """A level with a machine at its start, as a PNG file."""
     task = find_task(name)
-    machine, _ = _shown_machine(task)
-    return level_png(machine, task.scene(), size)
+    return level_png(_shown_machine(task)[0], task.scene(), size)
 
 
 def _shown_machine(task: Task) -> tuple[Machine, str]:
@@ -81,4 +81,4 @@ def _shown_machine(task: Task) -> tuple[Machine, str]:
     repository is at hand, else the blocks that all machines begin with."""
     record = record_of(task)
     best = record and record_machine(record.name)
-    return (best, "the best known machine") if best else (task.brief.given, "the first block")
+    return (best, "the machine of its record") if best else (task.brief.given, "the first block")

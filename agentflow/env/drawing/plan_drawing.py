@@ -111,22 +111,21 @@ def _ticks(sheet: _PlacedPlan) -> Iterator[tuple[int, bool]]:
 
 
 def _labels(sheet: _PlacedPlan) -> Iterator[tuple[Point, str]]:
-    """One label per kind of object, above its first visible piece and clear of other labels."""
+    """One label per kind of object, above or beside its first visible piece, clear of others."""
     plan = sheet.plan
-    taken: list[Point] = []
-    named: set[str] = set()
+    taken, named = list[Point](), set[str]()
     left, right = sheet.at(plan.low)[0], sheet.at(plan.high)[0]
     middles = [(sum(x for x, _ in plan.start) / len(plan.start),
-                max(y for _, y in plan.start), "machine")]  # fmt: skip
+                max(y for _, y in plan.start), 0, "machine")]  # fmt: skip
     for outline in plan.outlines:
         name = base_name(outline.name)
         if outline.filled and name not in named and (place := _label_point(outline, plan)):
             named.add(name)
             middles.append((*place, name))
-    for across, up, name in middles[:LABELS]:
+    for across, up, beside, name in middles[:LABELS]:
         place = sheet.at((across, up))
         half = LETTER * len(name) / 2
-        x = min(max(place[0], left + half), right - half)
+        x = min(max(place[0] + beside * (half + 4), left + half), right - half)
         place = (x, max(place[1] - 4, sheet.top + TOP + 12))
         while any(abs(place[0] - u) < 70 and abs(place[1] - v) < 13 for u, v in taken):
             place = (place[0], place[1] + 13)
@@ -134,16 +133,17 @@ def _labels(sheet: _PlacedPlan) -> Iterator[tuple[Point, str]]:
         yield place, name
 
 
-def _label_point(outline: Outline, plan: LevelPlan) -> Point | None:
-    """Upper middle of an outline's visible part, the middle of one that stands upright; None if it
-    is outside the picture."""
+def _label_point(outline: Outline, plan: LevelPlan) -> tuple[float, float, int] | None:
+    """Upper middle of an outline's visible part and 0, or the middle of the right edge of one that
+    stands upright and 1; None if it is outside the picture."""
     (x0, y0), (x1, y1) = plan.low, plan.high
     xs, ys = zip(*outline.points, strict=True)
     left, right, top = max(min(xs), x0), min(max(xs), x1), min(max(ys), y1)
     if not (left < right and y0 < top and min(ys) < y1):
         return None
     upright = top - max(min(ys), y0) > UPRIGHT * (right - left)
-    return (left + right) / 2, (top + max(min(ys), y0)) / 2 if upright else top
+    middle = (top + max(min(ys), y0)) / 2
+    return (right, middle, 1) if upright else ((left + right) / 2, top, 0)
 
 
 class SvgPen:

@@ -93,11 +93,11 @@ export class Eye {
     this.shift = this.controls.target.clone().sub(target);
   }
 
-  /** The point to look at, and the distance from it. */
+  /** The point to look at, and the distance from it: the same for an eye and the one `beside` it. */
   wanted() {
-    const at = this.wide ? this.framing.whole : this.framing.at(this.time);
     const slope = FILL * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2));
-    const distance = Math.max(at[3] / (slope * this.camera.aspect), at[4] / slope) + at[5];
-    return [new THREE.Vector3(at[0], at[1], at[2]), Math.max(distance, NEAREST)];
+    const boxes = [this, this.beside].filter((eye) => eye?.framing).map(({ framing }) => (this.wide ? framing.whole : framing.at(this.time)));
+    const distances = boxes.map((at) => Math.max(at[3] / (slope * this.camera.aspect), at[4] / slope) + at[5]);
+    return [new THREE.Vector3(...boxes[0].slice(0, 3)), Math.max(...distances, NEAREST)];
   }
 }

@@ -84,7 +84,7 @@ export function barChart(title, items) {
 const BAND = 62; // height of a row: name, dots, interval
 const DOT = 3;
 const NEAR = 0.6; // if all values exceed this share of the greatest, the axis does not start at 0
-const [LETTER, SMALL] = [6.9, 5.8]; // width of a character of a name and of a number, pixels
+const pen = document.createElement("canvas").getContext("2d"); // measures texts
 const PILE = [0, -4, 4, -8, 8]; // vertical offsets of dots that would overlap
 
 /** Values as dots over an axis, one row each, with mean and interval: {name, values, runs, count, invalid, failed, mean, low, high};
@@ -100,10 +100,11 @@ export function intervalChart(title, axis, rows, mark, pick = null) {
     const marks = rows.flatMap((row, index) => {
       const y = 38 + BAND * index;
       const below = y + 16;
+      const room = xs.to - xs.from - 16;
       const whole = statistics(row); // without the range where it would meet the name: it is drawn
-      const told = LETTER * row.name.length + SMALL * whole.length > xs.to - xs.from ? statistics({ ...row, low: NaN }) : whole;
+      const told = widthOf(row.name, 13) + widthOf(whole, 11) > room ? statistics({ ...row, low: NaN }) : whole;
       return [
-        svg("text", { class: "name", x: xs.from, y: y - 19 }, svg("title", {}, row.name), truncate(row.name, xs.to - xs.from - SMALL * told.length)),
+        svg("text", { class: "name", x: xs.from, y: y - 19 }, svg("title", {}, row.name), truncate(row.name, room - widthOf(told, 11))),
         svg("text", { class: "tick end", x: xs.to, y: y - 19 }, told),
         ...stackDots(row.values.map(xs)).map(([x, off]) => svg("circle", { class: "dot", cx: x, cy: y + off, r: DOT })),
         Number.isFinite(row.low) && Number.isFinite(row.high)
@@ -178,9 +179,15 @@ function statistics({ mean, low, high, count, invalid, failed }) {
   return `mean ${formatNumber(mean)}${range}, n = ${formatNumber(count)}${invalid ? `, ${formatNumber(invalid)} invalid` : ""}${failed ? `, ${formatNumber(failed)} failed` : ""}`;
 }
 
+/** How wide a text is in letters of a size, pixels. */
+function widthOf(text, size) {
+  pen.font = `${size}px ${getComputedStyle(document.body).fontFamily}`;
+  return pen.measureText(text).width;
+}
+
 /** A name cut to a width in pixels. */
 function truncate(name, width) {
-  const most = Math.max(8, Math.floor(width / LETTER));
+  const most = Math.max(8, Math.floor((name.length * width) / widthOf(name, 13)));
   return name.length > most ? `${name.slice(0, most - 1)}…` : name;
 }
 

@@ -11,11 +11,13 @@ export function comparePage(data, made = []) {
   const players = data.machines.map((machine, side) => {
     const player = new Player(data.shapes, data.files);
     const score = machine.score === null ? "no score" : withUnit(machine.score, data.asked.unit);
-    player.show(data.films[side], `${NAMES[side]} · ${score}`, machine.source);
+    player.shown = player.show(data.films[side], `${NAMES[side]} · ${score}`, machine.source);
     return player;
   });
   made.push(...players);
   keepInStep(players);
+  players.forEach(({ view }, side) => { if (view.eye) view.eye.beside = players[1 - side].view.eye; });
+  Promise.all(players.map(({ shown }) => shown)).then(() => players[0].ask()); // from as far as both need
   const both = () => { players[0].lead(); players[0].seek(0); players[0].play(); };
   const differ = el("button", { "aria-pressed": "false", click: () => mark(differ.getAttribute("aria-pressed") === "false") }, "Mark differences");
   const mark = (on) => {
@@ -35,8 +37,8 @@ export function comparePage(data, made = []) {
       ...data.machines.flatMap(({ problems }, side) => problems.map((text) => problem(`${NAMES[side]} is not valid for ${data.task}: ${text}`))),
       section("Machines", table("Both machines", ["", ...NAMES], rows(data))),
       section("Blocks",
-        el("p", { class: "quiet" }, `${formatNumber(data.same)} blocks are in both machines: same type, position and direction relative to the root block.`),
-        ...data.only.map((blocks, side) => blocks.length ? table(`Only in ${NAMES[side]}`, ["Block", "Type", "Position, m", "Direction"], blocks.map(place)) : null))),
+        el("p", { class: "quiet" }, `${formatNumber(data.same)} blocks are in both machines: same type, position and direction relative to the root block. Their numbers may differ.`),
+        el("div", { class: "pair" }, ...data.only.map((blocks, side) => blocks.length ? table(`Only in ${NAMES[side]}`, ["Block", "Type", "Position, m", "Direction"], blocks.map(place)) : null)))),
   ];
 }
 

@@ -12,7 +12,7 @@ const OUTCOMES = {
 };
 
 export function leaderboardPage(data) {
-  return [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, "Leaderboard"), el("p", { class: "lede" }, `${data.title}: ${data.about}.`)), ...leaderboardParts(data))];
+  return [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, "Leaderboard"), el("p", { class: "lede" }, `${data.about}.`)), ...leaderboardParts(data))];
 }
 
 /** Everything below the heading.
@@ -22,13 +22,14 @@ export function leaderboardParts(data, actions = () => [], players = []) {
   const [all, ...others] = tables;
   const lines = cards.filter(({ course }) => course.length).map(({ model, course }) => ({ name: model, points: course }));
   return [
-    section("Ranking", shareChart("Mean share over all items, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts, words))), ...all.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
+    section("Ranking", data.pars ? el("p", {}, "A share of 100 % is as good as a long search of the built-in designer or a known machine, 0 % no better than random machines.") : "", shareChart("Mean share over all items, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts, words))), ...all.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
     section("Families", heatMap("Mean shares by family", "family", Object.keys(cards[0].families), cards, ({ families }, name) => familyCell(name, families[name], parts)),
       el("p", { class: "quiet" }, `${parts[1] ? `Large: ${words[parts[0]]}; small: ${words[parts[1]]}. ` : ""}Stronger colour means a greater share.`)),
     machinesSection(data, actions, players),
     lines.length ? section("Share over simulations", lineChart("Mean share of the best machine so far, by plain score", "", "simulations", lines)) : null,
     section("How it ended", table("Number of machines by how their simulation ended", ["Model", "Machines of", ...Object.values(OUTCOMES)], cards.flatMap((card) => parts.map((part) => [card.model, words[part], ...Object.keys(OUTCOMES).map((name) => card.outcomes[part][name] ?? 0)])), 2)),
     tableSection({ ...all, notes: [] }, "All numbers"), ...others.map((item) => el("details", {}, el("summary", {}, item.title), compactTable(item.title, "", item.heads, item.columns, item.rows))),
+    el("p", { class: "quiet" }, `${data.title}.`),
   ].filter(Boolean);
 }
 

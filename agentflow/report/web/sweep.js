@@ -36,7 +36,7 @@ function unitOf({ scored }, spreads) {
 /** The best machine of each variant. */
 function bestMachines(rows, linked, still) {
   if (!rows.length) return null;
-  return section("Best machines", el("div", { class: "cards" }, ...rows.map(({ task, name, unit, best }) =>
+  return section("Best machines", el("p", { class: "quiet" }, "The highest score of all stages. Verified scores, where there are any, count more."), el("div", { class: "cards" }, ...rows.map(({ task, name, unit, best }) =>
     linked(best.run, still(best) || null, el("b", {}, withUnit(best.score, unit)), el("span", {}, [task, name].filter(Boolean).join(", "))))));
 }
 
@@ -44,7 +44,7 @@ function bestMachines(rows, linked, still) {
 function scoreDistributions(rows, pick) {
   const tasks = [...new Set(rows.map((row) => row.task))].map((task) => rows.filter((row) => row.task === task));
   const known = rows.some((row) => Number.isFinite(row.low));
-  const about = `Each dot is a machine, and leads to its run; invalid machines count as 0. Below: the mean${known ? " with its 95% bootstrap confidence interval" : ""}.`;
+  const about = `Each dot is a machine of the last stage, and leads to its run; invalid machines count as 0. Below: the mean${known ? " with its 95% bootstrap confidence interval" : ""}.`;
   return section("Distribution of scores",
     ...tasks.map(answer),
     el("p", { class: "quiet" }, about),
@@ -110,4 +110,4 @@ function runsSection(rows, linked) {
   return section("Runs", details);
 }
 
-export const capitalize = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const capitalize = (text) => text.charAt(0).toUpperCase() + text.slice(1);

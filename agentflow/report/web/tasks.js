@@ -1,7 +1,6 @@
 // The pages of tasks: a card for each level, by family, and one level in full.
 
 import { el, formatNumber, section, svg, table, verifiedText, withUnit } from "./dom.js";
-import { capitalize } from "./sweep.js";
 import { list } from "./text.js";
 
 /** A page in a file: the part of the address after # chooses a level: tasks.html#throwing/3. */
@@ -25,7 +24,7 @@ export function listParts(levels, linked) {
   const families = [...Map.groupBy(levels, ({ family }) => family)];
   const parts = families.map(([family, items]) => {
     const [{ objective }] = items;
-    return el("section", { "aria-label": family }, el("h2", {}, capitalize(family)), el("p", { class: "quiet" }, objective),
+    return el("section", { "aria-label": family }, el("h2", {}, family), el("p", { class: "quiet" }, objective),
       el("div", { class: "cards" }, ...items.map((level) => el("a", { class: "card", href: linked(level), "data-task": level.name },
         el("img", { src: level.picture, alt: "", loading: "lazy", width: 400, height: 300 }),
         el("b", {}, level.title), el("span", {}, level.name),
@@ -35,14 +34,14 @@ export function listParts(levels, linked) {
   const jump = (index) => () => parts[index].scrollIntoView();
   return [
     el("header", {}, el("p", { class: "kind" }, "agentflow tasks"), el("h1", {}, "Tasks"),
-      el("p", { class: "lede" }, `What machines are built for: ${formatNumber(levels.length)} levels of ${formatNumber(families.length)} families. Open one to see its scene, its score and its rules.`)),
+      el("p", { class: "lede" }, `What machines are built for: ${formatNumber(families.length)} families of tasks, which differ in their goal, and ${formatNumber(levels.length)} levels, which differ in scene and rules. Open one to see them.${levels.some((level) => level.record?.fragile) ? " Fragile: the machine of the record fails under some small change of masses, friction, drives or time step." : ""}`)),
     el("p", { class: "picks" }, ...families.map(([family], index) => el("button", { click: jump(index) }, family))),
     ...parts,
   ];
 }
 
 const record = ({ record: best, unit }) => best && verifiedText(best.verified, best.fragile, unit);
-const worth = (level) => [`good from ${withUnit(level.good, level.unit)}`, record(level) && `best known ${record(level)}`].filter(Boolean).join(" · ");
+const worth = (level) => [`good from ${withUnit(level.good, level.unit)}`, record(level) && `record ${record(level)}`].filter(Boolean).join(" · ");
 
 /** One level in full.
  *  @param actions elements that lead on from it */
@@ -52,7 +51,7 @@ export function levelParts(level, actions = []) {
     ["Scored time", `${formatNumber(level.window)} s`],
     ["Good score", `from ${withUnit(level.good, level.unit)}`],
     level.greatest === null ? null : ["Greatest score", withUnit(level.greatest, level.unit)],
-    best && ["Best known", `${record(level)}, verified, with ${formatNumber(best.blocks)} blocks; ${best.how}`],
+    best && ["Record", `${record(level)}, verified, with ${formatNumber(best.blocks)} blocks; ${best.how}`],
     ["Blocks", `${formatNumber(level.blocks.length)} types${level.most_blocks === null ? "" : `, at most ${formatNumber(level.most_blocks)} blocks`}`],
     level.note ? ["Note", level.note] : null,
   ].filter(Boolean);

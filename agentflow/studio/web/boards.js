@@ -8,14 +8,14 @@ import { address, ask } from "./api.js";
 import { pictureOf, shortName } from "./list.js";
 
 const CARD = "card.json"; // the name of a scorecard
-const FIRST = 5; // cards of a task that are shown at once
+const FIRST = 7; // cards of a task that are shown at once
 
 /** The best runs of each task, best verified score first. */
 export async function galleryPage() {
   const [rows, { tasks: known }] = await Promise.all([ask("/api/runs"), ask("/api/start")]);
   const levels = new Map(known.map((level) => [level.name, level]));
-  const scored = rows.filter(({ machine, score }) => machine && score !== null);
   const worth = ({ verified, score }) => verified ?? score;
+  const scored = rows.filter((row) => row.machine && worth(row) > 0);
   const tasks = [...Map.groupBy(scored, ({ task }) => task)].sort(([a], [b]) => a.localeCompare(b));
   const card = (row) => el("a", { class: "card", href: address("run", { run: row.run }) }, pictureOf(row, 320, 240, "card"),
     el("b", {}, withUnit(worth(row), row.unit), el("small", {}, row.verified === null ? " not verified" : row.fragile ? " verified, fragile" : " verified")),
@@ -27,8 +27,8 @@ export async function galleryPage() {
     const { title = "", objective = "" } = levels.get(task) ?? {};
     return el("section", {}, el("h2", {}, title ? `${task} · ${title}` : task), el("p", { class: "quiet" }, objective), cards, more);
   };
-  return { elements: [el("main", { class: "alone wall" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task. Open one to see its film and how it was found.")),
-    ...(tasks.length ? tasks.map(part) : [el("p", {}, "No run has a scored machine yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
+  return { elements: [el("main", { class: "alone wall" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task, of those that score above 0. Open one to see its film and how it was found.")),
+    ...(tasks.length ? tasks.map(part) : [el("p", {}, "No run has a machine that scores above 0 yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
 }
 
 const levelAddress = (task, on = "card") => `/api/level/picture?${new URLSearchParams({ task, on })}`;
@@ -36,26 +36,25 @@ const levelAddress = (task, on = "card") => `/api/level/picture?${new URLSearchP
 /** The level in 3D. */
 export const levelPicture = (task) => el("img", { src: levelAddress(task), alt: "", loading: "lazy", width: 320, height: 240 });
 
-/** From which score on a machine is good, and the best one that is known. */
+/** From which score on a machine is good, and the record. */
 export function goodFrom({ good, record, unit }) {
-  return el("small", {}, `Good from ${withUnit(good, unit)}${record ? `, best known ${withUnit(record.verified ?? record.score, unit)}` : ""}.`);
+  return el("small", {}, `Good from ${withUnit(good, unit)}${record ? `, record ${withUnit(record.verified ?? record.score, unit)}` : ""}.`);
 }
 
 /** One leaderboard: scorecards of other benchmarks have others. */
 export async function leaderboardPage({ board = 0 }) {
   const [boards, { runs }, rows] = await Promise.all([ask("/api/leaderboards"), ask("/api/start"), ask("/api/runs")]);
-  const command = (words, does) => el("li", {}, el("code", {}, `agentflow benchmark ${words} --out ${runs}`), el("p", {}, does));
+  const command = (words, does) => el("li", {}, el("code", {}, `agentflow benchmark ${words} --out ${runs}`), " ", el("button", { click: ({ target }) => navigator.clipboard.writeText(target.parentElement.querySelector("code").textContent).then(() => { target.textContent = "Copied"; }) }, "Copy"), el("p", {}, does));
   const none = el("section", {}, el("p", {}, "There is no scorecard in the folder ", el("code", {}, runs), ` yet. A scorecard, ${CARD}, tells how well one model designs machines: its scores on the same tasks as all other models. Each of these commands writes one:`),
     el("ul", {}, command("--lite", "The built-in designer on one task of each family: no model and no key is needed."),
       command("--model NAME --base-url URL", "A language model on all tasks, at any OpenAI-compatible endpoint."),
       command("--model NAME --base-url URL --lite", "The same with one task of each family. Only cards of the same tasks are compared.")),
     el("p", { class: "quiet" }, `If you have scorecards already, put each in a folder of its own: ${runs}/NAME/${CARD}.`));
   const shown = boards[board] ?? boards[0];
-  const name = ({ cards: [{ items }], title }) => `${formatNumber(items.length)} items · ${title}`;
-  const others = boards.map((item, index) => el("a", { class: "button", href: address("leaderboard", { board: index }), "aria-current": item === shown ? "page" : null }, name(item)));
+  const others = boards.map((item, index) => el("a", { class: "button", href: address("leaderboard", { board: index }), "aria-current": item === shown ? "page" : null }, item.about));
   const runOf = (machine) => rows.filter((row) => row.machine === machine).slice(0, 1).map(({ run }) => el("a", { class: "button", href: address("run", { run }) }, "Its run, with films"));
   const players = [];
-  return { close: () => players.forEach((player) => player.close()), elements: [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, "Leaderboard"), shown ? el("p", { class: "lede" }, `${shown.title}: ${shown.about}.`) : ""),
+  return { close: () => players.forEach((player) => player.close()), elements: [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, "Leaderboard"), shown ? el("p", { class: "lede" }, `${shown.about}.`) : ""),
     others.length > 1 ? el("nav", { class: "picks", "aria-label": "Benchmarks" }, ...others) : "",
     ...(shown ? leaderboardParts(shown, runOf, players) : [none]))] };
 }

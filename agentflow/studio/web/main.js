@@ -6,6 +6,7 @@ import { el } from "../../report/web/dom.js";
 import { problem } from "../../report/web/text.js";
 import { galleryPage, leaderboardPage, resultsPage, tasksPage } from "./boards.js";
 import { buildPage } from "./build.js";
+import { shortName } from "./list.js";
 import { livePage } from "./live.js";
 import { curvesPage, pairPage } from "./pair.js";
 import { replayPage } from "./replay.js";
@@ -43,7 +44,8 @@ async function open() {
   if (number !== asked) return made.close?.();
   close = () => made.close?.();
   const heading = made.elements.find((element) => element?.querySelector?.("h1"))?.querySelector("h1").textContent;
-  document.title = `${heading ?? BAR[page]} · agentflow studio`; // so that tabs differ
+  const [first = ""] = new URLSearchParams(query ?? "").values(); // such as the run: tabs are told apart by it
+  document.title = [shortName(first), heading ?? BAR[page], "agentflow studio"].filter(Boolean).join(" · ");
   document.body.replaceChildren(bar, ...made.elements.filter(Boolean));
   scrollTo(0, 0); // else a page begins where the one before was
   document.body.dataset.ready = page;

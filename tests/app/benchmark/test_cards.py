@@ -131,7 +131,7 @@ def test_the_page_of_a_leaderboard_has_every_family_and_every_failure() -> None:
 def test_the_page_of_a_leaderboard_shows_the_machines_that_count() -> None:
     data = leaderboard_data([read_card(SHIPPED / "procedural.json")])
     assert data["title"].startswith("Benchmark version 2, mujoco ")
-    assert data["about"].startswith("1 model on 33 items, conditions ")
+    assert data["about"] == "1 model on 33 items, 3 per family"
     items = data["cards"][0]["items"]
     assert [items[0]["item"], round(items[0]["share"], 4)] == ["throwing-1", 0.1097]
     assert {item["machine"] for item in items} == set(data["machines"])
@@ -320,7 +320,7 @@ def test_forged_parts_are_refused(tmp_path: Path) -> None:
 def test_leaderboards_of_sets_with_pars_tell_their_rules() -> None:
     pars = card("new", *GOOD.items, pars=True)
     told = "\n".join(leaderboard([pars])[0].notes)
-    assert "Shares are 0 at an item's floor and 1 at its par" in told
+    assert "Shares are 0 % at an item's floor and 100 % at its par" in told
     assert "an invalid machine counts as 0" in told
     assert "record" not in told
 

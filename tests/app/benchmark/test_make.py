@@ -206,7 +206,7 @@ def test_a_new_benchmark_is_continued_and_run(
     where = str(next(tmp_path.glob("set*/card.json")).parent)
     assert main(["leaderboard", where, "--check", "--benchmark", str(out / "set.yaml")]) == 0
     told = capsys.readouterr().out
-    assert "Shares are 0 at an item's floor and 1 at its par" in told
+    assert "Shares are 0 % at an item's floor and 100 % at its par" in told
     assert "The records were" not in told
     broken = {**load_document(out / "set.yaml")}
     broken["benchmark"]["pars"].pop("movement-1")
