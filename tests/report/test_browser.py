@@ -443,8 +443,11 @@ def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_pat
     failed = {"name": NASTY, "state": "failed", "score": None, "why": NASTY}
     best = {"run": NASTY, "score": 2.0, "picture": "data:,"}
     spread = Spread(Scores((1.0, 2.0), 1), ["r-1", NASTY, NASTY], "m", best)
+    long = Row(("throwing", "procedural (no language model)", "hierarchical"), (1.5,))
+    other = Row(("throwing", "none (random edits)", "random-dsl"), (0.5,))
+    narrow = Table("", ("task", "model", "variant"), (Column("", "a"),), (long, other))
     rows = [failed, {**failed, "name": "r-1"}]
-    data = sweep_data(NASTY, "about", {("throwing", NASTY): spread}, [wide], rows)
+    data = sweep_data(NASTY, "about", {("throwing", NASTY): spread}, [wide, narrow], rows)
     file = tmp_path / "sweep.html"
     file.write_text(whole_page("sweep", data), encoding="utf-8")
     complaints(browser)
@@ -459,6 +462,12 @@ def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_pat
     assert "failed" in cells  # its reason is in sight
     told = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".chart text, .card b")]
     assert {"score, m", "2 m"} <= set(told)
+    with on_phone(browser, 390, 844, dark=False):
+        browser.get(file.as_uri())
+        boxes = "return [...document.querySelectorAll('table')].at(-2).rows[1].cells"
+        label, number = browser.execute_script(boxes)
+        assert label.rect["width"] > 130, "its words are not stacked"
+        assert number.rect["x"] + number.rect["width"] < 390, "a number is beside its label"
     assert browser.execute_script("return window.owned ?? null") is None
     assert complaints(browser) == []
 

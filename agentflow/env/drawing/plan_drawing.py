@@ -116,16 +116,18 @@ def _labels(sheet: _PlacedPlan) -> Iterator[tuple[Point, str]]:
     taken, named = list[Point](), set[str]()
     left, right = sheet.at(plan.low)[0], sheet.at(plan.high)[0]
     middles = [(sum(x for x, _ in plan.start) / len(plan.start),
-                max(y for _, y in plan.start), 0, "machine")]  # fmt: skip
+                max(y for _, y in plan.start), 0.0, "machine")]  # fmt: skip
     for outline in plan.outlines:
         name = base_name(outline.name)
-        if outline.filled and name not in named and (place := _label_point(outline, plan)):
+        if outline.filled and name not in named and (spot := _label_point(outline, plan)):
             named.add(name)
-            middles.append((*place, name))
-    for across, up, beside, name in middles[:LABELS]:
+            middles.append((*spot, name))
+    for across, up, thick, name in middles[:LABELS]:
         place = sheet.at((across, up))
         half = LETTER * len(name) / 2
-        x = min(max(place[0] + beside * (half + 4), left + half), right - half)
+        apart = thick and thick * sheet.scale / 2 + half + 4
+        x = place[0] + (apart if place[0] + apart + half < right else -apart)
+        x = min(max(x, left + half), right - half)
         place = (x, max(place[1] - 4, sheet.top + TOP + 12))
         while any(abs(place[0] - u) < 70 and abs(place[1] - v) < 13 for u, v in taken):
             place = (place[0], place[1] + 13)
@@ -133,17 +135,17 @@ def _labels(sheet: _PlacedPlan) -> Iterator[tuple[Point, str]]:
         yield place, name
 
 
-def _label_point(outline: Outline, plan: LevelPlan) -> tuple[float, float, int] | None:
-    """Upper middle of an outline's visible part and 0, or the middle of the right edge of one that
-    stands upright and 1; None if it is outside the picture."""
+def _label_point(outline: Outline, plan: LevelPlan) -> tuple[float, float, float] | None:
+    """Upper middle of an outline's visible part and 0, or the middle of one that stands upright and
+    its width; None if it is outside the picture."""
     (x0, y0), (x1, y1) = plan.low, plan.high
     xs, ys = zip(*outline.points, strict=True)
     left, right, top = max(min(xs), x0), min(max(xs), x1), min(max(ys), y1)
     if not (left < right and y0 < top and min(ys) < y1):
         return None
     upright = top - max(min(ys), y0) > UPRIGHT * (right - left)
-    middle = (top + max(min(ys), y0)) / 2
-    return (right, middle, 1) if upright else ((left + right) / 2, top, 0)
+    x, middle = (left + right) / 2, (top + max(min(ys), y0)) / 2
+    return (x, middle, right - left) if upright else (x, top, 0.0)
 
 
 class SvgPen:

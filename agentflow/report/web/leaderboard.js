@@ -47,7 +47,7 @@ function machinesSection({ cards, parts, words, machines, shapes, files }, actio
   };
   const cell = (card, name) => {
     const found = card.items.find(({ item }) => item === name);
-    const button = el("button", { disabled: found.machine ? null : "", title: found.machine ? null : "No valid machine", "aria-pressed": "false", "aria-label": `${name}, ${card.model}: ${percent(found.share)}`, click: () => choose(button, card, found) }, percent(found.share));
+    const button = el("button", { disabled: found.machine ? null : "", "aria-pressed": "false", "aria-label": `${name}, ${card.model}: ${percent(found.share)}`, click: () => choose(button, card, found) }, percent(found.share), found.machine ? "" : el("small", {}, "no valid machine"));
     return shaded(el("td", { "data-family": card.model }, button), found.share);
   };
   const map = heatMap("Machines by item", "item", cards[0].items.map(({ item }) => item), cards, cell, true);
