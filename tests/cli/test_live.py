@@ -188,6 +188,20 @@ def test_calls_are_told_of_about_how_many(
     assert lines[-1].startswith("3 calls, ")  # an estimate that is reached is told no more
 
 
+def test_a_run_that_asks_no_model_waits_for_no_reply(
+    capsys: Captured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agentflow.cli.display.live.EVERY_S", 0.0)
+    with watch(quiet=False) as (listener, _say):
+        assert listener is not None
+        for event in EVENTS:
+            if event.kind != "attempt":
+                listener(event)
+    told = capsys.readouterr().err.partition("0 calls, 1 simulation, best ")
+    assert told[1]
+    assert "waiting for the first reply" not in told[2]
+
+
 def test_what_a_model_wrote_does_not_reach_the_terminal_raw(
     live_view: RunView, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -227,7 +227,8 @@ class PlainProgress(_Progress):
             run = self.record
             done = f"{_calls(run.calls, self.expected)}, {counted(run.evaluations, 'simulation')}"
             best = "" if run.best is None else f", best {number(run.best)}"
-            line = f"{done}{best}{self._refused}" if run.calls else "waiting for the first reply"
+            begun = run.calls or run.evaluations
+            line = f"{done}{best}{self._refused}" if begun else "waiting for the first reply"
             self._refused = ""
         if line:
             self._told = time.monotonic()
