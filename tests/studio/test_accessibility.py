@@ -56,7 +56,7 @@ HEADS = {
     "run": ("agentflow run · hierarchical · seed 0", "throwing", "walled arena", "11.63 m"),
     "pair": ("agentflow comparison · both simulated with seed 0 on ", "throwing"),
     "gallery": ("Gallery", "The best machines of each task."),
-    "leaderboard": ("Models side by side", "Leaderboard", "Benchmark version 2, mujoco "),
+    "leaderboard": ("Models side by side", "Leaderboard", "1 model on 33 items, 3 per family."),
     "curves": ("2 runs compared at throwing", "Build a machine that throws"),
     "tasks": ("agentflow tasks", "Tasks", "What machines are built for: "),
     "task": ("agentflow task · throwing/4", "one ring", "Build a machine that throws"),
@@ -125,7 +125,8 @@ def test_each_page_says_what_it_is_and_axe_finds_nothing(
 ) -> None:
     open_page(browser, served, STUDIO[page])
     assert says(browser, HEADS[page])
-    assert browser.title == f"{find(browser, 'h1').get_property('textContent')} · agentflow studio"
+    heading = find(browser, "h1").get_property("textContent")
+    assert browser.title.endswith(f"{heading} · agentflow studio")
     assert found_on(browser) == {}
 
 
