@@ -149,8 +149,8 @@ class Devices:
 class Assembly:
     """A whole machine as parts and joints, placed in the world as the rollout starts.
 
-    Of each block at rest, it has the building point (of two-ended blocks, the middle between the
-    ends) in `origins`, the centre of the box, and the orientation.
+    `origins` are the building points of all blocks at rest (of two-ended blocks, the middle between
+    the ends), `centres` those of their boxes, and `rotations` their orientations.
     """
 
     parts: tuple[Part, ...]
