@@ -156,12 +156,11 @@ EDITS: Mapping[str, tuple[Edit, ...]] = {
     ),
     "agentflow/runs/events.py": (("\n\ndef read_typed_events(", JUDGEMENT),),
     "agentflow/runs/record.py": (
-        ("    FilesEvent,\n", "    FilesEvent,\n    JudgementEvent,\n"),
         (
-            "        elif isinstance(event, RemarkEvent):",
-            "        elif isinstance(event, JudgementEvent):\n"
+            "        elif isinstance(event, kinds.RemarkEvent):",
+            "        elif isinstance(event, kinds.JudgementEvent):\n"
             "            self.remarks.append(event.text)\n"
-            "        elif isinstance(event, RemarkEvent):",
+            "        elif isinstance(event, kinds.RemarkEvent):",
         ),
     ),
     "agentflow/cli/display/show_runs.py": (("def show_result(", SHOW_SIZE),),

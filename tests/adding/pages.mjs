@@ -20,6 +20,7 @@ class Element {
   constructor(name) { Object.assign(this, { name, attributes: {}, children: [], dataset: {}, classList: { add() {} } }); }
   setAttribute(key, value) { this.attributes[key] = String(value); }
   addEventListener() {}
+  getContext() { return { measureText: () => ({ width: 0 }) }; }
   append(...children) { this.children.push(...children); }
   replaceChildren(...children) { this.children = children; }
 }

@@ -10,7 +10,7 @@ import pytest
 
 from agentflow.env.scene import Scene, SceneObject, Start
 from agentflow.env.tasks.families.movement import Movement
-from agentflow.env.tasks.registry import get_task
+from agentflow.env.tasks.registry import get_level, get_task, make_task
 from agentflow.machine.blocks.library import library
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.geometry.placement import place
@@ -91,7 +91,7 @@ def test_briefs_of_a_task_compare_its_scene_with_its_image_once() -> None:
             seen.append(machine)
             return super().scene(machine)
 
-    task = Watched(**vars(get_task("movement")))
+    task = Watched(**vars(make_task(get_level("movement"))))
     assert task.brief.symmetric
     assert task.brief.symmetric
     assert len(seen) == 1

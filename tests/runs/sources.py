@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import yaml
 
@@ -82,6 +83,10 @@ def read_run(run: Path, pool: InProcess, out: Path) -> dict[str, Reader]:
             found = resume(run, RunOptions(notify, listener, pool=pool))
             show_result(found.to_json(), {})
 
+    def rescore_run() -> None:
+        with patch("agentflow.app.subjects.verify.RolloutPool", lambda _workers: pool):
+            show_rescored(rescore(run))
+
     rationales = partial(build_config, {**WINDOW, "settings": {"rationales_from": str(run)}})
     return {
         **commands(
@@ -98,7 +103,7 @@ def read_run(run: Path, pool: InProcess, out: Path) -> dict[str, Reader]:
             gallery=("gallery", run, "--out", out / "gallery.html"),
             study=("study", "metrics", run),
         ),
-        "rescore": lambda: show_rescored(rescore(run, pool=pool)),
+        "rescore": rescore_run,
         "replay": lambda: replay(run, print_remark, pool=pool),
         "resume": resume_run,
         "studio": lambda: json.dumps(Listing(RunFolder(run.parent)).rows(), allow_nan=False),

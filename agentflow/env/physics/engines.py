@@ -21,8 +21,9 @@ def default_engine() -> EngineSpec:
     Raises:
         ConfigError: None is installed.
     """
-    if found := installed_engines():
-        return found[0]
+    for spec in ENGINES.values():  # the first is found without loading the others
+        if _is_installed(spec):
+            return spec
     needed = ", ".join(spec.libraries[0] for spec in ENGINES.values())
     raise ConfigError(f"no physics engine is installed; install one of: {needed}")
 
