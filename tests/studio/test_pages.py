@@ -173,8 +173,8 @@ def test_a_design_is_started_watched_and_stopped(
     until(browser, lambda: find(browser, ".live .state").text.endswith("running"))
     until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, "svg[aria-label^='Score over']"))
     assert "of about" in find(browser, ".live").text
-    best = find(browser, ".score b").text
-    until(browser, lambda: find(browser, ".view .title").text.endswith(f" · {best}"))
+    shown = "[s, t] = ['.score b', '.title'].map((e) => document.querySelector(e)?.textContent);"
+    until(browser, lambda: browser.execute_script(f"{shown} return s && t?.endsWith(' · ' + s)"))
     follow, stop, resume = browser.find_elements(By.CSS_SELECTOR, ".live button")
     assert follow.get_attribute("aria-pressed") == "true"
     find(browser, ".tree .node:not([aria-selected=true])").click()

@@ -49,7 +49,7 @@ def click_through_a_session(runs: Path, profile: Path) -> Session:
         find(browser, ".notes input").send_keys("It will go farther with four wheels.", Keys.ENTER)
         until(browser, lambda: "Noted." in find(browser, ".session").text)
         find(browser, ".test").click()
-        said(browser, "Trial 1: score")
+        said(browser, "Test 1: ")
         until(browser, lambda: "filming" in str(find(browser, ".centre").get_attribute("class")))
         find(browser, ".top .tab").click()
         keys(browser, Keys.CONTROL, "z", Keys.NULL)
