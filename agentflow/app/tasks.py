@@ -8,13 +8,7 @@ from agentflow.config.run import split_setting
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_json
-from agentflow.env.tasks.registry import (
-    get_level,
-    get_task,
-    knob_table,
-    known_unit,
-    task_names,
-)
+from agentflow.env.tasks.registry import get_level, get_task, knob_table, known_unit, task_names
 from agentflow.machine import Machine, library
 from agentflow.machine.brief import LONE_ROOT
 

@@ -557,8 +557,12 @@ class CallsEvent(RunEvent, kind="calls"):
 
 @dataclass(frozen=True)
 class DrawingEvent(RunEvent, kind="drawing"):
-    """Pictures of the result are being made; shown and not recorded."""
+    """Pictures of the result are being made; shown and not recorded.
 
+    `frames` are those of the film that are drawn, and all; (0, 0) while it has not begun.
+    """
+
+    frames: tuple[int, int] = (0, 0)
     location: Location = field(default_factory=lambda: Location("best"))
 
 

@@ -132,6 +132,8 @@ def test_an_unknown_cost_is_unknown(live_view: RunView) -> None:
     assert "cost unknown" in plain(seen(live_view, 100))[2]
     live_view.note(DrawingEvent())
     assert plain(seen(live_view, 100))[1].startswith("drawing pictures · ")
+    live_view.note(DrawingEvent(frames=(120, 300)))
+    assert plain(seen(live_view, 100))[1].startswith("drawing pictures, frame 120 of 300 · ")
 
 
 def test_the_curve_keeps_to_its_width() -> None:
@@ -144,7 +146,7 @@ def test_the_curve_keeps_to_its_width() -> None:
 def test_without_a_terminal_there_is_one_line_per_event(capsys: Captured) -> None:
     with watch(quiet=False) as (listener, say):
         assert listener is not None
-        for event in (*EVENTS, DrawingEvent()):
+        for event in (*EVENTS, DrawingEvent(), DrawingEvent(frames=(1, 2))):
             listener(event)
         say("a remark")
     captured = capsys.readouterr()

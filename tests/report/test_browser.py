@@ -148,6 +148,13 @@ def test_it_opens_without_a_word_and_loads_nothing(opened: webdriver.Chrome, pag
     assert find(opened, ".score").text == "12.50 m is the best so far: the run is unfinished"
 
 
+def test_on_paper_a_still_is_in_place_of_the_film(opened: webdriver.Chrome) -> None:
+    opened.execute_script("dispatchEvent(new Event('beforeprint'))")
+    assert str(find(opened, "main > img").get_attribute("src")).startswith("data:image/png")
+    opened.execute_script("dispatchEvent(new Event('afterprint'))")
+    assert not opened.find_elements("css selector", "main > img")
+
+
 def test_it_plays_pauses_and_goes_slowly(opened: webdriver.Chrome) -> None:
     play = find(opened, ".play")
     play.click()

@@ -20,14 +20,7 @@ from agentflow.app.benchmark.card import (
     summarise,
 )
 from agentflow.app.benchmark.make import MACHINES
-from agentflow.app.benchmark.plan import (
-    ITEM,
-    PART,
-    Item,
-    conditions,
-    plan_benchmark,
-    read_items,
-)
+from agentflow.app.benchmark.plan import ITEM, PART, Item, conditions, plan_benchmark, read_items
 from agentflow.app.benchmark.run import make_card
 from agentflow.app.sweeps.tables import read_sweep_result
 from agentflow.config.run import DesignConfig

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -73,6 +73,7 @@ class Wanted:
 
 
 AS_EVER = Wanted()
+Tell = Callable[[str], Progress]  # gives what receives how many of some parts are done, as "frame"
 
 
 def read_size(text: str | None) -> tuple[int, int] | None:
@@ -89,7 +90,7 @@ def render_run(
     path: Path,
     out: Path | None = None,
     wanted: Wanted = AS_EVER,
-    say: Progress = silent,
+    tell: Tell = lambda _: silent,
     engine: str | None = None,
 ) -> dict[str, str]:
     """Draw or film the best machine of a finished run: `out`, by default best.png and best.gif.
@@ -99,7 +100,7 @@ def render_run(
     subject = Subject.of_run(path)
     if engine is not None:
         subject = subject.on(engine)
-    return _Drawing(subject, wanted, say).save(out or path / "best")
+    return _Drawing(subject, wanted, tell).save(out or path / "best")
 
 
 def draw_missing(
@@ -117,11 +118,16 @@ def draw_missing(
     """
     files = [path / f"best{suffix}" for suffix in (STILL, GIF)]
     missing = [file for file in files if not file.exists()]
-    if missing and listener is not None:
-        listener(DrawingEvent())
+
+    def say(done: int, of: int) -> None:
+        if listener is not None:
+            listener(DrawingEvent(frames=(done, of)))
+
     try:
+        if missing:
+            say(0, 0)
         for file in missing:
-            render_run(path, file)
+            render_run(path, file, tell=lambda noun: say if noun == "frame" else silent)
     except AgentflowError as error:
         told = (
             f"{error}; the run itself is complete: once this is repaired, draw its pictures with "
@@ -135,7 +141,7 @@ def draw_missing(
 
 
 def render_file(
-    source: str, task: Task, seed: int, out: Path, wanted: Wanted, say: Progress, notify: Notify
+    source: str, task: Task, seed: int, out: Path, wanted: Wanted, tell: Tell, notify: Notify
 ) -> dict[str, str]:
     """Draw or film the machine of a file, depending on the suffix of `out`; both without one.
 
@@ -145,7 +151,7 @@ def render_file(
     if report.machine is None:
         raise UsageError(f"{source} cannot be built: {report.problems[0].message}")
     subject = Subject(report.machine, task, seed, source, recorded=True)
-    drawing = _Drawing(subject, wanted, say)
+    drawing = _Drawing(subject, wanted, tell)
     if report.machine_valid:
         return drawing.save(out)
     problem = report.problems[0].message
@@ -163,8 +169,7 @@ class _Drawing:
 
     subject: Subject
     wanted: Wanted
-    say: Progress
-    """Receives the progress of the simulation."""
+    tell: Tell
     red: Collection[int] = ()
     """Blocks to draw in red."""
 
@@ -203,7 +208,8 @@ class _Drawing:
             if wanted.moments:
                 drawn = partial(save_strip, size=wanted.size, count=wanted.moments)
             else:
-                drawn = partial(save_film, size=wanted.size or SIZES[kind])
+                size = wanted.size or SIZES[kind]
+                drawn = partial(save_film, size=size, say=self.tell("frame"))
             drawn(machine, task, rollout, file, ground=ground)
         else:
             raise UnknownNameError("kind of picture", kind, tuple(SAMPLES))
@@ -211,7 +217,7 @@ class _Drawing:
     def _simulate(self, interval: float) -> Rollout:
         choose_engine(self.subject.task.engine)  # raises here rather than in a worker
         rollout = simulate_in_parallel(
-            self.subject, workers=WORKERS, say=self.say, interval=interval
+            self.subject, workers=WORKERS, say=self.tell("trial"), interval=interval
         )
         if rollout.trace is None:
             why = "; ".join(str(problem["message"]) for problem in rollout.problems)

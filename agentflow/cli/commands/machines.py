@@ -280,8 +280,8 @@ def render(
         fps: Frames per second of a film, up to 60.
         moments: Draw so many moments of the simulation at one scale, until the score is earned.
         scene: Draw the level, with the machine where it starts.
-        axes: Draw the axes x+, y+ and z+.
-        scale: Draw without perspective, with a scale bar; a sheet has one scale.
+        axes: Draw the axes x+, y+ and z+, which a sheet always has.
+        scale: Draw a scale bar, and no view with perspective.
         transparent: Draw nothing behind the machine.
     """
     from agentflow.app.design.plan import level_note
@@ -291,20 +291,20 @@ def render(
     from agentflow.cli.display.text import show_count
     from agentflow.runs import read_document, state_of
 
-    say = show_count("trial")
     wanted = Wanted(view, read_size(size), style, fps, moments, scene, axes, scale, transparent)
     if Path(source).is_dir():
         state_of(Path(source))  # raises for a directory that is not a run
         if task is not None or knobs or seed:
             raise UsageError("a run has its own task and seed; remove --task, --set and --seed")
-        files = render_run(Path(source), out, wanted, say, engine)
+        files = render_run(Path(source), out, wanted, show_count, engine)
         if note := level_note(Path(source), read_document(Path(source))):
             print_remark(note)
     else:
         level = find_task(task or "movement", knobs or (), engine)
-        files = render_file(source, level, seed, out or Path("machine"), wanted, say, print_remark)
-    for path in files.values():
-        print(path)
+        path = out or Path("machine")
+        files = render_file(source, level, seed, path, wanted, show_count, print_remark)
+    for file in files.values():
+        print(file)
 
 
 @commands.command(epilog="Example: agentflow blocks 63")

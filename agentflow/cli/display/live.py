@@ -113,7 +113,9 @@ class RunView(_Progress):
         elif isinstance(item, kinds.ResultEvent) and item.machine is not None:
             self.ending = "verifying the best machine"
         elif isinstance(item, kinds.DrawingEvent):
-            self.ending = "drawing pictures"
+            self.ending = "drawing pictures" + ", frame {} of {}".format(*item.frames) * any(
+                item.frames
+            )
         elif isinstance(item, kinds.AttemptEvent) and not item.valid:
             self.failures.append(f"{item.label}: {_refusal(item)}")
         elif isinstance(item, kinds.ToolEvent) and item.refused:
@@ -249,7 +251,7 @@ def _line(event: kinds.RunEvent | Event) -> str:
     if isinstance(event, kinds.VerificationEvent):
         held = "" if event.holding is None else f", {event.holding}"
         return f"verified score {number(event.score)}{held}"
-    if isinstance(event, kinds.DrawingEvent):
+    if isinstance(event, kinds.DrawingEvent) and not any(event.frames):
         return "drawing pictures"
     if isinstance(event, kinds.RunStartEvent):
         return f"{event.task}, {event.workflow}, {event.model}"

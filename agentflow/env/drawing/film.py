@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
 from math import ceil, log
 from pathlib import Path
 
@@ -11,16 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from agentflow.env.drawing.backdrop import LABEL_X, SCREEN, Course, Ground
-from agentflow.env.drawing.cameras import (
-    SIDE,
-    Camera,
-    Size,
-    View,
-    camera_at,
-    fit,
-    project,
-    to_vec3,
-)
+from agentflow.env.drawing.cameras import SIDE, Camera, Size, View, camera_at, fit, project, to_vec3
 from agentflow.env.drawing.mp4 import save_mp4
 from agentflow.env.drawing.solids import MachineSolids, Pose
 from agentflow.env.drawing.stills import (
@@ -39,10 +29,11 @@ from agentflow.env.tasks.base import Task
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import Machine
+from agentflow.progress import Progress, silent
 
 MOMENT: Size = (480, 360)
 """Size of a moment of a strip, unless one is asked for."""
-IN_A_ROW = 4
+IN_A_ROW = 5
 """Most moments in one row then."""
 STANDING = 1.3
 """How much farther away the camera of a strip may be to stand still."""
@@ -74,6 +65,7 @@ def save_film(
     *,
     size: Size = (640, 480),
     ground: Ground = SCREEN,
+    say: Progress = silent,
 ) -> None:
     """Film a rollout, one frame per regular sample of its trace, so that time passes evenly.
 
@@ -87,12 +79,16 @@ def save_film(
         path: File to write, `.gif` or `.mp4`.
         size: Width and height in pixels.
         ground: Colours of the ground.
+        say: Receives how many frames are drawn.
     """
     assert rollout.trace is not None
     trace = rollout.trace.even
     landing = landing_of(machine, rollout)
     cameras = _cameras(trace, tracked_block(machine), View(back=SIDE, size=size), landing)
-    frames = list(_frames(machine, task, rollout, trace, enumerate(cameras), ground))
+    frames = []
+    for frame in _frames(machine, task, rollout, trace, enumerate(cameras), ground):
+        frames.append(frame)
+        say(len(frames), len(cameras))
     shown = 0.0 if landing is None else float(trace.times[-1]) - landing.time
     frames += frames[-1:] * ceil(max(0.0, HELD - shown) / frame_interval(trace))
     save = save_mp4 if path.suffix == ".mp4" else _save_gif
@@ -109,7 +105,7 @@ def save_strip(
     ground: Ground = SCREEN,
     count: int = 5,
 ) -> None:
-    """Draw moments of a rollout in rows, from its start to when its score is earned, all at one
+    """Draw moments of a rollout in equal panels, from its start to its score, all at one
     scale.
 
     Arguments are as for `save_film`; `size` is that of the whole picture.
@@ -118,32 +114,24 @@ def save_strip(
     trace = rollout.trace.even
     tracked, landing = tracked_block(machine), landing_of(machine, rollout)
     wanted = np.linspace(0, _sample_of(landing, trace), count).round().astype(int).tolist()
-    across = count if count <= IN_A_ROW else -(-count // 2)
-    size = size or (MOMENT[0] * across, MOMENT[1] * -(-count // across))
-    rows = _rows(count, size)
-    views = [View(SIDE, (size[0] // n, -(-size[1] // len(rows)))) for n in rows for _ in range(n)]
+    columns = count if count <= IN_A_ROW else -(-count // 2)
+    if size is not None:  # panels are then nearly 4 : 3
+        wide = size[0] / size[1] * 3 / 4
+        columns = min(range(1, count + 1), key=lambda n: abs(log(wide * -(-count // n) / n)))
+    rows = -(-count // columns)
+    size = size or (MOMENT[0] * columns, MOMENT[1] * rows)
+    view = View(SIDE, (-(-size[0] // columns), -(-size[1] // rows)))
     framed = list(_framed(trace, tracked, landing if tracked else None))
     points = [framed[index] for index in wanted]
-    fits = [fit(each, view) for each, view in zip(points, views, strict=True)]
+    fits = [fit(each, view) for each in points]
     away = max(distance for _, distance in fits)
-    middle, most = fit(np.concatenate(points), min(views, key=lambda view: view.size[0]))
+    middle, most = fit(np.concatenate(points), view)
     if most <= STANDING * away:  # the camera stands still, as in one picture
         fits, away = [(middle, most)] * count, most
-    cameras = (camera_at(at, away, view) for (at, _), view in zip(fits, views, strict=True))
+    cameras = (camera_at(at, away, view) for at, _ in fits)
     moments = zip(wanted, cameras, strict=True)
     frames = _frames(machine, task, rollout, trace, moments, ground, named=False)
-    lines = [tiled(list(islice(frames, n)), n, (size[0], views[0].size[1])) for n in rows]
-    tiled(lines, 1, size).save(path, "PNG", optimize=True)
-
-
-def _rows(count: int, size: Size) -> list[int]:
-    """How many of so many pictures are in each row, so that they are nearly 4 : 3."""
-
-    def stretch(rows: int) -> float:
-        return abs(log(size[0] * rows / (-(-count // rows) * size[1] * 4 / 3)))
-
-    best = min(range(1, count + 1), key=stretch)
-    return [count * (row + 1) // best - count * row // best for row in reversed(range(best))]
+    tiled(list(frames), columns, size).save(path, "PNG", optimize=True)
 
 
 def tracked_block(machine: Machine) -> int:
@@ -228,7 +216,7 @@ def _frames(
             if landing is not None:
                 _draw_flag(picture, camera, landing.place)
             _draw_card(picture, card, letters)
-        caption(picture, f"{name}{time:.1f} s", letters)
+        caption(picture, f"{name}{time:.2f} s", letters)
 
     for index, camera in cameras:
         time = float(trace.times[index])

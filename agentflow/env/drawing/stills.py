@@ -49,7 +49,10 @@ LETTERS = 24
 FAR = 3.0
 """How far the grid of a level is clear, as `backdrop.CLEAR`."""
 ORTHOGRAPHIC = 1.0
-"""Field of view of pictures to scale, degrees: so narrow that lengths do not depend on distance."""
+"""Field of view of sides and drawings to scale, degrees: lengths do not depend on distance."""
+SHEET_FILL, FOOT = 0.92, 40
+"""Share of a panel of a sheet that a machine may fill, and height of the line below all panels with
+the machine's measures and the scale, pixels."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class StillOptions:
     """None: nothing is behind the machine."""
     axes: bool = False
     scale: bool = False
-    """Draw a bar of round length, without perspective; all views of a sheet have one scale."""
+    """Draw a bar of round length, without perspective."""
     scene: Scene | None = None
     """A level; the machine is then where it starts there."""
 
@@ -199,33 +202,45 @@ def _picture(
     pose = shapes.rest if scene is None else shapes.rest.at_start(scene.start)
     solids = shapes.objects(pose, red)
     points = np.concatenate([corners_of(solid) for solid in solids])
+    measures, sheet = np.ptp(points, axis=0), view == SHEET
+    angle = 30.0 if view == "three-quarter" and not options.scale else ORTHOGRAPHIC
     if scene is not None and scene.objects:
         bounds = np.array(frame_of(scene.objects, points))
         points = CORNERS * np.ptp(bounds, axis=0) + bounds.mean(axis=0)
-    elif view == "three-quarter" and options.ground is not None:
+    elif angle != ORTHOGRAPHIC and options.ground is not None:
         points = np.concatenate([points, *(shadow_of(solid) for solid in solids)])
-    names = tuple(VIEWS) if view == SHEET else (view,)
-    cell = (-(-size[0] // COLUMNS), -(-size[1] // 2)) if view == SHEET else size
-    angle = ORTHOGRAPHIC if options.scale else 30.0
+    names, cell, foot, fill = [view], size, 0, FILL
     band = AXES_BAND if options.axes else SCALE_BAND * options.scale
+    if sheet:
+        foot = round(FOOT * _factor((size[0] // COLUMNS, size[1] // 2)))
+        cell = (-(-size[0] // COLUMNS), -(-(size[1] - foot) // 2))
+        names, band, fill = list(VIEWS), 0, SHEET_FILL
     below = min(MOST, band * _factor(cell) / cell[1])
-    views = [View(VIEWS[name], cell, angle, FILL, below) for name in names]
+    views = [View(VIEWS[name], cell, angle, fill, below) for name in names]
     fits = [fit(points, each) for each in views]
-    same = max(distance for _, distance in fits) if options.scale else None
-    tiles = []
-    for name, each, (target, distance) in zip(names, views, fits, strict=True):
-        camera = lit(camera_at(target, same or distance, each))
+    away, tiles = max(distance for _, distance in fits), []
+    for name, each, (target, _) in zip(names, views, fits, strict=True):
+        camera = lit(camera_at(target, away, each))
         others = () if scene is None else scene.objects
         clear = CLEAR if scene is None else FAR
         tile = render_image(camera, solids, (), others, options.ground, clear)
-        if options.axes:
-            draw_axes(tile, camera)
-        if options.scale:
-            draw_scale(tile, camera)
-        if view == SHEET:
+        if options.axes or sheet:
+            draw_axes(tile, camera, sheet)
+        if sheet:
             caption(tile, name)
         tiles.append(tile)
-    return tiled(tiles, COLUMNS, size)
+    whole = tiles[0]
+    if sheet:
+        whole = Image.new(whole.mode, size, whole.getpixel((0, 0)))
+        whole.paste(tiled(tiles, COLUMNS, (size[0], size[1] - foot)), (0, 0))
+        width, height, length = (f"{metres:.3g} m" for metres in measures)
+        words = f"length (z) {length}, width (x) {width}, height (y) {height}"
+        font = ImageFont.load_default(size=letter_size(whole, words, 60))
+        at = (foot / 3, size[1] - foot / 2)
+        ImageDraw.Draw(whole).text(at, words, INK, font, "lm")
+    if options.scale:
+        draw_scale(whole, camera, cell)
+    return whole
 
 
 def tiled(tiles: Sequence[Image.Image], columns: int, size: Size | None = None) -> Image.Image:
@@ -243,12 +258,18 @@ def tiled(tiles: Sequence[Image.Image], columns: int, size: Size | None = None) 
     return whole
 
 
-def draw_axes(picture: Image.Image, camera: Camera) -> None:
-    """Draw the directions x+, y+ and z+ in a corner; those towards the eye as points."""
+def draw_axes(picture: Image.Image, camera: Camera, anywhere: bool = False) -> None:
+    """Draw the directions x+, y+ and z+ in a corner, the emptiest if `anywhere`; those towards the
+    eye as points."""
     f = _factor(picture.size)
     pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=13 * f)
     right, up, _ = camera.axes
-    start = CORNER[0] * f, picture.height - CORNER[1] * f
+    side, low = CORNER[0] * f, picture.height - CORNER[1] * f
+    start = side, low
+    if anywhere:
+        far, low = picture.width - side, picture.height - side
+        places = (far, side), (far, low), (side, low)
+        start = min(places, key=lambda at: _filled(picture, at, side))
     for name, axis in zip(AXES, np.eye(3), strict=True):
         across, rise = ARROW * f * float(right @ axis), -ARROW * f * float(up @ axis)
         x, y = start[0] + across, start[1] + rise
@@ -258,9 +279,9 @@ def draw_axes(picture: Image.Image, camera: Camera) -> None:
             pen.text(where, f"{name}+", AXES[name], font, "mm", stroke_width=2, stroke_fill="white")
 
 
-def draw_scale(picture: Image.Image, camera: Camera) -> None:
-    """Draw a bar of round length, at the distance of the machine."""
-    f = _factor(picture.size)
+def draw_scale(picture: Image.Image, camera: Camera, panel: Size | None = None) -> None:
+    """Draw a bar of round length, at the distance of the machine, as it is in a panel."""
+    f = _factor(panel or picture.size)
     away = float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
     pixels = camera.focal_length / away
     metres = max((s for s in SCALES if s * pixels <= picture.width / 2.5), default=SCALES[0])
@@ -269,6 +290,13 @@ def draw_scale(picture: Image.Image, camera: Camera) -> None:
     pen.line((right - metres * pixels, y, right, y), fill=INK, width=round(3 * f))
     where = (right - metres * pixels / 2, y - 12 * f)
     pen.text(where, f"{metres:g} m", INK, font, "mm", stroke_width=2, stroke_fill="white")
+
+
+def _filled(picture: Image.Image, at: tuple[float, float], reach: float) -> int:
+    """How much is in a square of a picture; a few thin lines count as nothing."""
+    x, y = at
+    square = picture.crop((int(x - reach), int(y - reach), int(x + reach), int(y + reach)))
+    return round(float(np.asarray(square.convert("L")).std()) / 20)
 
 
 def _factor(size: Size) -> float:

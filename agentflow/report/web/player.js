@@ -162,6 +162,12 @@ export class Player {
     if (this.clock.running) this.ask();
   }
 
+  /** What is shown, as the address of a picture. */
+  still() {
+    this.view.draw(this.film, this.clock.time, this.byLoad);
+    return this.view.canvas.toDataURL();
+  }
+
   /** Advance to a frame, and stop at the end. */
   advance(now) {
     const passed = this.clock.advance(now);

@@ -14,6 +14,9 @@ export function runPage(data) {
   shown.update(data);
   const bare = !Object.keys(data.machines).length; // without films, the text takes the whole page
   shown.main.classList.toggle("alone", bare);
+  const still = el("img", { alt: "The shown machine", height: 340 }); // on paper, in place of the film
+  addEventListener("beforeprint", () => shown.player.film && shown.chosen.before(Object.assign(still, { src: shown.player.still() })));
+  addEventListener("afterprint", () => still.remove());
   return [bare ? "" : el("aside", {}, shown.player.element), shown.main];
 }
 

@@ -31,12 +31,7 @@ from agentflow.runs import read_document
 from agentflow.studio.answers import Arguments, Hash, Name, OneRun, get, post
 from agentflow.studio.building.control import control_parts, controlled
 from agentflow.studio.building.person_runs import PersonRuns
-from agentflow.studio.building.state import (
-    describe_block,
-    describe_state,
-    find_spots,
-    spots_to_add,
-)
+from agentflow.studio.building.state import describe_block, describe_state, find_spots, spots_to_add
 from agentflow.studio.folder import RunFolder
 from agentflow.studio.simulations import Simulations
 from agentflow.study.session import Written

@@ -59,7 +59,10 @@ def reds(rollout: Rollout) -> list[int]:
 
 def test_a_gif_has_one_frame_per_sample(tmp_path: Path) -> None:
     task, rollout = drive()
-    save_film(CAR, task, rollout, tmp_path / "car.gif", size=SIZE)
+    told = list[tuple[int, int]]()
+    say = lambda done, of: told.append((done, of))  # noqa: E731
+    save_film(CAR, task, rollout, tmp_path / "car.gif", size=SIZE, say=say)
+    assert told == [(frame, 6) for frame in range(1, 7)]
     with Image.open(tmp_path / "car.gif") as picture:
         assert (picture.size, getattr(picture, "n_frames", 1)) == (SIZE, 6)
         assert picture.info["duration"] == 200
@@ -114,6 +117,9 @@ def test_a_score_is_told_with_a_flag_once_it_is_earned_and_in_the_last_moment_of
     film.save_strip(CAR, task, rollout, tmp_path / "x.png", size=(240, 180), count=4)
     with Image.open(tmp_path / "x.png") as square:
         assert square.size == (240, 180)  # two rows of two
+    film.save_strip(CAR, task, rollout, tmp_path / "x.png", count=5)
+    with Image.open(tmp_path / "x.png") as row:
+        assert row.size == (5 * 480, 360)
 
 
 def test_distance_marks_count_from_where_the_score_is_0() -> None:
@@ -154,21 +160,6 @@ def test_a_throw_counts_from_where_its_boulder_was_and_all_its_way_is_in_view() 
         places = project(flown, camera)
         assert (places > 0).all()
         assert (places < (320, 240)).all()
-
-
-@pytest.mark.parametrize(
-    ("count", "size", "rows"),
-    [
-        (5, (2000, 800), [3, 2]),
-        (3, (1800, 450), [3]),
-        (5, (2400, 360), [5]),
-        (2, (300, 900), [1, 1]),
-    ],
-)
-def test_moments_are_in_as_many_rows_as_suit_the_whole_picture(
-    count: int, size: tuple[int, int], rows: list[int]
-) -> None:
-    assert film._rows(count, size) == rows
 
 
 def test_one_frame_alone_makes_an_mp4_too(tmp_path: Path) -> None:

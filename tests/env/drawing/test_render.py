@@ -13,7 +13,7 @@ from PIL import Image
 from agentflow.env.drawing.backdrop import PAPER, SCREEN
 from agentflow.env.drawing.cameras import VIEWS
 from agentflow.env.drawing.solids import BROKEN, ROD_DIAMETER, MachineSolids, Pose
-from agentflow.env.drawing.stills import AXES_BAND, StillOptions, render_png
+from agentflow.env.drawing.stills import AXES_BAND, FOOT, StillOptions, render_png
 from agentflow.env.scene import Start
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UnknownNameError
@@ -65,8 +65,19 @@ def test_all_views_differ_and_a_sheet_shows_them_all(tmp_path: Path) -> None:
     render_png(BALLASTED, tmp_path / "sheet.png", view="sheet", size=(240, 120))
     sheet = pixels_of(tmp_path / "sheet.png")
     assert sheet.shape == (120, 240, 3)
-    tile = sheet[60 + 24 : 119, 1:79]  # below its name, within its frame
-    assert np.abs(tile - pictures["right"][24:59, 1:79]).max() == 0
+    foot = sheet[-FOOT + 4 :, :] == SCREEN.land
+    assert 0.02 < 1 - foot.all(axis=2).mean() < 0.2  # the measures of the machine
+
+
+def test_nothing_sinks_into_the_ground_in_views_from_the_sides(tmp_path: Path) -> None:
+    """From there, there is no perspective, with or without a scale."""
+    for scale in (False, True):
+        options = StillOptions(SCREEN, scale=scale)
+        render_png(ARROW, tmp_path / f"{scale}.png", view="front", size=(160, 120), options=options)
+        pixels = pixels_of(tmp_path / f"{scale}.png")
+        line = np.flatnonzero((pixels[:, 3] != SCREEN.land).any(axis=1))
+        machine_rows = np.flatnonzero((pixels[:, 75:85, 2] < 100).any(axis=1))
+        assert machine_rows.max() <= line.max() + 1
 
 
 def test_each_view_has_the_side_that_it_is_named_after(tmp_path: Path) -> None:
@@ -149,10 +160,13 @@ def test_nothing_is_behind_a_machine_on_no_ground_and_white_on_paper(tmp_path: P
 
 def test_all_views_of_a_sheet_to_scale_have_one_scale(tmp_path: Path) -> None:
     path = tmp_path / "x.png"
-    render_png(ARROW, path, view="sheet", size=(480, 240), options=StillOptions(None, scale=True))
-    tiles = [alpha(path)[2:90, 2 + 160 * i : 158 + 160 * i] > 0 for i in range(3)]
+    render_png(ARROW, path, view="sheet", size=(960, 640), options=StillOptions(None, scale=True))
+    tiles = [alpha(path)[2:296, 144 + 320 * i : 176 + 320 * i] > 0 for i in range(3)]
     rows = [int(np.flatnonzero(tile[22:].any(axis=1)).size) for tile in tiles]
     assert max(rows) - min(rows) <= 1  # as high from the front, from the back and from the left
+    foot = alpha(path)[-FOOT + 4 :] > 0
+    assert foot[:, :200].any()  # measures
+    assert foot[:, 900].any()  # one scale
 
 
 def test_every_side_is_equally_bright_and_clear_of_axes_and_scale(tmp_path: Path) -> None:

@@ -20,14 +20,7 @@ from agentflow.env.physics.structure.drives import merge_drives
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Link, Piece, Skeleton
 from agentflow.env.scene import SceneObject
-from agentflow.machine.geometry.vectors import (
-    IDENTITY,
-    Vec3,
-    add,
-    rotate_vector,
-    scale,
-    subtract,
-)
+from agentflow.machine.geometry.vectors import IDENTITY, Vec3, add, rotate_vector, scale, subtract
 
 FASTEST = 1e6
 """Speed limit of a body, m/s and rad/s. PyBullet's default of 100 would keep machines that explode
