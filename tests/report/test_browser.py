@@ -429,7 +429,8 @@ def test_the_shown_machine_can_be_downloaded(opened: webdriver.Chrome, tmp_path:
     until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0 m")
     digest = find(opened, ".chosen p").text.rpartition(" · hash ")[-1]
     buttons = opened.find_elements(By.CSS_SELECTOR, ".files button")
-    assert [button.text for button in buttons] == [".json", ".bsg", ".glb", "parts list"]
+    words = ["JSON", "Besiege", "3D model", "parts list"]
+    assert [button.text for button in buttons] == words
     for button, suffix in zip(buttons, (".json", ".bsg", ".glb", ".csv"), strict=True):
         name = f"machine-{digest}{suffix}"
         button.click()

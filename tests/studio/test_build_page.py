@@ -228,11 +228,13 @@ def test_a_car_is_built_by_mouse_or_touch_saved_and_reopened(
         until(browser, (tmp_path / name).exists)
     guide, step, _ = browser.find_elements(By.CSS_SELECTOR, ".more .files button:not([title])")
     guide.click()
-    said(browser, "Saved as machine.html")
-    until(browser, (tmp_path / "machine.html").exists)
-    assert "Step 1 of 2" in (tmp_path / "machine.html").read_text(encoding="utf-8")
+    said(browser, "Saved as machine-")
+    until(browser, lambda: list(tmp_path.glob("machine-*.html")))
+    [steps] = tmp_path.glob("machine-*.html")
+    assert "Step 1 of 2" in steps.read_text(encoding="utf-8")
+    assert [button.text for button in (guide, step)] == ["instructions", "CAD"]
     step.click()
-    said(browser, "Saved as machine.step" if is_installed("OCP") else "OCP is not installed")
+    said(browser, f"Saved as {steps.stem}.step" if is_installed("OCP") else "OCP is not installed")
     saved = next(tmp_path.glob("*.json"))
     assert read_one(str(next(tmp_path.glob("*.bsg")))).count(2) == 4
     open_page(browser, served, "build?task=movement")
@@ -393,6 +395,7 @@ def test_control_is_edited_checked_and_shown_as_curves_under_the_film(
 ) -> None:
     (tmp_path / "stops.json").write_text(STOPPING.sensing().to_text(), encoding="utf-8")
     open_page(browser, served, f"build?task={STOPPING.task}")
+    assert "No control yet" in find(browser, ".facts-panel .warned").text
     browser.execute_script(
         "document.querySelectorAll('.more details').forEach((e) => (e.open = 1))"
     )
@@ -402,6 +405,11 @@ def test_control_is_edited_checked_and_shown_as_curves_under_the_film(
     written = str(text.get_property("value"))
     assert '"approach": {"kind":"pd","sensor":"ahead","target":2,"p":-0.1}' in written
     assert not apply.is_enabled()
+    assert not browser.find_elements(By.CSS_SELECTOR, ".facts-panel .warned")
+    find(browser, ".control button").click()  # an example with what this machine has
+    until(browser, apply.is_enabled)
+    assert '"at":0,"for":2,"level":1}' in str(text.get_property("value"))
+    find(browser, ".control .play + button").click()
 
     def write(content: str) -> None:
         script = "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input'))"

@@ -59,6 +59,10 @@ def test_runs_are_listed_filtered_and_opened_and_names_stay_text(
     until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "run")
     until(browser, lambda: find(browser, ".live .state").text.endswith("done"))
     until(browser, lambda: find(browser, ".player").get_attribute("class") != "player empty")
+    explained = find(browser, "abbr[title='one of several independent attempts']")
+    assert explained.text.lower() == "trajectory"
+    saved = [button.text for button in browser.find_elements(By.CSS_SELECTOR, ".files button")]
+    assert {"Besiege", "instructions", "3D print"} <= set(saved)
     find(browser, ".chosen .button").click()
     until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "build")
     assert find(browser, "select[aria-label=Task]").get_attribute("value") == "throwing"
@@ -163,7 +167,10 @@ def test_a_design_is_started_watched_and_stopped(
     find(browser, ".design summary").click()
     form = find(browser, ".design form")
     form.find_element(By.CSS_SELECTOR, "summary").click()
-    fill(form, task="throwing", seed="5", rounds="50")
+    fill(form, task="throwing", seed="-3.5", rounds="50")
+    until(browser, lambda: "Seed: a whole number of 0 or more" in form.text)
+    form.find_element(By.NAME, "seed").clear()
+    fill(form, seed="5")
     until(browser, lambda: "simulations: " in form.text)
     assert "Good from 45 m" in find(browser, ".design .asked").text
     assert "calls" not in find(browser, ".design .wide[role=status]").text  # no model is asked
@@ -343,4 +350,6 @@ def test_all_tasks_are_shown_and_one_leads_to_a_machine_or_a_design(
     browser.find_element(By.LINK_TEXT, "Let a model design one").click()
     until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "runs")
     assert find(browser, ".design select[name=task]").get_attribute("value") == "throwing/4"
+    open_page(browser, served, "build?task=jumping")
+    assert "middle at z = 12 m: 0.5 m high" in find(browser, ".task-card").text
     assert complaints(browser) == []

@@ -112,6 +112,9 @@ def test_two_tabs_that_test_at_once_write_one_record(browser: Browser, runs: Pat
     assert name == begun
     alone = browser.post("/api/build/test", given(other.to_json()))["run"]
     assert alone != name  # nobody asked to join
+    page = browser.get("/api/run", run=alone)
+    assert (page["run"]["sentence"], page["tools"]) == ("is the best so far", [])
+    assert "Resume" not in dict(page["facts"])  # nobody continues a person
     best = max(item["score"] for item in told)
     assert best > 40
     film = browser.post("/api/build/film", given(CAR.to_json()))

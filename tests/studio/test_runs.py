@@ -222,6 +222,9 @@ def test_a_run_has_the_data_of_its_report(browser: Browser) -> None:
     assert (data["kind"], data["run"]["task"]) == ("run", "throwing")
     assert data["nodes"]
     assert "machines" not in data
+    workflows = browser.get("/api/start")["workflows"]["throwing"]
+    assert next(iter(workflows)) == "hierarchical"
+    assert workflows["explore"].startswith("One first machine per trajectory, then a search")
 
 
 @pytest.mark.slow

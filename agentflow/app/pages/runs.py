@@ -167,9 +167,9 @@ def told_share(task: Task, score: float | None) -> str:
 
 def task_summary(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
     """Title, objective, score and scene of the task of a run, as worded in prompts."""
-    title = level_of_run(path, document).file.title
-    task = task_of_run(path, document)
-    return {"title": title, "unit": task.unit, **task_wording(task.brief)}
+    task, file = task_of_run(path, document), level_of_run(path, document).file
+    told = {"title": file.title, "unit": task.unit, "greatest": task.brief.greatest}
+    return {**told, **task_wording(task.brief)}
 
 
 def task_wording(brief: Brief) -> dict[str, Any]:

@@ -3,9 +3,9 @@
 import { el } from "./dom.js";
 import { inflate } from "./film.js";
 
-const NAMES = { ".csv": "parts list", ".html": "instructions" };
-/** What a file is called on its button. */
-export const fileName = (name) => NAMES[name.slice(name.lastIndexOf("."))] ?? name.slice(name.lastIndexOf("."));
+const NAMES = { ".json": "JSON", ".bsg": "Besiege", ".glb": "3D model", ".csv": "parts list", ".html": "instructions", ".step": "CAD", ".3mf": "3D print" };
+/** What a file is called on its button: what it is for. */
+export const fileName = (name) => NAMES[name.slice(name.lastIndexOf("."))];
 
 /** A button for each file: name -> where its content begins and ends in what `packed` gives. */
 export function downloads(files, packed) {

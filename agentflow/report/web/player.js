@@ -17,6 +17,7 @@ export class Player {
     this.timeline = new Timeline((time) => this.seek(time));
     this.transport = new Transport(this, this.timeline.ticks);
     this.byLoad = false;
+    this.making = []; // buttons that write further files of the machine
     this.element = this.built();
   }
 
@@ -44,7 +45,7 @@ export class Player {
     if (!machine || !this.view.picture) return;
     if (!(await this.load(machine, asked))) return;
     this.choices(machine);
-    this.files.replaceChildren("Download this machine: ", ...downloads(machine.files, () => this.packed));
+    this.files.replaceChildren("Download: ", ...downloads(machine.files, () => this.packed), ...this.making);
     this.view.eye.reset();
   }
 

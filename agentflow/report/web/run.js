@@ -6,7 +6,7 @@ import { kindsSection } from "./kinds.js";
 import { Player } from "./player.js";
 import { frontSection, robustnessSection } from "./robustness.js";
 import { conversations, failures, header, legend, makersSection, scoreCharts, settings, stages, tools, usage } from "./sections.js";
-import { STATUS, callDetails, plain, problem } from "./text.js";
+import { STATUS, callDetails, explain, plain, problem } from "./text.js";
 import { Tree } from "./tree.js";
 
 export function runPage(data) {
@@ -72,7 +72,7 @@ export class RunView {
     const text = JSON.stringify(key);
     const before = this.parts.get(name);
     if (before?.text === text || before?.element.querySelector("details[open]")) return;
-    const element = el("div", {}, make() || "");
+    const element = explain(el("div", {}, make() || ""));
     if (before) before.element.replaceWith(element);
     else place.append(element);
     this.parts.set(name, { text, element });
@@ -101,6 +101,7 @@ export class RunView {
   /** @param calm whether the machine before stays until this one's film is there */
   async show(node, calm = false) {
     this.picked = node.id;
+    this.machine = node.machine;
     const title = heading(node, this.data.task.unit);
     const coming = node.machine && this.film(node.machine);
     if (coming instanceof Promise && !(calm && this.player.film)) {
@@ -134,6 +135,7 @@ async function describe(place, node, title, machine, calls, actions) {
     node.edit ? el("div", { class: "edit" }, el("h3", {}, "Edit"), /^Add /.test(node.edit) ? el("p", { class: "quiet" }, "In numbers: Add (type of block) to (block) in (face).") : null, plain(node.edit)) : "",
     machine?.feedback ? el("details", {}, el("summary", {}, "Simulation feedback"), plain(machine.feedback)) : "",
     talk);
+  explain(place);
   const known = node.calls.length ? await calls() : new Map();
   talk.replaceChildren(...node.calls.filter((label) => known.has(label)).map((label) => callDetails(known.get(label))));
 }

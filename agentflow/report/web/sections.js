@@ -12,7 +12,7 @@ export function header(data) {
     el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}`),
     el("h1", {}, run.task),
     el("p", { class: "kind" }, data.task.title),
-    el("p", { class: "score" }, run.score === null ? "no score" : el("b", {}, withUnit(run.score, data.task.unit)), " ", run.sentence),
+    el("p", { class: "score" }, run.score === null ? "no score" : el("b", {}, withUnit(run.score, data.task.unit), data.task.greatest ? ` of ${data.task.greatest}` : ""), " ", run.sentence),
     run.verified ? verification(run.verified, data.task.unit) : null,
     el("p", { class: "lede" }, run.about),
     taskDetails(data.task));

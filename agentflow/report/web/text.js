@@ -70,6 +70,39 @@ function part(name, text, open) {
   return details;
 }
 
+// Beginnings of words that only those know who have read the glossary of the documentation, and what they mean.
+const WORDS = {
+  trajector: "one of several independent attempts",
+  expansion: "a machine of the search is edited",
+  "meta designer": "plans which structures to build",
+  designer: "builds machines from blocks",
+  inspector: "criticises machines",
+  querier: "asks what single blocks did",
+  refiner: "edits a machine",
+  knob: "adjustable parameters of the task",
+  "prompt set": "the templates of all prompts",
+  broke: "a block came off",
+  fragile: "fails under small variations",
+  repaired: "with repaired JSON",
+  "qd score": "sum of the best scores of all cells",
+};
+const KNOWN = new RegExp(`\\b(${Object.keys(WORDS).join("|")})\\w*`, "i");
+
+/** Explain such words where somebody points at them; texts of models and controls stay as they are. */
+export function explain(part) {
+  const walk = document.createTreeWalker(part, NodeFilter.SHOW_TEXT);
+  const texts = [];
+  while (walk.nextNode()) texts.push(walk.currentNode);
+  for (const text of texts) {
+    const found = !text.parentElement.closest("pre, svg, button, option") && text.data.match(KNOWN);
+    if (!found) continue;
+    const word = text.splitText(found.index);
+    texts.push(word.splitText(found[0].length));
+    word.replaceWith(el("abbr", { title: WORDS[found[1].toLowerCase()] }, found[0]));
+  }
+  return part;
+}
+
 /** Words for how a simulation ended. */
 export const STATUS = { ok: "simulated", diverged: "simulation diverged", timeout: "simulation timed out", crashed: "simulation crashed" };
 

@@ -15,7 +15,7 @@ from agentflow.app.machines.convert import made_file
 from agentflow.app.machines.files import read_one
 from agentflow.app.pages.blocks import block_card
 from agentflow.app.pages.films import solid_row
-from agentflow.app.pages.runs import FINE, ReportedMachine
+from agentflow.app.pages.runs import FINE, ReportedMachine, task_wording
 from agentflow.app.tasks import find_task, task_info
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import task_names
@@ -171,9 +171,7 @@ class Building:
         return {
             **describe_state(brief.given, brief),
             "title": info.title,
-            "objective": info.objective,
-            "score": list(info.score),
-            "scene": [*info.scene, *info.schedule],
+            **task_wording(brief),
             **control_parts(brief),
             "unit": level.unit,
             "good": info.good,
@@ -185,8 +183,8 @@ class Building:
     async def recorded(self, given: Recorded) -> dict[str, Any]:
         """A machine of a run, and the task that it was made for."""
         path = self._folder.run(given.run)
-        digest = given.machine
-        machine = read_one(str(path)) if digest is None else recorded_machine(path, digest)
+        known = given.machine
+        machine = recorded_machine(path, known) if known else read_one(str(path))
         return {"task": task_of_run(path, read_document(path)).name, "machine": machine.to_json()}
 
     async def state(self, given: MachineForTask) -> dict[str, Any]:
@@ -217,9 +215,8 @@ class Building:
 
     async def open(self, given: Opened) -> dict[str, Any]:
         """A machine from a file in any format."""
-        machine = _read_for_task(
-            given.level, given.text, is_bsg=given.name.lower().endswith(".bsg")
-        )
+        is_bsg = given.name.lower().endswith(".bsg")
+        machine = _read_for_task(given.level, given.text, is_bsg=is_bsg)
         return await asyncio.to_thread(describe_state, machine, given.level.brief)
 
     async def control(self, given: Controlled) -> dict[str, Any]:
@@ -241,8 +238,7 @@ class Building:
 
     async def film(self, given: MachineForTask) -> dict[str, Any]:
         """The film of a machine."""
-        machine, _ = given.read()
-        item = ReportedMachine(machine, given.level, SEED, None, FINE)
+        item = ReportedMachine(given.read()[0], given.level, SEED, None, FINE)
         return await self._simulations.film(item)
 
     async def finish(self, given: OneRun) -> dict[str, Any]:
@@ -262,13 +258,12 @@ def _find_spots(machine: Machine, rules: Mending, given: Asked) -> list[dict[str
     first = None if given.first is None else _end(machine, given.first)
     if given.add is not None:
         return list(spots_to_add(rules, given.add, first))
-    if given.move is not None:
-        moved = partial(changes.move, block=_block(machine, given.move))
-        return list(find_spots(rules, lambda end: partial(moved, to=end)))
-    if given.copy_of is not None:
-        copied = partial(changes.copy, block=_block(machine, given.copy_of))
-        return list(find_spots(rules, lambda end: partial(copied, to=end)))
-    raise UsageError("expected `add`, `move` or `copy_of`")
+    held = given.copy_of if given.move is None else given.move
+    if held is None:
+        raise UsageError("expected `add`, `move` or `copy_of`")
+    change = changes.copy if given.move is None else changes.move
+    made = partial(change, block=_block(machine, held))
+    return list(find_spots(rules, lambda end: partial(made, to=end)))
 
 
 def _changed(machine: Machine, rules: Mending, given: Edited) -> tuple[Machine, int]:

@@ -28,18 +28,18 @@ def describe_state(machine: Machine, brief: Brief, chosen: int = 0) -> dict[str,
     report, shapes = check(machine, brief), Shapes()
     geometry = place(machine, brief.banks)
     shift = _lift_of(machine, geometry)
-    data = machine_data(machine, None, shapes, given=brief.given)
     return {
         "machine": machine.to_json(),
         "digest": machine.digest,
         "chosen": chosen,
-        "picture": data,
+        "picture": machine_data(machine, None, shapes, given=brief.given),
         **shapes.data,
         "blocks": [
             {
                 "id": placed.id,
                 "type": placed.type,
                 "name": placed.name,
+                "group": library()[placed.type].group,
                 "parents": list(placed.step.attachments),
                 "facing": "" if placed.two_ended else placed.facing,
                 "position": _moved(placed.center, shift),

@@ -60,7 +60,7 @@ def _told(event: Event, unit: str) -> str:
         scored = event.score is not None
         return f"test: {f'{event.score:.2f} {unit}'.strip() if scored else event.status}"
     if isinstance(event, Pause):
-        return f"{'clock stopped' if event.asked else 'pause'}, {event.seconds:.0f} s"
+        return f"{'clock stopped' if event.asked else 'nothing done'}, {event.seconds:.0f} s"
     if isinstance(event, Note):
         return event.text
     return f"microphone: {event.file}" if isinstance(event, Audio) else _ENDED[event.reason]

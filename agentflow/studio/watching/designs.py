@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import json
 import os
 import signal
@@ -75,12 +76,9 @@ class NewDesign(Arguments):
     def options(self) -> dict[str, Any]:
         """The configuration keys that are given."""
         given = {
-            "task": self.task,
-            "workflow": self.workflow,
-            "seed": self.seed,
+            **self.model_dump(include={"task", "workflow", "seed", "trajectories"}),
             "model.name": self.model or None,
             "model.base_url": self.base_url or None,
-            "trajectories": self.trajectories,
             "search.rounds": self.rounds,
             "model.budget.calls": self.calls,
             "model.budget.tokens": self.tokens,
@@ -95,11 +93,19 @@ def workflow_names() -> list[str]:
 
 
 @lru_cache
-def workflows_of_families() -> dict[str, list[str]]:
-    """Family of tasks -> the workflows that a page may start on them."""
-    families = [name for name in task_names() if "/" not in name]
-    fit = {name: WORKFLOWS[name].fits for name in workflow_names()}
-    return {task: [name for name in fit if fit[name](get_task(task).brief)] for task in families}
+def workflows_of_families() -> dict[str, dict[str, str]]:
+    """Family of tasks -> the workflows that a page may start on them, and what each does."""
+    briefs = {name: get_task(name).brief for name in task_names() if "/" not in name}
+    known = [(name, WORKFLOWS[name]) for name in workflow_names()]
+    return {
+        task: {name: _about(each.stages) for name, each in known if each.fits(brief)}
+        for task, brief in briefs.items()
+    }
+
+
+def _about(stages: object) -> str:
+    """What a workflow does: the first paragraph about its stages, in plain text."""
+    return " ".join((inspect.getdoc(stages) or "").split("\n\n")[0].replace("`", "").split())
 
 
 def require_possible(form: NewDesign) -> RunPlan:

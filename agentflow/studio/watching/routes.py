@@ -139,7 +139,9 @@ class Watching:
         path = self._folder.run(given.run)
         _, data = await asyncio.to_thread(run_data, path)
         if data["run"]["author"] == PERSON:
-            data["run"]["workflow"] = BY_HAND
+            data["run"]["workflow"], data["tools"] = BY_HAND, []
+            data["run"]["sentence"] = data["run"]["sentence"].partition(": the run is ")[0]
+            data["facts"] = [fact for fact in data["facts"] if fact[0] != "Resume"]
         return {**data, "name": given.run}
 
     async def machine(self, given: OneMachine) -> dict[str, Any]:

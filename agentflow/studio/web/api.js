@@ -7,12 +7,14 @@ export function ask(path, fields = {}) {
 
 /** The answer to POST with this data. */
 export function send(path, data) {
-  return answered(fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(data) }));
+  return answered(post(path, data));
 }
+
+const post = (path, data) => fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(data) });
 
 /** The answer to POST as a file; what is refused becomes an Error. */
 export async function fetchFile(path, data) {
-  const response = await fetch(path, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(data) });
+  const response = await post(path, data);
   if (!response.ok) throw new Error((await response.json()).problem);
   return response.blob();
 }

@@ -136,6 +136,8 @@ class BuildPage {
   taskCard() {
     const { start, task } = this.editor;
     const details = taskDetails(start);
+    const there = start.scene.find((line) => /\d m\b/.test(line) && !/^The (ground|machine) /.test(line)); // the first thing of the level with its measures
+    if (there) details.firstChild.append(" ", el("small", {}, there.split(";")[0]));
     details.addEventListener("toggle", () => details.open && this.editor.record("ask"));
     const { good, record, unit } = start;
     const best = record ? ` · record ${verifiedText(record.verified ?? record.score, record.fragile, unit)}` : "";
@@ -146,12 +148,13 @@ class BuildPage {
     const { editor } = this;
     const file = el("input", { type: "file", accept: ".json,.bsg", "aria-label": "Open a machine file", change: () => this.open(file.files[0]).then(() => (file.value = "")) });
     const saved = el("p", { class: "files" });
-    editor.on(["state"], () => saved.replaceChildren("Save as ", ...downloads(editor.state.picture.files, () => editor.state.files)));
+    const made = making(() => ({ ...editor.given, digest: editor.state.digest }), (text, bad) => editor.say(text, bad));
+    editor.on(["state"], () => saved.replaceChildren("Download: ", ...downloads(editor.state.picture.files, () => editor.state.files), ...made));
     const told = el("p", { role: "status" });
     const form = designForm(start, () => editor.given, (run) => { editor.record("refine"); this.refined(run, told); });
     return el("div", { class: "more" },
       controlEditor(editor),
-      el("details", {}, el("summary", {}, "Open and save"), file, saved, el("p", { class: "files" }, "To make it ", ...making(() => editor.given, (text, bad) => editor.say(text, bad))), el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build. ", ...links())),
+      el("details", {}, el("summary", {}, "Open and save"), file, saved, el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build. ", ...links())),
       refine ? el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Let a model improve this machine, and use the result."), form, told) : "",
       el("details", {}, el("summary", {}, "Keys"), el("p", { class: "quiet" }, "B blocks · F faces · T tree · V view · arrows and digits move in lists · Enter chooses · Esc ends · P tests · E film or machine · ",
         Object.keys(this.actions).map((name) => name.split("|").reverse().join(" ").toLowerCase()).join(" · "))));

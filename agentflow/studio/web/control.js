@@ -26,9 +26,9 @@ export function controlEditor(editor) {
       el("optgroup", { label: "Output" }, option("outputs blocks", "blocks that follow a law"), option("outputs group", "a group that follows a law"))] : []),
     option("controls", "a level from one time to another"));
   const element = el("details", { class: "control" }, el("summary", {}, "Control"),
-    el("p", { class: "quiet" }, designed ? `Machines of this task bring their own control: ${senses ? "controllers (sensors, laws, outputs) and " : ""}controls, levels of blocks over time; without any, nothing is switched on. Begin with Insert, “a level from one time to another”, which makes an example for the chosen block. Films show them as curves.`
+    el("p", { class: "quiet" }, designed ? "Machines of this task bring their own control, which films show as curves. Example switches on what this machine has."
       : "This task switches all blocks by its own schedule; machines of it bring no control."),
-    ...(designed ? [parts, text, el("p", {}, apply, " ", back), problems] : []));
+    ...(designed ? [el("p", {}, parts, " ", el("button", { click: () => insert("example") }, "Example")), text, el("p", {}, apply, " ", back), problems] : []));
   let timer = null;
 
   const own = () => {
@@ -85,7 +85,11 @@ export function controlEditor(editor) {
     }
     const [place, kind] = what.split(" ");
     const chosen = editor.chosen;
-    if (place === "controls") (data.controls ??= []).push({ blocks: [chosen], at: 0, for: 1, level: 1 });
+    if (place === "example") {
+      const driven = editor.state.blocks.filter(({ group }) => group);
+      if (!driven.length) return tell(["Nothing to control: add a motor or a thruster."]);
+      (data.controls ??= []).push(...[...Map.groupBy(driven, ({ group }) => group)].map(([group, blocks], at) => ({ blocks: blocks.map(({ id }) => id), at, for: 2, level: +(group !== "grabbers") })));
+    } else if (place === "controls") (data.controls ??= []).push({ blocks: [chosen], at: 0, for: 1, level: 1 });
     else {
       const held = (data.controllers ??= { sensors: {}, laws: {}, outputs: [] });
       const last = (names) => Object.keys(held[names] ?? {}).at(-1) ?? "";

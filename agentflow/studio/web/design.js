@@ -13,10 +13,10 @@ const SERVERS = {
 const BUILT_IN = "procedural";
 const TUNE = "tune"; // the workflow that only improves a given machine
 
-/** A labelled field; numbers may stay empty. */
-export function field(name, label, input) {
+/** A labelled field, and what it means; numbers may stay empty. */
+export function field(name, label, input, about = "") {
   input.name = name;
-  return el("label", {}, el("span", {}, label), input);
+  return el("label", {}, el("span", {}, label), input, about && el("small", {}, about));
 }
 
 const number = (hint, least = 1) => el("input", { type: "number", min: least, step: 1, placeholder: hint });
@@ -33,8 +33,8 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
   const workflows = el("select", {});
   const ask = () => {
     const level = start.tasks.find(({ name }) => name === tasks.value);
-    const fit = start.workflows[level.family].filter((name) => name !== TUNE || given.machine);
-    workflows.replaceChildren(...fit.map((name) => option(name, name, name === workflows.value)));
+    const fit = Object.entries(start.workflows[level.family]).filter(([name]) => name !== TUNE || given.machine);
+    workflows.replaceChildren(...fit.map(([name, about]) => option(name, `${name}: ${about}`, name === workflows.value)));
     asked.replaceChildren(levelPicture(level.name), el("p", {}, level.objective, " ", goodFrom(level)));
   };
   tasks.addEventListener("input", ask);
@@ -45,12 +45,12 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     ...modelFields(start, before, () => ({ task: tasks.value, ...read(form), ...fixed() })),
     ...(given.task ? [] : [field("task", "Task", tasks), asked]),
     el("details", { class: "wide" }, el("summary", {}, "Advanced"), el("div", { class: "form" },
-      field("workflow", "Workflow", workflows),
-      field("seed", "Seed", number("0", 0)),
-      field("trajectories", "Trajectories", number("8")),
-      field("rounds", "Search rounds", number("5", 0)),
+      Object.assign(field("workflow", "Workflow", workflows), { className: "wide" }),
+      field("seed", "Seed", number("0", 0), "Makes random choices repeatable"),
+      field("trajectories", "Trajectories", number("8"), "Independent attempts"),
+      field("rounds", "Search rounds", number("5", 0), "How often each edits a machine"),
       field("calls", "Max calls", number("no limit")),
-      field("tokens", "Max tokens", number("no limit")))),
+      field("tokens", "Max tokens", number("no limit"), "Parts of words"))),
     needs, el("p", { class: "wide" }, button), told);
   if (before.task ?? given.task) tasks.value = before.task ?? given.task;
   ask();
@@ -64,9 +64,12 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
   };
 
   async function estimate() {
-    if (!form.isConnected || !form.checkValidity()) return;
+    if (!form.isConnected) return;
+    const wrong = form.querySelector("input:invalid");
+    if (wrong) return void (needs.textContent = `${wrong.labels[0].firstChild.textContent}: ${wrong.min ? `a whole number of ${wrong.min} or more` : wrong.validationMessage}`);
     try {
       const { calls, simulations, seconds } = await send("/api/designs/estimate", { ...read(form), ...fixed() });
+      if (!form.checkValidity()) return;
       const work = `Up to ${formatNumber(simulations)} simulations: ${spell(seconds)} on this computer.`;
       needs.textContent = !calls || (read(form).model ?? start.model) === BUILT_IN ? work
         : `${work} About ${formatNumber(calls)} calls of the model come on top, each as long as it takes to answer.${read(form).calls ? "" : " Each call may cost money: Max calls, under Advanced, sets a limit."}`;
@@ -81,7 +84,7 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     button.disabled = true;
     button.textContent = "Starting …";
     const began = performance.now();
-    needs.textContent = "Loading agentflow and the physics engine in a process of its own; the page of the run then opens.";
+    needs.textContent = "Loading agentflow and the physics engine; the page of the run then opens.";
     const tell = () => (button.textContent = `Starting … ${Math.round((performance.now() - began) / 1000)} s`);
     const telling = setInterval(tell, 1000);
     try {

@@ -98,9 +98,9 @@ export class RunList {
     const runs = this.rows.size === 1 ? "1 run" : `${this.rows.size} runs`;
     const pair = [...this.chosen].map((name) => this.rows.get(name)).filter(Boolean);
     const differ = pair.some(({ task }) => task !== pair[0].task);
-    this.count.textContent = (found.length === this.rows.size ? runs : `${found.length} of ${runs}`) + (this.left ? `, reading ${this.left} more` : "") + (differ ? " · runs of one task can be compared" : "");
+    this.count.textContent = (found.length === this.rows.size ? runs : `${found.length} of ${runs}`) + (this.left ? `, reading ${this.left} more` : "");
     this.compare.disabled = pair.length < 2 || differ;
-    this.compare.textContent = pair.length > 1 ? `Compare ${pair.length} runs` : "Tick two to compare";
+    this.compare.textContent = differ ? "Only for runs of one task" : pair.length > 1 ? `Compare ${pair.length} runs` : "Tick two to compare";
     this.heads.forEach((head, index) => head.setAttribute("aria-sort", COLUMNS[index][1] !== this.key || !this.key ? "none" : this.down ? "descending" : "ascending"));
   }
 

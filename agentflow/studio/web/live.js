@@ -29,9 +29,9 @@ export async function livePage({ run }) {
   }
   const told = el("span", { class: "quiet", role: "status" });
   const view = new RunView(film, ({ machine }) => (machine ? [
-    el("a", { class: "button", href: address("build", { run, machine }) }, "Edit in Build"), " To make it ",
-    ...making(() => ask("/api/build/from", { run, machine }), (text) => (told.textContent = text)), told,
+    el("a", { class: "button", href: address("build", { run, machine }) }, "Edit in Build"),
   ] : []), (machine) => pictureOf({ run, machine }, 320, 240, "card"));
+  view.player.making = [...making(async () => ({ ...await ask("/api/build/from", { run, machine: view.machine }), digest: view.machine }), (text) => (told.textContent = text)), " ", told];
   view.level = levelPicture(data.run.task);
   const live = new Live(run, view);
   view.main.prepend(live.element);
@@ -147,7 +147,7 @@ class Live {
     const own = await design(this.run).catch(() => null);
     this.stop.hidden = !(state === "running" && own?.running);
     this.resume.hidden = state !== "stopped" && state !== "failed";
-    this.following.hidden = state !== "running" && state !== "open";
+    this.following.hidden = state !== "running";
     this.again.replaceChildren(state === "failed" ? retry(own) : "");
   }
 

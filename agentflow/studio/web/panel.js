@@ -96,7 +96,9 @@ function remedies(editor, { code, blocks, message }, bad) {
 export function facts(editor) {
   const element = el("section", { class: "facts-panel" });
   editor.on(["state"], () => {
-    const { problems, warnings, size, mass, centre, stands, count, most, support } = editor.state;
+    const { start, state } = editor;
+    const { problems, size, mass, centre, stands, count, most, support, machine } = state;
+    const warnings = [...state.warnings, ...(start.designed && Array.isArray(machine) ? [{ message: `No control yet: Example, in Control, writes one. ${start.scene.find((line) => line.startsWith("Without control"))}`, blocks: [] }] : [])];
     const rows = [
       ["Blocks", most === null ? `${count}` : `${count} of ${most}`], ["Size", `${size.map((side) => formatNumber(side)).join(" × ")} m`], ["Mass", `${formatNumber(mass)} kg`],
       ["Centre of mass, the ball", `${centre.map((part) => formatNumber(part)).join(", ")} m`],

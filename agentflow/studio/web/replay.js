@@ -38,7 +38,7 @@ class Replay {
     this.main = el("main", {}, el("header", {}, el("p", { class: "quiet" }, el("a", { href: "#sessions" }, "Sessions"), ` / ${session}`), el("h1", {}, data.task), el("p", { class: "lede" }, about.filter(Boolean).join(" · "))),
       el("section", { class: "replay", "aria-label": "Timeline" }, el("p", {}, this.play, speed, this.time, this.film),
         el("div", { class: "marks", "aria-hidden": "true" }, ...data.events.map(mark)), this.slider,
-        el("p", { class: "quiet" }, ...[["note", "note"], ["trial", "test"], ["action", "edit"], ["pause", "pause"], ["audio", "microphone"]].map(([kind, name]) => el("span", {}, el("i", { class: kind }), name)))),
+        el("p", { class: "quiet" }, ...[["note", "note"], ["trial", "test"], ["action", "edit"], ["pause", "nothing done"], ["audio", "microphone"]].map(([kind, name]) => el("span", {}, el("i", { class: kind }), name)))),
       el("ol", { class: "events told", "aria-label": "What happened" }, ...this.lines.map((line) => el("li", {}, line))),
       ...texts.map(([name, text]) => el("details", {}, el("summary", {}, name), ...text.split("\n").map((line) => el("p", {}, line)))));
     this.step = this.step.bind(this);
