@@ -76,7 +76,13 @@ def complete_local_model(document: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def require_model_name(model: ModelConfig) -> None:
-    """Refuse a base URL that no model uses, unless `procedural` is named explicitly."""
+    """Refuse a base URL that no model uses, unless `procedural` is named explicitly, and a folder
+    that would be taken for the name of a model at an endpoint."""
+    if model.base_url is None and model.label is None and Path(model.name).is_dir():
+        raise ConfigError(
+            f"{model.name} is a folder: name it with --model or as model.name in the base, or add "
+            "model.label, the model's name in results"
+        )
     if model.base_url is None or "name" in model.model_fields_set:
         return
     if not any(role.name != PROCEDURAL and role.base_url is None for role in model.roles.values()):

@@ -19,7 +19,11 @@ from agentflow.env.physics.engines import choose_engine
 from agentflow.errors import ConfigError, UsageError
 from agentflow.metrics.cells import check_metrics
 from agentflow.metrics.published import check_source
-from agentflow.models.completion import fill_from_environment, require_model_name
+from agentflow.models.completion import (
+    complete_local_model,
+    fill_from_environment,
+    require_model_name,
+)
 
 
 @dataclass(frozen=True)
@@ -151,9 +155,9 @@ def plan_config(
                 "runs; to set the seeds, use --seeds N"
             )
     base = set_options(sweep.base, settings, given)
-    changed: dict[str, Any] = {
-        "base": base if answered else fill_from_environment(base, os.environ)
-    }
+    if not answered:
+        base = dict(complete_local_model(fill_from_environment(base, os.environ)))
+    changed: dict[str, Any] = {"base": base}
     if seeds is not None:
         changed["seeds"] = tuple(range(seeds)) if isinstance(seeds, int) else tuple(seeds)
     plan = SweepPlan.of(name, sweep.model_copy(update=changed))

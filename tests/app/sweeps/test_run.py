@@ -292,6 +292,17 @@ def test_a_bug_in_one_run_is_logged_in_full_and_the_run_can_resume(tmp_path: Pat
     assert carry_out(path, tmp_path, resume=True).failed == {}
 
 
+def test_a_model_in_a_folder_is_no_name_at_an_endpoint(tmp_path: Path) -> None:
+    path, folder = write(tmp_path), tmp_path / "model"
+    folder.mkdir()
+    (folder / "config.json").write_text("{}")
+    plan = plan_sweep(path, [], {"model.name": str(folder)})
+    assert {run.config.model.label for run in plan.runs} == {"model"}
+    varied = write(tmp_path, axes={"condition": {"here": {"model.name": str(folder)}}})
+    with pytest.raises(ConfigError, match="is a folder: name it with --model"):
+        plan_sweep(varied, [], {})
+
+
 def test_settings_apply_to_all_runs_and_name_the_folder(tmp_path: Path) -> None:
     path = write(tmp_path)
     plan = plan_sweep(path, ["trajectories=5"], {"model.name": "a/b c"}, seeds=3)
