@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from selenium import webdriver
+from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select
@@ -184,9 +186,15 @@ def test_a_design_is_started_watched_and_stopped(
     until(browser, lambda: browser.execute_script(f"{shown} return s && t?.endsWith(' · ' + s)"))
     follow, stop, resume = browser.find_elements(By.CSS_SELECTOR, ".live button")
     assert follow.get_attribute("aria-pressed") == "true"
-    find(browser, ".tree .node:not([aria-selected=true])").click()
-    assert follow.get_attribute("aria-pressed") == "false"
+
+    def pick_another() -> bool:
+        with suppress(StaleElementReferenceException):  # the tree is drawn again while it grows
+            find(browser, ".tree .node:not([aria-selected=true])").click()
+        return follow.get_attribute("aria-pressed") == "false"
+
+    until(browser, pick_another)
     until(browser, stop.is_displayed)
+    browser.execute_script("scrollTo(0, 0)")  # from below the bar
     stop.click()
     until(browser, lambda: find(browser, ".live .state").text.endswith("stopped"))
     until(browser, resume.is_displayed)

@@ -102,12 +102,12 @@ class Live {
   action(text, what, doing) {
     const button = el("button", { hidden: "", click: async () => {
       button.disabled = true;
-      button.textContent = doing;
+      button.textContent = this.state.textContent = doing; // the news may come before the answer
       try {
         await send(`/api/designs/${what}`, { run: this.run });
         button.hidden = true;
-        this.state.textContent = doing;
       } catch (error) {
+        this.state.textContent = this.was;
         this.fail(error.message);
       }
       button.disabled = false;
