@@ -52,7 +52,8 @@ def complete_local_model(document: Mapping[str, Any]) -> Mapping[str, Any]:
     """Add the label of a model in a folder, and, if it only writes whole machines, what that means.
 
     Such a model cannot revise a machine: unless the document says otherwise, the workflow is
-    `single`, without revisions. A name with a base URL is a name at an endpoint.
+    `single`, without revisions. A name with a base URL is a name at an endpoint, and `procedural`
+    is the built-in model, also where a folder has this name.
 
     Raises:
         ConfigError: The model's name is a folder without a model, or a path where no folder is.
@@ -61,7 +62,7 @@ def complete_local_model(document: Mapping[str, Any]) -> Mapping[str, Any]:
     given = model if isinstance(model, Mapping) else {}
     name = str(given.get("name", PROCEDURAL))
     path = Path(name)
-    if given.get("base_url") is not None or "label" in given:
+    if given.get("base_url") is not None or "label" in given or name == PROCEDURAL:
         return document
     if not path.is_dir():
         in_a_folder_here = len(path.parts) > 1 and Path(path.parts[0]).is_dir()
@@ -78,11 +79,9 @@ def complete_local_model(document: Mapping[str, Any]) -> Mapping[str, Any]:
 def require_model_name(model: ModelConfig) -> None:
     """Refuse a base URL that no model uses, unless `procedural` is named explicitly, and a folder
     that would be taken for the name of a model at an endpoint."""
-    if model.base_url is None and model.label is None and Path(model.name).is_dir():
-        raise ConfigError(
-            f"{model.name} is a folder: name it with --model or as model.name in the base, or add "
-            "model.label, the model's name in results"
-        )
+    at_an_endpoint = model.name != PROCEDURAL and model.label is None
+    if at_an_endpoint and model.base_url is None and Path(model.name).is_dir():
+        raise ConfigError(f"{model.name} is a folder: name it with --model or as model.name")
     if model.base_url is None or "name" in model.model_fields_set:
         return
     if not any(role.name != PROCEDURAL and role.base_url is None for role in model.roles.values()):

@@ -33,7 +33,7 @@ class Estimate:
     `completion_tokens` are without reasoning, and `money` is None if a model has no price.
     `perturbation` counts further simulations, for robust scores, and `verification` at most those
     that verify the finalists; neither are among the rollouts. `worker_seconds` are for all
-    simulations, with one finalist verified: others are only if they could still win.
+    simulations, with half of the finalists verified: others are only if they could still win.
     """
 
     calls: int

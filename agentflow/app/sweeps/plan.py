@@ -155,9 +155,14 @@ def plan_config(
                 "runs; to set the seeds, use --seeds N"
             )
     base = set_options(sweep.base, settings, given)
+    changed: dict[str, Any] = {}
     if not answered:
         base = dict(complete_local_model(fill_from_environment(base, os.environ)))
-    changed: dict[str, Any] = {"base": base}
+        changed["axes"] = {
+            axis: {label: _with_label(settings, base) for label, settings in conditions.items()}
+            for axis, conditions in sweep.axes.items()
+        }
+    changed["base"] = base
     if seeds is not None:
         changed["seeds"] = tuple(range(seeds)) if isinstance(seeds, int) else tuple(seeds)
     plan = SweepPlan.of(name, sweep.model_copy(update=changed))
@@ -166,6 +171,20 @@ def plan_config(
             require_model_name(run.config.model)
         first.require_workflow()
     return plan
+
+
+def _with_label(settings: Mapping[str, Any], base: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Settings of a condition; if they name a model, with the label of its folder, or with none in
+    place of that of the base."""
+    if "model.name" not in settings or "model.label" in settings:
+        return settings
+    model = base.get("model", {})
+    url = settings.get("model.base_url", model.get("base_url"))
+    named = complete_local_model({"model": {"name": settings["model.name"], "base_url": url}})
+    found = named["model"]
+    if "label" not in found and "label" not in model:
+        return settings
+    return {**settings, "model.name": found["name"], "model.label": found.get("label")}
 
 
 def sweep_folder(plan: SweepPlan, path: Path, out: Path) -> Path:

@@ -298,9 +298,20 @@ def test_a_model_in_a_folder_is_no_name_at_an_endpoint(tmp_path: Path) -> None:
     (folder / "config.json").write_text("{}")
     plan = plan_sweep(path, [], {"model.name": str(folder)})
     assert {run.config.model.label for run in plan.runs} == {"model"}
-    varied = write(tmp_path, axes={"condition": {"here": {"model.name": str(folder)}}})
-    with pytest.raises(ConfigError, match="is a folder: name it with --model"):
-        plan_sweep(varied, [], {})
+    names = {"here": str(folder), "there": "gpt-y", "rules": "procedural"}
+    axes = {"condition": {label: {"model.name": name} for label, name in names.items()}}
+    for given in ({}, {"model.label": "of the base"}):
+        plan = plan_sweep(write(tmp_path, axes=axes), [], given)
+        labels = {run.labels["condition"]: run.config.model.label for run in plan.runs}
+        assert labels == {"here": "model", "there": None, "rules": None}
+
+
+def test_a_folder_may_have_the_name_of_the_built_in_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "procedural").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert plan_sweep(write(tmp_path), [], {}).runs
 
 
 def test_settings_apply_to_all_runs_and_name_the_folder(tmp_path: Path) -> None:
