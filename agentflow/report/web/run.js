@@ -15,7 +15,7 @@ export function runPage(data) {
   const bare = !Object.keys(data.machines).length; // without films, the text takes the whole page
   shown.main.classList.toggle("alone", bare);
   const still = el("img", { alt: "The shown machine", height: 340 }); // on paper, in place of the film
-  addEventListener("beforeprint", () => shown.player.film && shown.chosen.before(Object.assign(still, { src: shown.player.still() })));
+  addEventListener("beforeprint", () => shown.player.film && !shown.player.element.classList.contains("empty") && shown.chosen.before(Object.assign(still, { src: shown.player.still() })));
   addEventListener("afterprint", () => still.remove());
   return [bare ? "" : el("aside", {}, shown.player.element), shown.main];
 }
@@ -101,7 +101,6 @@ export class RunView {
   /** @param calm whether the machine before stays until this one's film is there */
   async show(node, calm = false) {
     this.picked = node.id;
-    this.machine = node.machine;
     const title = heading(node, this.data.task.unit);
     const coming = node.machine && this.film(node.machine);
     if (coming instanceof Promise && !(calm && this.player.film)) {
@@ -116,6 +115,7 @@ export class RunView {
       fault = error.message;
     }
     if (this.picked !== node.id) return;
+    this.machine = node.machine;
     if (found) this.player.use(found.shapes, found.files);
     this.player.show(found?.machine, title, fault || (found?.machine.remark ?? "")).then(() => this.growing && this.following && !matchMedia("(prefers-reduced-motion)").matches && this.player.play());
     describe(this.chosen, node, title, found?.machine, this.calls, this.actions(node));

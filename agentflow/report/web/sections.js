@@ -76,7 +76,7 @@ export function stages({ stages: rows }) {
   if (!rows.length) return null;
   const costs = nonzeroColumns(rows, { Calls: "calls", Tokens: "tokens", Simulations: "rollouts" });
   const head = ["Stage", "Valid", "Mean", "Mean, invalid = 0", "Best", "Std", ...costs.map(([name]) => name)];
-  return section("Stages", table("Scores of the machine that each trajectory had after a stage, its own or one from before", head, rows.map((row) => [
+  return section("Stages", table("Scores of each trajectory's machine at the end of a stage, whether made in that stage or earlier", head, rows.map((row) => [
     row.words, `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
     ...costs.map(([, key]) => row[key])])));
 }

@@ -56,7 +56,7 @@ function answer(rows) {
   const [best, next] = rows.filter(({ mean }) => mean !== null).sort((a, b) => b.mean - a.mean);
   if (!next) return null;
   return el("p", {}, `At ${best.task}, ${best.name} has the highest mean, ${withUnit(best.mean, best.unit)}, before ${next.name} with ${withUnit(next.mean, next.unit)}. `,
-    best.low === null || next.low === null ? "One run each has no interval: another may turn this round." : best.low > next.high ? "Their intervals are apart." : "Their intervals overlap: these runs do not tell them apart.");
+    best.low === null || next.low === null ? "A mean without an interval rests on too few runs: another seed could reverse the order." : best.low > next.high ? "Their intervals are apart." : "Their intervals overlap: these runs do not tell them apart.");
 }
 
 const MOST_ROWS = 12; // of a table that is not folded
@@ -78,13 +78,14 @@ export function compactTable(title, caption, heads, columns, rows) {
   const left = heads.map((_, place) => place).filter((place) => !same(place));
   const told = [caption, ...shared.map((place) => rows[0]?.[place]).filter(Boolean)].join(" · ");
   const labels = rows.map((row) => left.map((place) => row[place]));
+  let titles = left.map((place) => heads[place]);
   if (innerWidth < NARROW && left.length > 1) { // one column of labels leaves room for numbers
-    left.splice(0, Infinity, 0);
+    titles = [titles.join(", ")];
     labels.forEach((parts) => parts.splice(0, Infinity, parts.filter(Boolean).join(", ")));
   }
   const values = rows.map((row) => row.slice(count));
   if (columns.length <= MOST_COLUMNS || rows.length >= columns.length) {
-    return named(title, table(told, [...left.map((place) => ["", heads[place]]), ...columns], rows.map((_, i) => [...labels[i], ...values[i]]), left.length));
+    return named(title, table(told, [...titles.map((title) => ["", title]), ...columns], rows.map((_, i) => [...labels[i], ...values[i]]), titles.length));
   }
   const names = labels.map((parts) => ["", parts.join(", ")]);
   const grouped = columns.some(([group]) => group);

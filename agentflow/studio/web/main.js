@@ -44,8 +44,8 @@ async function open() {
   if (number !== asked) return made.close?.();
   close = () => made.close?.();
   const heading = made.elements.find((element) => element?.querySelector?.("h1"))?.querySelector("h1").textContent;
-  const [first = ""] = new URLSearchParams(query ?? "").values(); // such as the run, so that tabs differ
-  document.title = [...new Set([shortName(first), heading ?? BAR[page], "agentflow studio"])].filter(Boolean).join(" · ");
+  const { run = "", a = run, task = a, sweep = task, session = sweep } = Object.fromEntries(new URLSearchParams(query ?? "")); // so that tabs differ
+  document.title = [...new Set([shortName(session), heading ?? BAR[page], "agentflow studio"])].filter(Boolean).join(" · ");
   document.body.replaceChildren(bar, ...made.elements.filter(Boolean));
   scrollTo(0, 0); // else a page begins where the one before was
   document.body.dataset.ready = page;
