@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from agentflow.agents.base import Role
-from agentflow.agents.designer import Designer, DesignerInput, Placer, PlacerInput
+from agentflow.agents.context import RoleInput
+from agentflow.agents.designer import Designer, DesignerInput, Placer
 from agentflow.agents.history import EditRecord, History
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
@@ -61,7 +62,7 @@ def prompt_inputs(name: str) -> Iterator[tuple[str, Role[Any, Any], Any]]:
     """Name, role and input of every prompt for a task; only the placer's if blocks are given."""
     task = get_task(name)
     if task.brief.given != LONE_ROOT:
-        yield "placement", Placer(), PlacerInput(task.brief)
+        yield "placement", Placer(), RoleInput(task.brief)
         return
     brief, machine = task.brief, ten_blocks(task.brief)
     rollout = simulate(machine, task)

@@ -10,6 +10,7 @@ from agentflow.machine.edits.commands import TELLING, command_text, read_command
 from agentflow.machine.edits.difference import Renumbering, follow, renumber
 
 LIMIT = 20
+"""Most entries that a history keeps."""
 MAX_LINES = 20
 """Maximum number of lines shown of a script or reason."""
 MAX_WIDTH = 300

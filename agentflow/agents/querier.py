@@ -63,7 +63,7 @@ class Querier(Role[QuerierInput, tuple[object, ...]]):
         many, repaired = extract_json(wanted, list)
         if many is None:
             one, repaired = extract_json(wanted, dict)
-            many = one and [one]
+            many = None if one is None else [one]
         if many is not None:
             return Parsed(tuple(many), repaired=repaired)
         problem = (

@@ -20,7 +20,7 @@ from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_machine, record_of
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import NoScoreError, UsageError
-from agentflow.files.atomic import write_output
+from agentflow.files.atomic import write_file
 from agentflow.files.templates import fill
 from agentflow.integrations.episode import rules_of
 from agentflow.rewards import Sample, require_score, shared_scorer
@@ -120,8 +120,7 @@ def export(
     for folder, contents in folders.items():
         for name, text in contents.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            with write_output(folder / name) as part:
-                part.write_text(text, encoding="utf-8")
+            write_file(folder / name, text)
             (folder / name).chmod(0o755 if name.endswith(".sh") else 0o644)
         if wheel is not None:
             shutil.copy(wheel, folder / "environment")

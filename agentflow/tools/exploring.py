@@ -104,11 +104,12 @@ async def explore_edits(
     return ToolResult(f"Machine {known.name}: {text}\n{workspace.budget_text}", data)
 
 
-MOST = 100
+MOST_SIMULATIONS = 100
+"""In one call of `tune`."""
 
 
 async def tune(
-    call: Call, machine: str, simulations: Annotated[int, Field(ge=2, le=MOST)] = 24
+    call: Call, machine: str, simulations: Annotated[int, Field(ge=2, le=MOST_SIMULATIONS)] = 24
 ) -> ToolResult:
     """Improve the numbers of a machine's controls by a search (CMA-ES): times, levels, gains. The
     best machine found gets a name; blocks, and how many controls there are, stay as they are.

@@ -133,7 +133,8 @@ class BenchHost(Protocol):
 
     @property
     def evaluator(self) -> Evaluator:
-        """Simulates, tells of simulations and draws pictures, of which nothing is recorded."""
+        """For what a run does not record: verification, feedback and pictures. Tools simulate and
+        query through the host, which shares and records both."""
 
     def stream(self, name: str) -> Random:
         """A random stream for one purpose, derived from the run's seed and the name."""

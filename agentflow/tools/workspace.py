@@ -15,7 +15,8 @@ from agentflow.runs.locations import Location, StageName
 from agentflow.tools.host import BenchHost, SimulationSummary, Told
 from agentflow.tools.results import RefusedCall, StageEnded
 
-DIGITS = 8
+NAME_LENGTH = 8
+"""Digits of a machine's hash that are its name."""
 MOST_MACHINES = 2000
 
 
@@ -54,7 +55,7 @@ class KnownMachines:
         self, machine: Machine, parent: str = "", script: str = "", note: str = ""
     ) -> KnownMachine:
         """Give a machine a name; a known one keeps its parent and, without a new one, its note."""
-        name = machine.digest[:DIGITS]
+        name = machine.digest[:NAME_LENGTH]
         if name in self._machines and self._machines[name].machine != machine:
             name = machine.digest
         if name not in self._machines:

@@ -49,6 +49,7 @@ class Candidate:
     """The machine of one trajectory at the end of a stage, or why there is none."""
 
     trajectory: int
+    """1, 2, ..."""
     machine: Machine | None = None
     evaluation: Evaluation | None = None
     """None if it was not simulated, as invalid machines are not."""
@@ -93,6 +94,7 @@ class Stage:
     candidates: tuple[Candidate, ...]
     calls: int
     tokens: int
+    """Of prompts and completions."""
     rollouts: int
     """Machines first simulated in this stage."""
     tools: Mapping[str, Mapping[str, int]] = field(default_factory=dict)

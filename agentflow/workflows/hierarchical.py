@@ -24,7 +24,7 @@ STRUCTURES = 4
 
 
 async def hierarchical(run: WorkflowContext) -> WorkflowResult:
-    """Meta-designer, designers per structure, inspector, blind refinement, feedback loop.
+    """A plan, designs of its structures, criticism, then refinement with simulations.
 
     With the meta-designer off, designers build whole machines; a start machine needs neither.
     """

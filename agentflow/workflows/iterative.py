@@ -9,7 +9,7 @@ from agentflow.workflows.workflow import Workflow
 
 
 async def iterative(run: WorkflowContext) -> WorkflowResult:
-    """Designer, inspector, blind refinement, feedback loop."""
+    """Whole designs, criticism, then refinement with simulations."""
     run.begin_stage(INITIAL)
     return await refinement.design_and_refine(run)
 

@@ -21,7 +21,7 @@ MOST_PLACED = 10
 
 
 async def placement(run: WorkflowContext) -> WorkflowResult:
-    """Ask `settings.placements` placers, one call each, and simulate the valid machines."""
+    """Several single replies, each of which places blocks; the valid machines are simulated."""
     run.begin_stage(INITIAL)
     brief = _brief(run)
 

@@ -15,7 +15,7 @@ from agentflow.workflows.workflow import Workflow
 
 
 async def single(run: WorkflowContext) -> WorkflowResult:
-    """One designer per candidate; then each revises its machine, `search.rounds` times.
+    """One designer per candidate, which then revises its machine in every search round.
 
     A revision refines the last machine, with the designer's model and sampling and the default
     feedback. There is no inspector. With 0 rounds there is no feedback.

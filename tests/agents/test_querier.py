@@ -23,6 +23,7 @@ TEXT = '{"id": 3, "duration": [0, 1], "properties": ["position"]}'
         (f"[{TEXT.replace(chr(34), chr(39))},]", (ONE,), True),
         ('["no query", 7]', ("no query", 7), False),
         ("[]", (), False),
+        ("{}", ({},), False),
         ("", (), False),
         ("None.", (), False),
     ],

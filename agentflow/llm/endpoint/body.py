@@ -63,6 +63,7 @@ class Endpoint:
         self.key_variable = key_variable
         self.has_key = bool(key)
         self.base_url = str(bare.copy_with(query=None, fragment=None)).rstrip("/")
+        """Shown in messages: without credentials and query."""
         if self.base_url.endswith(_PATH):
             right = self.base_url.removesuffix(_PATH)
             raise ConfigError(

@@ -206,8 +206,9 @@ class ReplyBuilder:
         """Replace the chunks so far by a complete message, with which some streams end."""
         whole = ReplyBuilder()
         whole._add_content(message)
-        for name in ("text", "reasoning", "refusal"):
-            setattr(self, name, getattr(whole, name) or getattr(self, name))
+        self.text = whole.text or self.text
+        self.reasoning = whole.reasoning or self.reasoning
+        self.refusal = whole.refusal or self.refusal
         if whole.tool_calls.finish():
             self.tool_calls = whole.tool_calls
 

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import yaml
 from pydantic import BaseModel
 
-from agentflow.files.atomic import write_output
+from agentflow.files.atomic import write_file
 from agentflow.files.templates import fill
 from agentflow.llm.messages import CHARS_PER_TOKEN, estimate_tokens
 from agentflow.training.data.contamination import MOST_SHARED, MOST_SIMILAR, WORDS, Likeness
@@ -94,6 +94,7 @@ def make_card(
     judged: Sequence[Judgement],
     kinds: Mapping[str, str],
     *,
+    engine: str | None,
     seed: int,
     likenesses: Mapping[str, Likeness],
     **about: Any,
@@ -104,9 +105,10 @@ def make_card(
         pairs: The pairs of the set.
         judged: What the gates said about every machine.
         kinds: Name of each objective -> its kind.
+        engine: Physics engine, with its version; None if nothing was simulated.
         seed: Decides which objectives are kept apart.
         likenesses: How near each text comes to the levels.
-        about: `model`, `made_with`, `licence`, `engine` and `planned` of the card.
+        about: `model`, `made_with`, `licence` and `planned` of the card.
     """
     dropped = Counter(judgement.dropped for judgement in judged)
     kept = Counter(pair.objective for pair in pairs)
@@ -115,9 +117,10 @@ def make_card(
     sizes = Counter("dev" if pair.objective in apart else "train" for pair in pairs)
     return DataCard(
         **about,
+        engine=engine,
         answers=sum(not judgement.variant for judgement in judged),
         variants=sum(bool(judgement.variant) for judgement in judged),
-        gates=tuple(_gate_counts(len(judged), dropped, simulated=about["engine"] is not None)),
+        gates=tuple(_gate_counts(len(judged), dropped, simulated=engine is not None)),
         faults=dropped["simulation"],
         pairs={"train": sizes["train"], "dev": sizes["dev"]},
         sources=dict(sorted(Counter(pair.source for pair in pairs).items())),
@@ -180,12 +183,8 @@ def write_set(folder: Path, pairs: Sequence[Pair], card: DataCard) -> None:
     apart = {item.name for item in card.objectives if item.split == "dev"}
     write_pairs(folder / TRAIN, (pair for pair in pairs if pair.objective not in apart))
     write_pairs(folder / DEV, (pair for pair in pairs if pair.objective in apart))
-    for name, text in (
-        (CARD_TEXT, card_text(card)),
-        (CARD, json.dumps(card.model_dump(mode="json"), indent=1) + "\n"),
-    ):
-        with write_output(folder / name) as part:
-            part.write_text(text, encoding="utf-8", newline="\n")
+    write_file(folder / CARD_TEXT, card_text(card))
+    write_file(folder / CARD, json.dumps(card.model_dump(mode="json"), indent=1) + "\n")
 
 
 def card_text(card: DataCard) -> str:

@@ -160,8 +160,15 @@ def _judge(
 def _pair(row: ImportedPair) -> Pair:
     machine = row.report.machine
     assert machine is not None, "it passed its gates"
-    about = {"objective": row.name, "score": None, "source": row.source}
-    return make_pair(row.prompt, row.rationale, machine, row.reply, **about)
+    return make_pair(
+        row.prompt,
+        row.rationale,
+        machine,
+        row.reply,
+        objective=row.name,
+        score=None,
+        source=row.source,
+    )
 
 
 def _read_file(path: Path) -> Iterator[ImportedPair]:

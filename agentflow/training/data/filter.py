@@ -136,8 +136,15 @@ def _pair(question: ObjectivePrompt, candidate: PairCandidate, judgement: Judgem
     if candidate.variant:
         own = _read(PairCandidate(answer, 0), brief)
         rationale = f"{rationale} {describe_changes(own, machine)}".lstrip()
-    about = {"objective": answer.objective, "score": judgement.score, "source": candidate.source}
-    return make_pair(question.prompt, rationale, machine, None, **about)
+    return make_pair(
+        question.prompt,
+        rationale,
+        machine,
+        None,
+        objective=answer.objective,
+        score=judgement.score,
+        source=candidate.source,
+    )
 
 
 def _read(candidate: PairCandidate, brief: Brief) -> Machine:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from pydantic import BaseModel
 
@@ -23,7 +23,17 @@ from agentflow.training.data.folder import open_log
 from agentflow.training.data.generate import EDITED, Answer, AnswerPlan
 from agentflow.training.objectives.objective import Objective, works
 
-GATES: Mapping[str, str] = MappingProxyType(
+Gate = Literal[
+    "objective",
+    "original",
+    "parse",
+    "validity",
+    "evaluation",
+    "duplicate",
+    "simulation",
+    "function",
+]
+GATES: Mapping[Gate, str] = MappingProxyType(
     {
         "objective": "the objective's text is not too near the brief of a level",
         "original": "it is not a variant of a machine that another gate dropped (except as a "
@@ -37,10 +47,6 @@ GATES: Mapping[str, str] = MappingProxyType(
     }
 )
 """In their order, cheap ones first: what passes each of them."""
-if TYPE_CHECKING:
-    Gate = str
-else:  # type checkers cannot compute a Literal
-    Gate = Literal[tuple(GATES)]
 
 
 class Judgement(BaseModel, frozen=True, extra="forbid"):

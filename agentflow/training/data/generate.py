@@ -117,6 +117,7 @@ class Answer(BaseModel, frozen=True, extra="forbid"):
     program: Text
     """As the model wrote it."""
     variants: tuple[tuple[Mapping[str, int], ...], ...] = ()
+    """Construction trees."""
 
 
 def split_reply(text: str) -> tuple[str, str]:

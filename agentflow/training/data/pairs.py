@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ValidationError, field_serializer, field_validator
 
@@ -122,14 +122,27 @@ def make_messages(prompt: Sequence[ChatMessage], reply: str) -> tuple[ChatMessag
 
 
 def make_pair(
-    prompt: Sequence[ChatMessage], rationale: str, machine: Machine, reply: str | None, **about: Any
+    prompt: Sequence[ChatMessage],
+    rationale: str,
+    machine: Machine,
+    reply: str | None,
+    *,
+    objective: str,
+    score: float | None,
+    source: str,
 ) -> Pair:
-    """The pair of a reply, or of one that is written from rationale and machine; `about` are its
-    objective, score and source."""
+    """The pair of a reply; None: one that is written from rationale and machine."""
     written = make_reply(rationale, machine) if reply is None else reply
     steps = tuple(step.to_json() for step in machine)
     messages = make_messages(prompt, written)
-    return Pair(messages=messages, machine=steps, rationale=rationale, **about)
+    return Pair(
+        messages=messages,
+        machine=steps,
+        rationale=rationale,
+        objective=objective,
+        score=score,
+        source=source,
+    )
 
 
 def _read_pair(line: bytes, where: str) -> Pair:

@@ -148,7 +148,8 @@ def train_grpo(
         notify: Receives remarks for the user.
         open_pool: Opens a pool of simulating processes.
         environment: For `config.tools`: takes the number of simulations, `engine` and `scorer`,
-            and returns what makes TRL's environments, with the latest design as `session`.
+            and returns what makes TRL's environments; the `session` of each is its latest design,
+            with `submitted` ("" for none), `lost` and `close()` as `BenchSession` has them.
 
     Returns:
         The content of result.json.

@@ -221,7 +221,7 @@ class Trajectory:
         return self._explored[node.id].gain if edited else None
 
     async def _query(self, node: Node[Revision]) -> None:
-        """Ask the querier about a node, once; "" is what a reply without a valid query tells."""
+        """Ask the querier about a node, once; "" if it gives no valid reply or asks nothing."""
         run, machine = self._run, node.candidate.machine
         if not run.settings.asks_querier or node.id in self._queried:
             return
