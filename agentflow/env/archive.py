@@ -11,12 +11,13 @@ from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 from pydantic_core import to_jsonable_python
 
 from agentflow.env.measurements import Measured
 from agentflow.env.rollout import Broken, Feedback, Marginal, Rollout, RolloutEvent, Trace
 from agentflow.errors import UsageError
+from agentflow.files.faults import tell_fault
 from agentflow.machine.requirements import Judged
 
 UNREADABLE = (
@@ -149,8 +150,11 @@ def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
 
 
 def _read(kind: Any, found: Any) -> Any:
-    """JSON data as what they are of; what was not yet recorded is as by default."""
-    return _reader(kind).validate_python(found)
+    """An object of this kind from JSON data; fields that older files lack have their defaults."""
+    try:
+        return _reader(kind).validate_python(found)
+    except ValidationError as error:
+        raise ValueError(tell_fault(error, "the list")) from None
 
 
 @cache

@@ -15,7 +15,7 @@ Named = int | str
 
 
 class Recorded:
-    """What files hold: read from them, it has no fields that are unknown here."""
+    """Base of what files hold; reading refuses unknown fields."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 

@@ -77,11 +77,11 @@ def _form(item: SceneObject, side: Literal[1, -1]) -> tuple[object, ...]:
 
 @dataclass(frozen=True)
 class Start:
-    """Where the machine starts: on a plane through (0, height, 0), whose z+ end is raised by
-    `pitch` degrees, rotated with the plane.
+    """Where the machine starts: on a plane through (0, `height`, 0), m, tilted with it.
 
-    Before rotation the centre of its bounding box is over x = z = 0 and its lowest point on the
-    plane, on which it is turned by `yaw` degrees, its front towards x+.
+    Level, its lowest point is on the plane, the centre of its bounding box is over x = z = 0, and
+    its front is turned towards x+ by `yaw` degrees. Then the plane's z+ end is raised by `pitch`
+    degrees.
     """
 
     height: float = 0.0

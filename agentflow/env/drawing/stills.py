@@ -168,7 +168,7 @@ def letter_size(picture: Image.Image, text: str, letters: int) -> int:
 
 
 def in_few_colours(picture: Image.Image, colours: int = 64) -> Image.Image:
-    """A drawing without dithering, as a small file needs it."""
+    """The picture in few colours, without dithering, for a small file."""
     return picture.quantize(colours, dither=Image.Dither.NONE)
 
 
@@ -212,7 +212,7 @@ def _picture(
     names, cell, foot, fill = [view], size, 0, FILL
     band = AXES_BAND if options.axes else SCALE_BAND * options.scale
     if sheet:
-        foot = round(FOOT * _factor((size[0] // COLUMNS, size[1] // 2)))
+        foot = min(round(FOOT * _factor((size[0] // COLUMNS, size[1] // 2))), size[1] // 4)
         cell = (-(-size[0] // COLUMNS), -(-(size[1] - foot) // 2))
         names, band, fill = list(VIEWS), 0, SHEET_FILL
     below = min(MOST, band * _factor(cell) / cell[1])

@@ -60,9 +60,10 @@ class Part:
 class Drive:
     """Motor, spring-damper, dry friction and stops of a joint.
 
-    Once it is switched on, the motor aims at `speed` about the joint's axis, with at most `torque`;
-    speed 0 holds. Without a torque, the joint turns freely, but for its dry `friction`. Prismatic
-    joints have `stiffness` and `damping`. `stops` are the lowest and the highest position.
+    Once it is switched on, the motor aims at `speed` about the joint's axis, with at most `torque`,
+    N m; speed 0 holds. Without a torque, the joint turns freely, but for its dry `friction`, N m.
+    Prismatic joints have `stiffness`, N/m, and `damping`, N s/m. `stops` are the lowest and the
+    highest position.
     """
 
     speed: float = 0.0

@@ -183,7 +183,7 @@ class Trial:
             if elapsed + 1 >= samples * self._sample_every - 1e-6:
                 samples += 1
                 self._monitor.recorder.sample((elapsed + 1) / self._rate)
-            rest = rest + 1 if self._speeds[0] < self._still and self._resting() else 0
+            rest = rest + 1 if self._resting() else 0
             # what senses may wait for something, so a rollout goes on
             if self._over or (not (due or self._pilot) and rest >= long):
                 break
@@ -273,7 +273,7 @@ class Trial:
         if settled:
             speeds = world.speeds(thorough=False) if thorough else self._speeds
             self._monitor.add_step((self._steps - self._start_step) / self._rate, speeds)
-        # asking for the time of computing takes as long as a step, so only once as much has passed
+        # CPU time is slow to read, so it is read only once that much wall time has passed
         late = thorough and perf_counter() - self._began > self._cpu_limit
         return "timeout" if late and thread_time() - self._started > self._cpu_limit else "ok"
 

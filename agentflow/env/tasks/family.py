@@ -294,9 +294,10 @@ class Family(Task):
         rng = random.Random(f"{seed}/trials/{self.family}")
         return tuple(replace(self, trial=i, **self.draw(rng)) for i in range(1, count + 1))
 
-    def draw(self, rng: random.Random) -> dict[str, Any]:  # noqa: ARG002
-        """What differs in a trial from the level, by name of the attribute."""
-        return {}
+    def draw(self, rng: random.Random) -> dict[str, Any]:
+        """What differs in a trial from the level, by name of the attribute; families whose levels
+        have trials say it."""
+        raise NotImplementedError(f"{type(self).__name__}.draw")
 
     @property
     def limits(self) -> Limits:
@@ -361,7 +362,7 @@ class Family(Task):
 
 
 class TrialFamily(Family):
-    """A task that always consists of trials."""
+    """A task whose requirements apply to its trials together, not to each of them."""
 
 
 def vary(rng: random.Random, value: float, share: float) -> float:

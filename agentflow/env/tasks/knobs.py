@@ -28,7 +28,7 @@ def knob(default: float, low: float, high: float, unit: str, help: str) -> Any:
 
 
 def choice(default: object, values: str, help: str) -> Any:
-    """What is no number, with a default, what it may be and one line of help."""
+    """A knob that is not a number: its default, its possible values and one line of help."""
     return Field(default, description=help, json_schema_extra={"unit": values})
 
 

@@ -71,6 +71,7 @@ class LevelFile(BaseModel):
     note: str = ""
     """What makes the level hard, or why its numbers were chosen."""
     controls: Literal["schedule", "designed", "sensed"] = "schedule"
+    """As the knob of this name, which replaces it."""
     trials: int = Field(1, ge=1, le=10)
     """Rollouts of a design with controls of its own, which may revise them in between."""
     parameters: dict[str, Any] = {}

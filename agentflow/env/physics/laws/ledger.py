@@ -18,8 +18,8 @@ class Ledger:
         self._wind, self._blown = wind, [0.0]
         """Its work until each reading, J."""
         self.steps, self.time, self.due = 0, 0.0, SELDOM
-        """Steps that worlds have taken so far, how long they took (s), and how many they are at the
-        next reading."""
+        """Steps taken so far, how long they took (s), and how many they are at the next reading;
+        the world counts them itself, as a call in every step takes longer."""
         self._at, self._times = [0], [0.0]
         """The same of each reading."""
         self._powers = [Power(0.0, 0.0)]

@@ -101,17 +101,16 @@ class PullForce(ABC):
             pull * (before - distance + self.half * rate) if pull else 0.0
             for (pull, before), (*_, distance, rate) in zip(self.pulled, lines, strict=True)
         ]
-        works: Array = np.concatenate([self._told[:, 0], [last]]).cumsum(axis=0)
+        works: Array = np.concatenate([self._gather()[:, 0], [last]]).cumsum(axis=0)
         return works
 
     @property
     def pulls(self) -> Array:
         """(S + 1, P) pull of each line in each step, N, after a row without any."""
-        return np.concatenate([np.zeros((1, len(self.parts))), self._told[:, 1]])
+        return np.concatenate([np.zeros((1, len(self.parts))), self._gather()[:, 1]])
 
-    @property
-    def _told(self) -> Array:
-        """(S, 2, P) all that was noted."""
+    def _gather(self) -> Array:
+        """(S, 2, P) all that was noted, which is kept as one array."""
         last = np.array(self._noted).reshape(-1, 2, len(self.parts))
         self._noted, self._blocks = [], [np.concatenate([*self._blocks, last])]
         return self._blocks[0]
@@ -119,7 +118,7 @@ class PullForce(ABC):
     def catch_up(self, steps: Array, pulled: list[tuple[float, float]], half: float) -> None:
         """Note several steps: (S, 2, P) works and pulls, and `pulled` and `half` after the last."""
         if self._noted:
-            self._blocks = [self._told]  # in order
+            self._gather()  # in order
         self._blocks.append(steps)
         self.pulled[:], self.half = pulled, half
 

@@ -235,7 +235,7 @@ class Motors:
 
 
 def _ends(stretches: Sequence[Array]) -> Ends:
-    """What stretches of steps have before and after each step, from what they have around all."""
+    """The values before and after each step, from (S + 1, ...) values at the ends of steps."""
     before = np.concatenate([each[:-1] for each in stretches])
     return before, np.concatenate([each[1:] for each in stretches])
 

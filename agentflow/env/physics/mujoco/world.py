@@ -171,8 +171,7 @@ class MuJoCoWorld(BaseWorld[Model]):
         self._refresh()
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:  # noqa: ARG002
-        rows = self.now.rows
-        return rows.speeds or rows.top_speeds
+        return self.now.rows.top_speeds
 
     # --- internals --------------------------------------------------------------------------
 
