@@ -175,6 +175,7 @@ class RunFinding(_Part):
     """Of the best machine, in the unit of the task; None without one."""
     verified: Annotated[VerifiedScore | None, WrapValidator(_as_a_whole)] = None
     valid: bool
+    """Whether there is a best machine."""
     machine: list[Any] | dict[str, Any] | None
     blocks: Count | None = None
     """Of the best machine, as the task counts them."""

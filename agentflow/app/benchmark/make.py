@@ -117,7 +117,7 @@ def make_benchmark(
         (folder / MAKING).mkdir(parents=True, exist_ok=True)
         (folder / MACHINES).mkdir(exist_ok=True)
     plan = {"seed": seed, "items": items, "simulations": simulations}
-    _require_same(folder, {**plan, "machines": str(known or "")})
+    _require_same(folder, {**plan, "machines": str(known.resolve()) if known else ""})
     drawn: dict[str, _Drawn] = {}
     for name, template in islice(_templates(), items):
         drawn[name] = _draw(folder, name, template, seed, simulations, workers, machines)
@@ -249,10 +249,12 @@ async def _best_of(
         scoring = [machine for machine in valid if plain[machine]]
         ranked = sorted(scoring, key=lambda machine: plain[machine] or 0.0, reverse=True)[:VERIFIED]
         found = [await verify_async(m, task, partial(pool.run, m, task)) for m in ranked]
-    if None in plain.values() or any(one.score is None for one in found):
+    broken = [m for m, score in plain.items() if score is None]
+    broken += [m for m, one in zip(ranked, found, strict=True) if one.score is None]
+    if broken:
         raise RunError(
-            f"{task.name}: a simulation of a known machine timed out or crashed, so there is no "
-            "par; give the same command again"
+            f"{task.name}: a simulation of the known machine {broken[0].digest} timed out or "
+            "crashed, so there is no par; give the same command again, or take it out of --machines"
         )
     scored = [(v.score, m.to_text()) for m, v in zip(ranked, found, strict=True) if v.score]
     return max(scored, default=None)

@@ -67,14 +67,14 @@ def finding_of(plan: RunPlan, execution: Execution) -> RunFinding:
     some = {
         "attempts": _pass_rate(result) if WORKFLOWS[result.workflow].counts_passes else None,
         "requirements": [item.to_json() for item in judged],
-        "finalists": _finalists(execution),
+        "finalists": _finalists(execution) if len(execution.verified) > 1 else None,
         "makers": [asdict(maker) for maker in result.makers],
     }
     return RunFinding.model_validate(found | {key: value for key, value in some.items() if value})
 
 
 def _finalists(execution: Execution) -> list[dict[str, Any]]:
-    """What was verified to choose the best machine, if more than this was."""
+    """What was verified to choose the best machine."""
     rollouts, verified = execution.evaluator.rollouts, execution.verified
     return [
         {
@@ -85,7 +85,6 @@ def _finalists(execution: Execution) -> list[dict[str, Any]]:
             "simulations": len(found.rollouts) - 1,
         }
         for machine, found in verified.items()
-        if len(verified) > 1
     ]
 
 

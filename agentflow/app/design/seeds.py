@@ -69,9 +69,9 @@ def design_seeds(
     rows = [_row(*item) for item in found.items()]
     finished = [one for one in found.values() if isinstance(one, RunResult)]
     if not finished:
-        ours = all(isinstance(one, EndpointError) for one in found.values())
+        at_endpoint = all(isinstance(one, EndpointError) for one in found.values())
         told = "; ".join(f"seed {row['seed']}: {row['failed']}" for row in rows)
-        raise (EndpointError if ours else RunError)(f"no run finished: {told}")
+        raise (EndpointError if at_endpoint else RunError)(f"no run finished: {told}")
     return SeedsResult(max(finished, key=_rank), rows)
 
 

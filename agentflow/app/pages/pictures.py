@@ -73,7 +73,7 @@ class Wanted:
 
 
 AS_EVER = Wanted()
-Tell = Callable[[str], Progress]  # gives what receives how many of some parts are done, as "frame"
+ProgressOf = Callable[[str], Progress]  # noun, such as "frame" -> receives how many are done
 
 
 def read_size(text: str | None) -> tuple[int, int] | None:
@@ -90,7 +90,7 @@ def render_run(
     path: Path,
     out: Path | None = None,
     wanted: Wanted = AS_EVER,
-    tell: Tell = lambda _: silent,
+    tell: ProgressOf = lambda _: silent,
     engine: str | None = None,
 ) -> dict[str, str]:
     """Draw or film the best machine of a finished run: `out`, by default best.png and best.gif.
@@ -141,7 +141,7 @@ def draw_missing(
 
 
 def render_file(
-    source: str, task: Task, seed: int, out: Path, wanted: Wanted, tell: Tell, notify: Notify
+    source: str, task: Task, seed: int, out: Path, wanted: Wanted, tell: ProgressOf, notify: Notify
 ) -> dict[str, str]:
     """Draw or film the machine of a file, depending on the suffix of `out`; both without one.
 
@@ -169,7 +169,7 @@ class _Drawing:
 
     subject: Subject
     wanted: Wanted
-    tell: Tell
+    tell: ProgressOf
     red: Collection[int] = ()
     """Blocks to draw in red."""
 

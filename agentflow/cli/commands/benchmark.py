@@ -37,8 +37,8 @@ def benchmark(
 ) -> None:
     """Measure a model on fixed tasks and write a scorecard, card.json.
 
-    Scores are given as shares: 0 at an item's floor, which random machines reach, and 1 at its par,
-    which a long search of the built-in designer or a known machine reaches.
+    Scores are given as shares: 0 % at an item's floor, which random machines reach, 100 % at its
+    par, which a long search of the built-in designer or a known machine reaches, and at most 150 %.
     `agentflow leaderboard` compares scorecards.
 
     Args:

@@ -113,9 +113,8 @@ class RunView(_Progress):
         elif isinstance(item, kinds.ResultEvent) and item.machine is not None:
             self.ending = "verifying the best machine"
         elif isinstance(item, kinds.DrawingEvent):
-            self.ending = "drawing pictures" + ", frame {} of {}".format(*item.frames) * any(
-                item.frames
-            )
+            done, of = item.frames
+            self.ending = f"drawing pictures, frame {done} of {of}" if of else "drawing pictures"
         elif isinstance(item, kinds.AttemptEvent) and not item.valid:
             self.failures.append(f"{item.label}: {_refusal(item)}")
         elif isinstance(item, kinds.ToolEvent) and item.refused:

@@ -157,7 +157,7 @@ def test_a_known_machine_whose_simulation_crashed_sets_no_par(
 
     monkeypatch.setattr(make.RolloutPool, "run", crashed)
     car = make._read_machines(ROOT / "tests" / "machines" / "movement")[:1]
-    with pytest.raises(RunError, match="a simulation of a known machine timed out or crashed"):
+    with pytest.raises(RunError, match=f"known machine {car[0].digest} timed out or crashed"):
         asyncio.run(make._best_of(car, get_task("movement"), 1))
 
 
