@@ -129,10 +129,10 @@ def reckon(points: list[Point]) -> str:
     size = len(pickle.dumps((PLAIN_CAR, task))) + len(pickle.dumps(simulate(PLAIN_CAR, task)))
     return (
         "More workers were not measured. By these figures, a rollout takes a worker "
-        f"{1e3 * work:.1f} ms and the driver at most {1e3 * each:.2f} ms, so one "
-        f"driver keeps {work / each:.0f} workers busy with these short rollouts. Machine and rollout are {size / 1e3:.0f} kB, so it then sends and "
-        f"gets {size / each / 1e6:.0f} MB/s. Longer windows take workers longer in proportion, and "
-        "the driver little: see [costs](../how-to/cluster.md#costs)."
+        f"{1e3 * work:.1f} ms and the driver at most {1e3 * each:.2f} ms, so one driver keeps "
+        f"{work / each:.0f} workers busy with these short rollouts. Machine and rollout are "
+        f"{size / 1e3:.0f} kB, so it then sends and gets {size / each / 1e6:.0f} MB/s. Longer "
+        "windows take workers longer in proportion, and the driver little: see [costs](../how-to/cluster.md#costs)."
     )
 
 
