@@ -132,7 +132,8 @@ def reckon(points: list[Point]) -> str:
         f"{1e3 * work:.1f} ms and the driver at most {1e3 * each:.2f} ms, so one driver keeps "
         f"{work / each:.0f} workers busy with these short rollouts. Machine and rollout are "
         f"{size / 1e3:.0f} kB, so it then sends and gets {size / each / 1e6:.0f} MB/s. Longer "
-        "windows take workers longer in proportion, and the driver little: see [costs](../how-to/cluster.md#costs)."
+        "windows take workers longer in proportion, and the driver little: see "
+        "[costs](../how-to/cluster.md#costs)."
     )
 
 
