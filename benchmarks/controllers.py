@@ -42,11 +42,11 @@ Numbers are successful trials out of ten. The columns are the perturbations of \
 [robust scores](../explanation/scores.md#robust-scores). The control program is the best of those \
 that the second column counts, chosen on the unchanged conditions of the same trials; no program \
 can know which trial it is in. \
-Rollouts with sensors and laws took 1.0 to 2.7 ms, 1.2 % to 2.7 %, more than the same ones \
-without on PyBullet, and 0.6 to 3.1 ms, 1.2 % to 6.6 %, on MuJoCo, whose rollouts are shorter; \
-calls of sensors and laws, timed by themselves, were 0.9 % to 1.9 % and 1.2 % to 4.3 % of it, and \
-the rest is what they cost all else, such as caches (`benchmarks/sensing.py --pairs 15`, with \
-real-time priority on busy cores). \
+Sensors and laws, timed by themselves, take 0.8 % to 1.8 % of a rollout on PyBullet and 1.1 % to \
+3.0 % on MuJoCo; with compiled steps, whose rollouts are shorter, up to 4.1 %. Compared in pairs, \
+rollouts with them take 0.7 % to 2.4 % and 1.2 % to 5.7 % more than the same ones without: the \
+rest is what they cost all else, such as caches (`benchmarks/sensing.py --pairs 15`, with \
+real-time priority on a busy computer). \
 `python benchmarks/controllers.py` writes this page.
 """
 

@@ -46,17 +46,22 @@ def timed(function: Any, name: str) -> Any:
 
 
 MAKE: Any = Trial._make_pilot
-CALL, TELL = Pilot.__call__, trial.tell_controllers
+TELL = trial.tell_controllers
 TIMED = 3
 """Rollouts in which these are timed; timing them in pairs would add to what they take."""
 
 
 def watch(on: bool) -> None:
     """Time calls of the pilot, making it and telling what it did, or stop it."""
-    made, called, told = (timed(MAKE, "make"), timed(CALL, "call"), timed(TELL, "tell"))
+    make = timed(MAKE, "make")
+
+    def made(*given: Any) -> Pilot:
+        pilot: Pilot = make(*given)
+        pilot.fly = timed(pilot.fly, "call")
+        return pilot
+
     Trial._make_pilot = made if on else MAKE  # type: ignore[method-assign]
-    Pilot.__call__ = called if on else CALL  # type: ignore[method-assign]
-    trial.tell_controllers = told if on else TELL
+    trial.tell_controllers = timed(TELL, "tell") if on else TELL
 
 
 class Noted:
@@ -64,14 +69,14 @@ class Noted:
 
     def __init__(self, pilot: Pilot) -> None:
         self.pilot, self.decouplers, self.said = pilot, pilot.decouplers, list[Any]()
-        self.samples, self.sudden, self.again = list[Any](), False, iter(())
+        self.samples, self.changes, self.again = list[Any](), dict[Any, float](), iter(())
 
-    def __call__(self, when: float) -> Any:
-        changes, self.sudden = next(self.again, None) or self._note(when)
-        return changes
+    def fly(self, when: float) -> bool:
+        sudden, self.changes = next(self.again, None) or self._note(when)
+        return bool(sudden)
 
     def _note(self, when: float) -> Any:
-        self.said.append((dict(self.pilot(when)), self.pilot.sudden))
+        self.said.append((self.pilot.fly(when), dict(self.pilot.changes)))
         return self.said[-1]
 
     def lose(self, *what: Any) -> None:

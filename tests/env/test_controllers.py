@@ -135,7 +135,7 @@ def test_sensors_read_the_same_bits_as_plain_formulas(engine: str) -> None:
         for _ in range(8):
             world.step()
         for made, pilot in found:
-            pilot(0.0)
+            pilot.fly(0.0)
             assert [*pilot._readings()] == [_plain(world, scene, sensor) for sensor in made]
 
 
@@ -183,7 +183,7 @@ def test_levels_are_rounded_as_python_rounds() -> None:
     for level in [*half, *(rng.uniform(-1, 1) for _ in range(20_000))]:
         assert repr(rounded(level)) == repr(round(level, 3)), level
     many = np.array([[*half, 1e13 + 0.3, inf, *np.random.default_rng(0).normal(0, 99, 20_000)]])
-    assert _rounded(many, 3) == [[round(each, 3) for each in many[0].tolist()]]
+    assert _rounded(many, [3]) == [[round(each, 3) for each in many[0].tolist()]]
 
 
 def test_levels_change_at_once_where_a_law_jumps_and_little_by_little_under_a_rate() -> None:

@@ -18,7 +18,8 @@ from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
 from agentflow.env.scene import Scene
-from agentflow.machine.controls import PRECISION, driven_blocks, following
+from agentflow.machine.blocks.library import library
+from agentflow.machine.controls import PRECISION, following
 from agentflow.machine.tree import Machine
 
 SUDDEN = 0.25
@@ -96,27 +97,31 @@ class Pilot:
             name: [(0.0, law.states[0].name)] for name, law in laws.items() if law.kind == "states"
         }
         """When each state machine entered which state."""
-        driven, followed = driven_blocks(machine), following(machine)
-        self.decouplers = frozenset[Entry](b for b in followed if driven[b] == "decouplers")
+        followed, types = following(machine), library()
+        self.decouplers = frozenset[Entry](
+            block for block in followed if types[machine[block].type].group == "decouplers"
+        )
         """Those among the blocks."""
-        self._changes: dict[Entry, float] = {}
+        self.changes: dict[Entry, float] = {}
+        """Blocks whose level changed in the last call of `fly`, and their new levels."""
         self.lost: dict[str, tuple[float, float]] = {}
         """Time at which each sensor broke, s, and the last reading, which it keeps."""
         self.samples: list[float] = []
         """Of each, its time, all readings, and the outputs of all laws."""
-        self.sudden = False
-        """Whether a level changed so much in the last call that it counts as a switch."""
         noise, delay = sensing
         names: dict[str, Any] = {
             "world": world,
             "where": self._senses.where,
             "reads": self._senses.reads,
             "locate": self._senses.locate,
-            "first": Rays(scene, world).first,
-            "disturb": _disturbance(len(sensors), noise, delay),
-            "changes": self._changes,
+            "changes": self.changes,
             "samples": self.samples,
         }
+
+        if any(sensor.kind == "distance" for sensor in sensors.values()):
+            names["first"] = Rays(scene, world).first
+        if noise or delay:
+            names["disturb"] = _disturbance(len(sensors), noise, delay)
 
         def name(value: Any) -> str:
             names[f"n{len(names)}"] = value
@@ -153,12 +158,10 @@ class Pilot:
             lines="\n".join(f"        {line}" for line in whole),
             readings=readings,
         )
-        self._fly, self._readings = _compiled(text)(**names, **kept)
-
-    def __call__(self, time: float) -> dict[Entry, float]:
-        """Blocks whose level changes now, and their new levels; the same object in every call."""
-        self.sudden = self._fly(time)
-        return self._changes
+        self.fly: Callable[[float], bool]
+        """Reads all sensors and evaluates all laws at a time, s since t = 0. Whether a level
+        changed so much that it counts as a switch."""
+        self.fly, self._readings = _compiled(text)(**names, **kept)
 
     def lose(self, time: float, gone: Collection[int]) -> None:
         """Let the sensors of blocks that are no longer connected to the Starting Block keep their

@@ -13,7 +13,7 @@ from agentflow.env.controllers.pilot import Pilot
 from agentflow.env.feedback.text import number
 from agentflow.env.query import CONTROLLERS
 from agentflow.env.rollout import Array, Feedback, Moment
-from agentflow.machine.controllers.model import Law
+from agentflow.machine.controllers.model import Controllers, Law
 
 _HEAD = 'Controllers (queries with the id "controllers" show readings and outputs over time):'
 MOST_LAWS, MOST_SPANS = 8, 3
@@ -39,7 +39,8 @@ def tell_controllers(
     laws = pilot.controllers.laws
     times = sorted({0.0, *([moment.time] if moment else [end / 2]), end})
     told = [(name, law) for name, law in laws.items() if law.kind != "constant"][:MOST_LAWS]
-    rows = _samples(pilot)
+    width = 1 + len(pilot.controllers.sensors) + len(laws)
+    rows = np.array(pilot.samples).reshape(-1, width)
     nearest = [(time, rows[abs(rows[:, 0] - time).argmin(), 1:].tolist()) for time in times]
     lines = [f"law {name}{_law_text(pilot, name, law, nearest, end)}" for name, law in told]
     lines += [
@@ -48,7 +49,9 @@ def tell_controllers(
         for name, (time, value) in [*pilot.lost.items()][:MOST_SPANS]
     ]
     text = "\n".join([feedback.text, _HEAD, *(f"- {line}" for line in lines)])
-    return replace(feedback, text=text, data={**feedback.data, CONTROLLERS: series_of(pilot)})
+    return replace(
+        feedback, text=text, data={**feedback.data, CONTROLLERS: _series(pilot.controllers, rows)}
+    )
 
 
 def _law_text(
@@ -74,31 +77,27 @@ def _law_text(
     return "; ".join(parts)
 
 
-def series_of(pilot: Pilot) -> dict[str, Any]:
-    """Readings of sensors and outputs of laws over time, as JSON data."""
-    rows, laws = _samples(pilot), pilot.controllers.laws
-    columns = _rounded(rows[:, 1:].T, 4)
+def _series(controllers: Controllers, rows: Array) -> dict[str, Any]:
+    """Readings of sensors and outputs of laws over time, as JSON data; rows are times and these."""
+    times, *columns = _rounded(rows.T, [3] + [4] * (rows.shape[1] - 1))
+    laws = controllers.laws
     return {
-        "times": _rounded(rows[:, :1].T, 3)[0],
-        "sensors": dict(zip(pilot.controllers.sensors, columns, strict=False)),
+        "times": times,
+        "sensors": dict(zip(controllers.sensors, columns, strict=False)),
         "laws": dict(zip(laws, columns[-len(laws) :], strict=True)),
         "targets": {name: law.target for name, law in laws.items() if law.kind == "pd"},
     }
 
 
-def _samples(pilot: Pilot) -> Array:
-    """(T, 1 + sensors + laws) what was sampled."""
-    width = 1 + len(pilot.controllers.sensors) + len(pilot.controllers.laws)
-    return np.array(pilot.samples).reshape(-1, width)
-
-
-def _rounded(rows: Array, digits: int) -> list[list[float]]:
-    """As `round` does, in a tenth of its time."""
-    scaled = rows * 10.0**digits
+def _rounded(rows: Array, digits: list[int]) -> list[list[float]]:
+    """Each row with so many digits, as `round` does, in a tenth of its time."""
+    units = 10.0 ** np.array(digits)[:, np.newaxis]
+    scaled = rows * units
     near = np.rint(scaled)
     with np.errstate(invalid="ignore"):
         plain = (abs(scaled - near) < 0.499) & (abs(scaled) < 1e12)
-    found: list[list[float]] = (near / 10.0**digits).tolist()
-    for row, column in np.argwhere(~plain).tolist():
-        found[row][column] = round(rows[row, column].item(), digits)
+    found: list[list[float]] = (near / units).tolist()
+    if not plain.all():
+        for row, column in np.argwhere(~plain).tolist():
+            found[row][column] = round(rows[row, column].item(), digits[row])
     return found

@@ -191,15 +191,15 @@ class Trial:
 
     def _fly(self, pilot: Pilot, time: float) -> None:
         """Let blocks follow the controllers."""
-        changes = pilot(time)
+        sudden, changes = pilot.fly(time), pilot.changes
         for block in pilot.decouplers & changes.keys() if pilot.decouplers else ():
             self._switch(block, changes.pop(block))
         if changes:
-            if pilot.sudden:
+            if sudden:
                 self._stepping.switch()
                 self._monitor.look_closely()
             self._view.levels.update(changes)
-            self._world.drive(changes, pilot.sudden)
+            self._world.drive(changes, sudden)
 
     def _schedule(self) -> list[tuple[int, Entry, float]]:
         """Step since t = 0, entry and level of each switch, in order; with power off, only of
