@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
 from shelf import (
     DIGITS,
     MachineRecord,
@@ -23,6 +24,7 @@ from shelf import (
 )
 
 from agentflow.env.physics.engine import AUTO
+from agentflow.env.physics.registry import ENGINES
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import MACHINES, scores_file
@@ -129,7 +131,7 @@ class Known:
 
 def recorders() -> tuple[str, ...]:
     """The engines that have records, as `Target.engine` names them."""
-    return ("", *(path.name for path in sorted(MACHINES.iterdir()) if path.is_dir()))
+    return ("", *(name for name in ENGINES if (MACHINES / name).is_dir()))
 
 
 def own_machines() -> Iterator[Known]:
@@ -142,14 +144,25 @@ def own_machines() -> Iterator[Known]:
             yield Known(load(item.machine), family, how)
 
 
-def recorded_machines(folders: Iterable[Path]) -> Iterator[Known]:
-    """The machines of recorded runs."""
+def recorded_machines(folders: Iterable[Path], known: Sequence[Known]) -> Iterator[Known]:
+    """The machines of recorded runs; of those that verified some, only these. What a run began with
+    is looked for among the known machines."""
     for folder in folders:
-        for file in sorted(folder.glob("**/machines/*.json")):
-            run = json.loads((file.parent.parent / "result.json").read_text(encoding="utf-8"))
+        for file in sorted(folder.glob("**/result.json")):
+            run = json.loads(file.read_text(encoding="utf-8"))
             who = re.sub(LARGE, "strong language model (recorded)", run["model"])
             how = f"{who}, {run['workflow']} on {run['task']}"
-            yield Known(load_file(file), run["task"].partition("/")[0], how)
+            config = yaml.safe_load((file.parent / "run.yaml").read_text(encoding="utf-8"))[
+                "config"
+            ]
+            if start := config["settings"].get("start"):
+                begun = {item.machine: item.how for item in known}
+                origin = begun.get(Machine.from_json(start), "another machine")
+                how = f"{how}, {run['rollouts']:,} simulations, from {origin}"
+            names = [item["machine"] for item in run.get("finalists", ())] or ["*"]
+            for name in names:
+                for path in sorted(file.parent.glob(f"machines/{name}.json")):
+                    yield Known(load_file(path), run["task"].partition("/")[0], how)
 
 
 def stored(target: Target) -> MachineRecord | None:

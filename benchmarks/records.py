@@ -77,7 +77,8 @@ def main() -> int:
         parser.error(f"unknown record {unknown[0]}; known: {', '.join(known)}")
     chosen = [known[name] for name in options.names or known]
     if options.command == "update":
-        known_machines = [*recorded_machines(options.machines), *own_machines()]
+        own = [*own_machines()]
+        known_machines = [*recorded_machines(options.machines, own), *own]
         for target in chosen:
             update(target, {item.machine: item.how for item in known_machines if item.fits(target)})
     elif options.command == "find":
