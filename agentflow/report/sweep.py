@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from agentflow.metrics.cells import Scores
@@ -39,6 +39,9 @@ class Spread:
     unit: str = ""
     best: Mapping[str, Any] | None = None
     """The best machine: run, score, and content hash or picture (URL)."""
+    goal: Mapping[str, Any] = field(default_factory=dict)
+    """What its score is worth: level, from which score on machines are good, and the record with
+    the share of it that the best machine reaches; {} if that is not known."""
 
     def to_json(self, task: str, name: str) -> dict[str, Any]:
         """What the page draws, with at most `MOST_DOTS` scores."""
@@ -57,6 +60,7 @@ class Spread:
             "high": interval and interval.high,
             "unit": self.unit,
             "best": self.best,
+            **self.goal,
         }
 
 

@@ -21,7 +21,7 @@ from agentflow.studio.answers import Nothing
 from agentflow.studio.building.person_runs import PersonRuns
 from agentflow.studio.building.routes import Building
 from agentflow.studio.folder import RunFolder
-from agentflow.studio.guard import Access, Guard, Refusal, RequestLimits, told
+from agentflow.studio.guard import Access, Guard, Refusal, RequestLimits, reads_pages, told
 from agentflow.studio.sessions.recorder import SessionRecorder
 from agentflow.studio.sessions.routes import Sessions
 from agentflow.studio.simulations import Simulations
@@ -111,8 +111,10 @@ async def _open_app(runs: Path) -> AsyncIterator[Starlette]:
             await first
 
 
-async def _not_found(_request: Request, error: Exception) -> Response:
-    status = getattr(error, "status_code", 500)
+async def _not_found(request: Request, error: Exception) -> Response:
+    status, path = getattr(error, "status_code", 500), request.url.path
+    if status == 404 and not path.startswith("/api/") and reads_pages(request.scope):
+        return Response(PAGE, status, media_type="text/html")  # its script says what is missing
     words = {404: "there is nothing at this address", 405: "this address has another method"}
     return told(Refusal(status, words.get(status, "the studio failed; its terminal shows more")))
 

@@ -14,6 +14,8 @@ from agentflow.runs.reading import FILE_NAME
 
 LONGEST = 400
 """Characters of a name."""
+SHIPPED = Path(__file__).parents[2] / "docs" / "cards"
+"""The folder of the repository with scorecards to compare with; missing without the repository."""
 
 
 class RunFolder:
@@ -54,13 +56,19 @@ class RunFolder:
         return path
 
     def cards(self) -> list[list[Scorecard]]:
-        """The scorecards below the folder, best first, those that can be compared together."""
+        """The scorecards below the folder and those that the repository ships, best first, those
+        that can be compared together; a copy of a card counts once."""
+        own = [path for path in sorted(self.root.rglob(CARD)) if not path.is_symlink()]
+        shipped = [*sorted(SHIPPED.glob("*.json")), *sorted(SHIPPED.glob(f"*/{CARD}"))]
         found: dict[tuple[str, ...], list[Path]] = {}
-        for path in sorted(self.root.rglob(CARD)):
-            if not path.is_symlink():
-                card = read_card(path)
-                key = (card.digest, str(card.conditions), *card.parts)
-                found.setdefault(key, []).append(path)
+        known = set[bytes]()
+        for path in (*own, *shipped):
+            if (content := path.read_bytes()) in known:
+                continue
+            known.add(content)
+            card = read_card(path)
+            key = (card.digest, str(card.conditions), *card.parts)
+            found.setdefault(key, []).append(path)
         return [read_cards(paths) for paths in found.values()]
 
     def _path(self, name: str) -> Path:

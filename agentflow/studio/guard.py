@@ -163,7 +163,7 @@ class Guard:
             with anyio.fail_after(self._limits.answer_s):
                 await self._app(scope, _replay(body, receive), send)
         except Refusal as refusal:
-            answer = _page_told(refusal) if _reads_pages(scope) else told(refusal, LAST)
+            answer = _page_told(refusal) if reads_pages(scope) else told(refusal, LAST)
             await answer(scope, receive, send)
         except TimeoutError:
             late = Refusal(504, "this took too long; try it again, or with less")
@@ -242,7 +242,7 @@ def told(refusal: Refusal, headers: Mapping[str, str] | None = None) -> Response
     return Response(content, refusal.status, headers, media_type="application/json")
 
 
-def _reads_pages(scope: Scope) -> bool:
+def reads_pages(scope: Scope) -> bool:
     """Whether a person has opened the address, not a script."""
     return any(name == b"accept" and b"text/html" in value for name, value in scope["headers"])
 

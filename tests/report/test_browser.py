@@ -384,7 +384,10 @@ def test_the_gallery_plays_one_machine_at_a_time(browser: webdriver.Chrome, tmp_
     assert part.text.startswith("throwing · walled arena\nBuild a machine that throws")
     cards = part.find_elements(By.CSS_SELECTOR, ".card")
     assert [card.get_attribute("aria-pressed") for card in cards] == ["true", "false"]
-    assert cards[1].text.startswith(f"{result.verified_score:.2f} m verified\n6% of the record")
+    assert cards[1].text.startswith(
+        f"{result.verified_score:.2f} m verified\n6 % of 179.67 m, the "
+    )
+    assert "Good from 45 m · record 179.67 m." in part.text
     cards[1].click()
     assert [card.get_attribute("aria-pressed") for card in cards] == ["false", "true"]
     assert browser.execute_script(
@@ -560,6 +563,55 @@ def test_where_nothing_scored_the_axis_has_plain_numbers(
     assert "score, m" in find(browser, ".chart").text
     assert find(browser, ".cards .card").text == "0 m\nthrowing, none"
     assert find(browser, ".cards img").get_property("naturalWidth") == 32
+
+
+def test_a_sweep_words_ties_tells_ticks_apart_and_has_conditions_side_by_side_on_a_phone(
+    browser: webdriver.Chrome, tmp_path: Path
+) -> None:
+    record = {"verified": 179.67, "fragile": False, "engine": "pybullet 3.2.7"}
+    goal = {"level": "throwing", "good": 45.0, "record": {**record, "share": 0.5, "of": "record"}}
+    best = {"run": "a", "score": 90.0, "picture": png_url(CAR, **STILL)}
+    scores = {"a": (1.0, 9.0, 2.0), "b": (2.0, 8.0, 3.0), "c": (20.0, 21.0, 22.0)}
+    close = {"a": (500.001, 500.004), "b": (500.002, 500.003)}
+    spreads = {
+        **{
+            ("throwing", name): Spread(Scores(s, 0), (), "m", best, goal)
+            for name, s in scores.items()
+        },
+        **{("movement", name): Spread(Scores(s, 0), (), "m") for name, s in close.items()},
+    }
+    columns = tuple(Column(group, name) for group in ("all", "valid") for name in ("mean", "max"))
+    rows = tuple(Row(key, (1.0, 2.0, 3.0, 4.0)) for key in spreads)
+    tables = [Table(title, ("task", "variant"), columns, rows) for title in ("ties", "Scores")]
+    file = tmp_path / "sweep.html"
+    file.write_text(whole_page("sweep", sweep_data("ties", "about", spreads, tables)), "utf-8")
+    with on_phone(browser, 390, 844, dark=False):
+        browser.get(file.as_uri())
+        until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .tick")) > 9)
+        told = [item.text for item in browser.find_elements(By.CSS_SELECTOR, "main section > p")]
+        assert told[0] == (
+            "At throwing, c has the highest mean, 21 m, before b with 4.33 m. Their intervals are "
+            "apart. Good from 45 m · record 179.67 m."
+        )
+        assert told[1] == "At movement, a and b are alike: their means are equal, 500.00 m."
+        ticks = browser.find_elements(By.CSS_SELECTOR, ".chart")[1].find_elements(
+            By.CSS_SELECTOR, ".tick.middle"
+        )
+        assert len({tick.text for tick in ticks}) == len(ticks) > 2
+        assert find(browser, ".card small").text == (
+            "50 % of 179.67 m, the record of throwing on pybullet 3.2.7"
+        )
+        first, folded = browser.find_elements(By.CSS_SELECTOR, "section:has(.table)")
+        assert [item.is_displayed() for item in first.find_elements(By.CSS_SELECTOR, ".table")] == [
+            True
+        ] * 2
+        assert not folded.find_element(By.CSS_SELECTOR, ".table").is_displayed()
+        folded.find_element(By.CSS_SELECTOR, "summary h2").click()
+        assert folded.find_element(By.CSS_SELECTOR, ".table").is_displayed()
+        heads = [item.text for item in first.find_elements(By.CSS_SELECTOR, "thead th")]
+        assert heads == ["a", "b", "c", "a", "b"]
+        for found in first.find_elements(By.CSS_SELECTOR, ".table table"):
+            assert found.rect["x"] + found.rect["width"] <= 390
 
 
 @pytest.mark.parametrize("dark", [False, True])

@@ -56,7 +56,7 @@ HEADS = {
     "run": ("agentflow run · hierarchical · seed 0", "throwing", "walled arena", "11.63 m"),
     "pair": ("agentflow comparison · both simulated with seed 0 on ", "throwing"),
     "gallery": ("Gallery", "The best machines of each task."),
-    "leaderboard": ("Models side by side", "Leaderboard", "1 model on 33 items, 3 per family."),
+    "leaderboard": ("Models side by side", "Leaderboard", "2 models on 33 items, 3 per family."),
     "curves": ("2 runs compared at throwing", "Build a machine that throws"),
     "tasks": ("agentflow tasks", "Tasks", "What machines are built for: "),
     "task": ("agentflow task · throwing/4", "one ring", "Build a machine that throws"),
@@ -67,7 +67,8 @@ HEADS = {
 }
 """What each page says at its top: how the lines begin."""
 HEADS_OF_REPORTS = {
-    **{name: HEADS[name] for name in ("leaderboard", "tasks")},
+    "tasks": HEADS["tasks"],
+    "leaderboard": (*HEADS["leaderboard"][:2], "1 model on 33 items, 3 per family."),
     "run": ("agentflow run · hierarchical · seed 0", "throwing", "walled arena", "12.50 m"),
     "gallery": ("agentflow gallery", "Machines · ", "The best machine of each run, by task"),
     "compare": ("agentflow comparison · both simulated with seed 0 on ", "movement"),

@@ -303,6 +303,12 @@ def test_an_empty_list_says_where_to_begin(browser: webdriver.Chrome, tmp_path: 
         assert find(browser, "#faces h2").text == "Faces"
         browser.get(f"{empty.base}/#guide")
         until(browser, lambda: find(browser, ".problem").text == "There is no page #guide.")
+        browser.get(f"{empty.base}/guide")
+        until(browser, lambda: find(browser, "h1").text == "There is no such page")
+        assert find(browser, ".problem").text == "There is nothing at the address /guide."
+        assert "404" in "".join(complaints(browser))
+        find(browser, "main .button").click()
+        until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "runs")
         open_page(browser, empty, "leaderboard")
         commands = [item.text for item in browser.find_elements(By.CSS_SELECTOR, "main li code")]
         assert len(commands) == 3
@@ -324,8 +330,9 @@ def test_each_benchmark_has_a_leaderboard_that_leads_to_runs(
         browser.get(two.address)
         open_page(browser, two, "leaderboard")
         others = browser.find_elements(By.CSS_SELECTOR, ".picks a")
-        assert [item.get_attribute("aria-current") for item in others] == ["page", None]
-        assert others[0].text.endswith("model on 11 items, 1 per family")
+        assert [item.get_attribute("aria-current") for item in others] == ["page", None, None]
+        assert others[0].text == "3 models on 11 items, 1 per family"  # with those that ship
+        assert "Score 87.06 m; 100 % is 109.30 m." in find(browser, ".actions").text
         assert (
             find(browser, ".actions a")
             .get_attribute("href")
@@ -335,6 +342,19 @@ def test_each_benchmark_has_a_leaderboard_that_leads_to_runs(
         chosen = 'return document.querySelector(".picks [aria-current]")?.innerText'
         until(browser, lambda: "33 items, 3 per" in (browser.execute_script(chosen) or ""))
         assert browser.find_elements(By.CSS_SELECTOR, ".actions a") == []
+        with on_phone(browser, 390, 844, dark=False):
+            open_page(browser, two, "leaderboard")
+            heads = [
+                item.text for item in browser.find_elements(By.CSS_SELECTOR, ".turned thead th")
+            ]
+            short = ["large language model", "procedural", "random edits"]
+            assert heads == ["family", *short, "item", *short]
+            assert find(browser, ".turned td").rect["y"] > find(browser, ".turned th").rect["y"]
+            for shares in browser.find_elements(By.CSS_SELECTOR, ".shares"):
+                assert shares.rect["x"] + shares.rect["width"] <= 390
+            assert "throwing-1\nwalled arena" in [
+                item.text for item in browser.find_elements(By.CSS_SELECTOR, ".shares tbody th")
+            ]
         assert complaints(browser) == []
 
 

@@ -149,12 +149,20 @@ def test_closing_while_films_are_simulated_logs_nothing(
     assert [record.getMessage() for record in caplog.records] == []
 
 
-def test_scorecards_and_sweeps_have_their_pages(browser: Browser, runs: Path) -> None:
-    assert browser.get("/api/leaderboards") == []
+def test_scorecards_and_sweeps_have_their_pages(
+    browser: Browser, runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def models() -> list[int]:
+        return [len(board["cards"]) for board in browser.get("/api/leaderboards")]
+
+    assert models() == [3, 2, 1]  # those that the repository ships
     (runs / "bench").mkdir()
     shutil.copy(RECORDED.parents[1] / "docs/cards/procedural.json", runs / "bench/card.json")
-    [board] = browser.get("/api/leaderboards")
-    assert (board["kind"], len(board["cards"])) == ("leaderboard", 1)
+    assert models() == [2, 3, 1]  # a copy is no model more, and its board is the first
+    monkeypatch.setattr("agentflow.studio.folder.SHIPPED", runs / "none")  # without the repository
+    assert models() == [1]
+    (runs / "bench" / "card.json").unlink()
+    assert models() == []
     for name in ("throwing", "..", "bench"):
         assert browser.client.get(f"/api/sweep?sweep={name}").status_code == 400
 

@@ -11,6 +11,7 @@ from typing import Any
 from agentflow.app.benchmark.card import LONG, PARTS, CountedMachine, Point, Scorecard
 from agentflow.app.benchmark.leaderboard import leaderboard, shown_parts
 from agentflow.app.pages.films import Shapes, machine_data
+from agentflow.env.tasks.registry import known_title, known_unit
 from agentflow.machine import read_machine
 from agentflow.machine.blocks.library import library
 from agentflow.metrics.tables import counted
@@ -53,8 +54,15 @@ def leaderboard_data(cards: Sequence[Scorecard], told: Sequence[str] = ()) -> di
                 "items": [
                     {
                         "item": item.item,
+                        "title": known_title(item.task),
+                        "about": ", ".join(
+                            [item.task, *(f"{knob} {value}" for knob, value in item.knobs.items())]
+                        ),
                         "share": item.share(card.ranked),
-                        "machine": _shown(item.parts[card.ranked], shapes, machines),
+                        "score": (best := _best(item.parts[card.ranked])).score,
+                        "full": item.full,
+                        "unit": known_unit(item.task),
+                        "machine": _shown(best, shapes, machines),
                     }
                     for item in card.items
                 ],
@@ -66,11 +74,12 @@ def leaderboard_data(cards: Sequence[Scorecard], told: Sequence[str] = ()) -> di
     }
 
 
-def _shown(
-    counted: Sequence[CountedMachine], shapes: Shapes, machines: dict[str, dict[str, Any]]
-) -> str | None:
-    """The content hash of the best machine, which is added to `machines`; None without one."""
-    best = max(counted, key=lambda one: -1.0 if one.share is None else one.share)
+def _best(counted: Sequence[CountedMachine]) -> CountedMachine:
+    return max(counted, key=lambda one: -1.0 if one.share is None else one.share)
+
+
+def _shown(best: CountedMachine, shapes: Shapes, machines: dict[str, dict[str, Any]]) -> str | None:
+    """The content hash of a machine, which is added to `machines`; None without one."""
     machine = read_machine(best.machine, library()).machine
     if machine is None:
         return None

@@ -16,9 +16,9 @@ from agentflow.app.pages.runs import (
     film_machines,
     task_summary,
     thumbnail,
-    told_share,
 )
 from agentflow.config.run import build_config
+from agentflow.env.tasks.records import record_json
 from agentflow.errors import RunError
 from agentflow.progress import Progress
 from agentflow.report.page import require_writable, write_page
@@ -95,7 +95,7 @@ def _read_run(path: Path) -> Run:
         "score": result.score,
         "verified": result.verified_score,
         "fragile": bool(result.fragile),
-        "share": told_share(task_of_run(path, document), result.trusted_score),
+        "record": record_json(task_of_run(path, document), result.trusted_score),
         "why": "" if best else result.reason or "no valid machine was found",
         "picture": picture,
     }

@@ -169,6 +169,7 @@ def task_summary(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
     """Title, objective, score and scene of the task of a run, as worded in prompts."""
     task, file = task_of_run(path, document), level_of_run(path, document).file
     told = {"title": file.title, "unit": task.unit, "greatest": task.brief.greatest}
+    told["good"] = file.good
     return {**told, **task_wording(task.brief)}
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.design.plan import level_of_run, task_of_run
 from agentflow.app.sweeps.registry import HUMAN, LAYOUT, MECHANISMS, VERIFIED, VIEWS
 from agentflow.app.sweeps.tables import (
     FinishedRun,
@@ -17,10 +19,13 @@ from agentflow.app.sweeps.tables import (
 )
 from agentflow.app.sweeps.views import last_cell, variants
 from agentflow.env.drawing.stills import png_url
+from agentflow.env.tasks.records import record_json
 from agentflow.env.tasks.registry import known_unit
+from agentflow.errors import AgentflowError
 from agentflow.machine import library, read_machine
 from agentflow.report.page import require_writable, write_page
 from agentflow.report.sweep import Spread, sweep_data
+from agentflow.runs import read_document
 from agentflow.runs.record import RunRecord
 
 PICTURE = (320, 240)
@@ -56,7 +61,16 @@ def _spread(result: SweepResult, runs: Sequence[FinishedRun], pictures: bool) ->
     each = ((run.planned.name, replace(cell, runs=(run.numbers,))) for run in runs)
     found = sorted((score, name) for name, own in each for score in own.scores.all)
     unit = known_unit(runs[0].planned.config.task)
-    return Spread(cell.scores, [name for _, name in found], unit, _best(runs, pictures))
+    best, goal = _best(runs, pictures), dict[str, Any]()
+    with suppress(AgentflowError):  # a level that cannot be made here
+        document = read_document(path := runs[0].path)
+        task, good = task_of_run(path, document), level_of_run(path, document).file.good
+        goal = {
+            "level": task.name,
+            "good": good,
+            "record": record_json(task, best["score"] if best else None),
+        }
+    return Spread(cell.scores, [name for _, name in found], unit, best, goal)
 
 
 def _groups(result: SweepResult) -> dict[tuple[str, str], list[FinishedRun]]:

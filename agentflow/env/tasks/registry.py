@@ -134,6 +134,13 @@ def known_unit(task: str) -> str:
     return ""
 
 
+def known_title(level: str) -> str:
+    """What a level is called in words; "" if it is not known here."""
+    with suppress(UsageError):
+        return get_level(level).file.title
+    return ""
+
+
 def recorded_level(record: Mapping[str, Any], source: str) -> Level:
     """A level from its record; `source` is named if it is damaged, as ConfigError."""
     content = dict(record)

@@ -9,6 +9,7 @@ const RIGHT = 12;
 const HEIGHT = 190;
 const BOTTOM = 34;
 const UPPER = 24;
+const MOST_DIGITS = 12; // of the number of a tick
 
 /** What an axis is named: a quantity, and its unit if there is one. */
 export const named = (quantity, unit) => (unit ? `${quantity}, ${unit}` : quantity);
@@ -265,10 +266,12 @@ function scale([low, high], [from, to], log = false) {
 }
 
 function axes(xs, ys, across, up) {
+  const rungs = ticksOf(ys, 4);
+  const texts = tickTexts(rungs);
   return [
-    ...ticksOf(ys, 4).flatMap((value) => [
+    ...rungs.flatMap((value, index) => [
       svg("path", { class: "grid", d: `M${xs.from} ${ys(value)}H${xs.to}` }),
-      svg("text", { class: "tick end", x: xs.from - 6, y: ys(value) + 4 }, compactNumber(value)),
+      svg("text", { class: "tick end", x: xs.from - 6, y: ys(value) + 4 }, texts[index]),
     ]),
     ...ticksBelow(xs, ys.from, across, 1),
     svg("text", { class: "tick", x: 2, y: 9 }, up),
@@ -276,10 +279,20 @@ function axes(xs, ys, across, up) {
 }
 
 function ticksBelow(xs, y, name, least = 0) {
+  const places = ticksOf(xs, 5, least);
+  const texts = tickTexts(places);
   return [
-    ...ticksOf(xs, 5, least).map((value) => svg("text", { class: "tick middle", x: xs(value), y: y + 15 }, compactNumber(value))),
+    ...places.map((value, index) => svg("text", { class: "tick middle", x: xs(value), y: y + 15 }, texts[index])),
     svg("text", { class: "tick end", x: xs.to, y: y + 29 }, name),
   ];
+}
+
+/** Numbers for ticks, with as many digits as tell them apart. */
+function tickTexts(values) {
+  const texts = (digits) => values.map((value) => value.toLocaleString("en", { notation: Math.abs(value) >= 10000 ? "compact" : "standard", maximumSignificantDigits: digits }));
+  let digits = 3;
+  while (new Set(texts(digits)).size < values.length && digits < MOST_DIGITS) digits += 1;
+  return texts(digits);
 }
 
 /** Where an axis has numbers: about `count` round ones, or powers of ten and a few between. */
@@ -301,8 +314,4 @@ function ticks(low, high, count, least = 0) {
   const found = [];
   for (let value = Math.ceil(low / step) * step; value <= high * 1.0001; value += step) found.push(value || 0); // never -0
   return found;
-}
-
-function compactNumber(value) {
-  return value.toLocaleString("en", { notation: Math.abs(value) >= 10000 ? "compact" : "standard", maximumSignificantDigits: 3 });
 }

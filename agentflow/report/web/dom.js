@@ -33,11 +33,16 @@ export const verifiedText = (score, fragile, unit = "") => withUnit(score, unit)
 /** A number with its unit, if both are there. */
 export const withUnit = (value, unit) => formatNumber(value) + (unit && value !== null && value !== undefined ? ` ${unit}` : "");
 
+export const capitalize = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+/** Whether the window is as narrow as that of a phone. */
+export const isNarrow = () => innerWidth < 600;
+
 const [SHORT, LONG] = [12, 40]; // characters from which the first cell of a row, and any cell, may wrap
 
 /** A table; cells are strings, numbers or elements. Heads are strings, or [group, string] for columns
  *  under a common heading. Columns of numbers are right-aligned: all from column `labels` on, if it is
- *  given; then labels that repeat the row above are hidden. */
+ *  given; then labels that repeat the row above are hidden. A row of one cell spans all columns. */
 export function table(caption, head, rows, labels = Infinity) {
   const heads = head.map((text) => (typeof text === "string" ? ["", text] : text));
   const numeric = heads.map((_, column) => column >= labels || rows.some((row) => typeof row[column] === "number" || row[column] === null));
@@ -45,7 +50,7 @@ export function table(caption, head, rows, labels = Infinity) {
   const again = (index, column) =>
     labels !== Infinity && column < labels && rows[index - 1] && rows[index] && rows[index].slice(0, column + 1).every((text, i) => text === rows[index - 1][i]);
   const cell = (value, column, index) =>
-    el("td", { class: [kind(column), again(index, column) && "again", again(index + 1, column) && "ongoing", value?.length > LONG ? "long" : !column && value?.length > SHORT && "name"].filter(Boolean).join(" ") }, typeof value === "number" || value === null ? formatNumber(value) : value);
+    el("td", { colspan: rows[index].length === 1 ? heads.length : null, class: [kind(column), again(index, column) && "again", again(index + 1, column) && "ongoing", value?.length > LONG ? "long" : !column && value?.length > SHORT && "name"].filter(Boolean).join(" ") }, typeof value === "number" || value === null ? formatNumber(value) : value);
   return el(
     "div",
     { class: "table", role: "region", tabindex: "0", "aria-label": caption || "Table" },

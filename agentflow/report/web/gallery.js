@@ -1,9 +1,9 @@
 // The gallery: machines with their scores, one player for all of them. The part of the address
 // after # chooses a machine: gallery.html#throwing/3.
 
-import { el, section, verifiedText, withUnit } from "./dom.js";
+import { capitalize, el, section, verifiedText, withUnit } from "./dom.js";
 import { Player } from "./player.js";
-import { taskDetails, problem } from "./text.js";
+import { problem, shareText, taskDetails, worthText } from "./text.js";
 
 export function galleryPage(data) {
   const player = new Player(data.shapes, data.files);
@@ -13,10 +13,10 @@ export function galleryPage(data) {
       card.picture ? el("img", { src: card.picture, alt: "", width: 320, height: 240 }) : el("span", { class: "blank" }, "no machine"),
       el("b", {}, card.score === null ? "no score" : withUnit(card.verified ?? card.score, card.asked.unit),
         card.score === null ? "" : el("small", {}, card.verified === null ? " not verified" : card.fragile ? " verified, fragile" : " verified")),
-      card.share ? el("span", {}, card.share) : "",
+      el("small", {}, shareText(card.record, card.task, card.asked.unit)),
       el("small", {}, card.about)));
   const tasks = [...Map.groupBy(data.cards, ({ task }) => task)].map(([task, found]) =>
-    section(`${task} · ${found[0].asked.title}`, el("p", { class: "quiet" }, found[0].asked.objective),
+    section(`${task} · ${found[0].asked.title}`, el("p", { class: "quiet" }, `${found[0].asked.objective} ${capitalize(worthText({ ...found[0].asked, record: found[0].record }))}.`),
       el("div", { class: "cards" }, ...found.map((card) => cards[data.cards.indexOf(card)]))));
   const choose = (card) => {
     cards.forEach((item, index) => item.setAttribute("aria-pressed", data.cards[index] === card));

@@ -1,7 +1,8 @@
 // The page of a sweep: distribution of scores, tables, runs.
 
 import { intervalChart, named as axisName } from "./charts.js";
-import { el, section, table, verifiedText, withUnit } from "./dom.js";
+import { capitalize, el, isNarrow, section, table, verifiedText, withUnit } from "./dom.js";
+import { shareText, worthText } from "./text.js";
 
 /** @param linked makes an element of the name of a run, and of what is shown in its place
  *  @param still makes a picture of the best machine of a variant, {run, machine} */
@@ -11,7 +12,7 @@ export function sweepPage(data, linked = (name, ...parts) => (parts.length ? el(
         ...data.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
       data.spreads.length ? scoreDistributions(data.spreads, (run) => openRun(main, run)) : null,
       bestMachines(data.spreads.filter(({ best }) => best), linked, still),
-      ...data.tables.filter(({ columns }) => columns.length).map((item) => tableSection({ ...item, unit: unitOf(item, data.spreads) }, item.title === data.title ? "Results" : item.title)),
+      ...data.tables.filter(({ columns }) => columns.length).map((item, index) => tableSection({ ...item, unit: unitOf(item, data.spreads) }, item.title === data.title ? "Results" : item.title, index > 0)),
       data.runs.length ? runsSection(data.runs, linked) : null);
   return [main];
 }
@@ -36,8 +37,8 @@ function unitOf({ scored }, spreads) {
 /** The best machine of each variant. */
 function bestMachines(rows, linked, still) {
   if (!rows.length) return null;
-  return section("Best machines", el("p", { class: "quiet" }, "The highest score of all stages. Verified scores, where there are any, count more."), el("div", { class: "cards" }, ...rows.map(({ task, name, unit, best }) =>
-    linked(best.run, still(best) || null, el("b", {}, withUnit(best.score, unit)), el("span", {}, [task, name].filter(Boolean).join(", "))))));
+  return section("Best machines", el("p", { class: "quiet" }, "The highest score of all stages. Verified scores, where there are any, count more."), el("div", { class: "cards" }, ...rows.map(({ task, name, unit, best, level, record }) =>
+    linked(best.run, still(best) || null, el("b", {}, withUnit(best.score, unit)), el("span", {}, [task, name].filter(Boolean).join(", ")), el("small", {}, shareText(record, level, unit))))));
 }
 
 /** One chart per task, because each task has its own unit. */
@@ -51,46 +52,85 @@ function scoreDistributions(rows, pick) {
     ...tasks.map((found) => intervalChart(found[0].task, axisName("score", found[0].unit), found, null, found.some(({ runs }) => runs.length) ? pick : null)));
 }
 
-/** Which variant has the highest mean at a task, and whether the intervals tell it from the next. */
+/** Which variants have the highest mean at a task as far as their intervals tell, and what scores are worth there. */
 function answer(rows) {
-  const [best, next] = rows.filter(({ mean }) => mean !== null).sort((a, b) => b.mean - a.mean);
-  if (!next) return null;
-  return el("p", {}, `At ${best.task}, ${best.name} has the highest mean, ${withUnit(best.mean, best.unit)}, before ${next.name} with ${withUnit(next.mean, next.unit)}. `,
-    best.low === null || next.low === null ? "A mean without an interval rests on too few runs: another seed could reverse the order." : best.low > next.high ? "Their intervals are apart." : "Their intervals overlap: these runs do not tell them apart.");
+  const sorted = rows.filter(({ mean }) => mean !== null).sort((a, b) => b.mean - a.mean);
+  const [{ task, unit, good } = {}] = rows;
+  const worth = good === undefined ? "" : el("small", {}, `${capitalize(worthText(rows[0]))}.`);
+  return el("p", {}, sorted.length > 1 ? `At ${task}, ${verdict(sorted, unit)} ` : `At ${task}: `, worth);
+}
+
+const MOST_NAMES = 4; // variants that are named one by one
+const listed = (parts) => (parts.length > MOST_NAMES ? [...parts.slice(0, MOST_NAMES - 1), `${parts.length - MOST_NAMES + 1} more`] : parts).join(", ").replace(/, ([^,]*)$/, " and $1");
+
+function verdict([best, next, ...others], unit) {
+  const means = (found) => listed(found.map(({ mean }) => withUnit(mean, unit)));
+  if (best.mean === next.mean) {
+    const same = [best, next, ...others].filter(({ mean }) => mean === best.mean);
+    return `${listed(same.map(({ name }) => name))} are alike: their means are equal, ${withUnit(best.mean, unit)}.`;
+  }
+  const first = `${best.name} has the highest mean, ${withUnit(best.mean, unit)}, before ${next.name} with ${withUnit(next.mean, unit)}.`;
+  if (best.low === null || next.low === null) return `${first} A mean without an interval rests on too few runs: another seed could reverse the order.`;
+  const close = [best, next, ...others].filter((row) => row.high === null || row.high >= best.low);
+  return close.length === 1 ? `${first} Their intervals are apart.`
+    : `${listed(close.map(({ name }) => name))} are alike as far as these runs tell: their means are ${means(close)}, and ${close.length > 2 ? `the intervals overlap that of ${best.name}` : "their intervals overlap"}.`;
 }
 
 const MOST_ROWS = 12; // of a table that is not folded
-const NARROW = 600; // CSS pixels of a phone
 const MOST_COLUMNS = 9; // most columns of numbers before a table is transposed
+const [FEW, BESIDE] = [3, 3]; // on a phone: most columns of numbers before that, and rows that are then beside each other
 
-export function tableSection({ heads, columns, rows, published, publishedTitle, notes, unit }, title) {
-  const measured = compactTable(title, unit ? `Scores in ${unit}` : published.length ? "Measured" : "", heads, columns, rows);
-  return section(capitalize(title), rows.length > MOST_ROWS ? el("details", {}, el("summary", {}, `${rows.length} rows`), measured) : measured,
+/** A table under its title, which folds what is long or not asked for first. */
+export function tableSection({ heads, columns, rows, published, publishedTitle, notes, unit }, title, folded = rows.length > MOST_ROWS) {
+  const parts = [compactTable(title, unit ? `Scores in ${unit}` : published.length ? "Measured" : "", heads, columns, rows),
     published.length ? el("details", {}, el("summary", {}, capitalize(publishedTitle)), compactTable(title, "Published", heads, columns, published)) : null,
-    ...notes.map((note) => el("p", { class: "quiet" }, note)));
+    ...notes.map((note) => el("p", { class: "quiet" }, note))];
+  const whole = section(capitalize(title), ...(folded ? [] : parts));
+  if (folded) whole.append(el("details", {}, el("summary", {}, whole.firstChild), ...parts.filter(Boolean)));
+  return whole;
 }
 
-/** A table with labels common to all rows in its caption, transposed if that makes it narrower. */
-export function compactTable(title, caption, heads, columns, rows) {
+/** A table with labels common to all rows in its caption, transposed if that makes it narrower. On a phone, each value of the
+ *  label `by` has a table, so that a few conditions are beside each other. */
+export function compactTable(title, caption, heads, columns, rows, by = "task") {
+  const place = heads.indexOf(by);
+  const names = columns.map(([, name]) => name);
+  const groups = [...new Set(columns.map(([group]) => group))];
+  const each = names.length / groups.length;
+  const crossed = groups.length > 1 && each > 1 && !heads.includes("variant") && columns.every(([group, name], i) => group === groups[Math.floor(i / each)] && name === names[i % each]);
+  if (!isNarrow() || columns.length <= FEW || place < 0) return oneTable(title, caption, heads, columns, rows);
+  const parts = [...Map.groupBy(rows, (row) => row[place])].map(([name, found]) => {
+    const told = [name, caption].filter(Boolean).join(" · ");
+    if (!crossed || found.length > 1) return oneTable(`${title}, ${name}`, told, heads.toSpliced(place, 1), columns, found.map((row) => row.toSpliced(place, 1)));
+    const values = found[0].slice(heads.length);
+    return named(`${title}, ${name}`, table(told, ["", ...groups.map((group) => ["", group])], names.slice(0, each).map((metric, i) => [metric, ...groups.map((_, j) => values[j * each + i])]), 1));
+  });
+  return el("div", {}, ...parts);
+}
+
+function oneTable(title, caption, heads, columns, rows) {
   const count = heads.length;
   const same = (place) => rows.length > 1 && rows.every((row) => row[place] === rows[0][place]);
   const shared = heads.map((_, place) => place).filter(same);
   const left = heads.map((_, place) => place).filter((place) => !same(place));
-  const told = [caption, ...shared.map((place) => rows[0]?.[place]).filter(Boolean)].join(" · ");
+  const told = [caption, ...shared.map((place) => rows[0]?.[place])].filter(Boolean).join(" · ");
   const labels = rows.map((row) => left.map((place) => row[place]));
   let titles = left.map((place) => heads[place]);
-  if (innerWidth < NARROW && left.length > 1) { // one column of labels leaves room for numbers
+  if (isNarrow() && left.length > 1) { // one column of labels leaves room for numbers
     titles = [titles.join(", ")];
     labels.forEach((parts) => parts.splice(0, Infinity, parts.filter(Boolean).join(", ")));
   }
   const values = rows.map((row) => row.slice(count));
-  if (columns.length <= MOST_COLUMNS || rows.length >= columns.length) {
+  const beside = isNarrow() && rows.length > 1 && rows.length <= BESIDE && columns.length > FEW;
+  if (!beside && (columns.length <= MOST_COLUMNS || rows.length >= columns.length)) {
     return named(title, table(told, [...titles.map((title) => ["", title]), ...columns], rows.map((_, i) => [...labels[i], ...values[i]]), titles.length));
   }
   const names = labels.map((parts) => ["", parts.join(", ")]);
   const grouped = columns.some(([group]) => group);
   const turned = columns.map(([group, name], i) => [...(grouped ? [group] : []), name, ...values.map((row) => row[i])]);
-  return named(title, table(told, [...(grouped ? [["", ""]] : []), ["", ""], ...names], turned, grouped ? 2 : 1));
+  if (!grouped || !isNarrow()) return named(title, table(told, [...(grouped ? [["", ""]] : []), ["", ""], ...names], turned, grouped ? 2 : 1));
+  const under = [...Map.groupBy(turned, ([group]) => group)].flatMap(([group, found], index) => [...(group || index ? [[group || "overall"]] : []), ...found.map((row) => row.slice(1))]);
+  return named(title, table(told, [["", ""], ...names], under, 1)); // a group is a line of its own
 }
 
 /** A table whose region has a name of its own. */
@@ -110,5 +150,3 @@ function runsSection(rows, linked) {
   details.open = failed.length > 0 || rows.length <= MOST_ROWS;
   return section("Runs", details);
 }
-
-const capitalize = (text) => text.charAt(0).toUpperCase() + text.slice(1);

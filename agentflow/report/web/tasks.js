@@ -1,7 +1,7 @@
 // The pages of tasks: a card for each level, by family, and one level in full.
 
 import { el, formatNumber, section, svg, table, verifiedText, withUnit } from "./dom.js";
-import { list } from "./text.js";
+import { list, worthText } from "./text.js";
 
 /** A page in a file: the part of the address after # chooses a level: tasks.html#throwing/3. */
 export function tasksPage({ levels }) {
@@ -29,19 +29,19 @@ export function listParts(levels, linked) {
         el("img", { src: level.picture, alt: "", loading: "lazy", width: 400, height: 300 }),
         el("b", {}, level.title), el("span", {}, level.name),
         level.objective === objective ? "" : el("small", {}, level.objective),
-        el("small", {}, worth(level))))));
+        el("small", {}, worthText(level))))));
   });
   const jump = (index) => () => parts[index].scrollIntoView();
   return [
     el("header", {}, el("p", { class: "kind" }, "agentflow tasks"), el("h1", {}, "Tasks"),
-      el("p", { class: "lede" }, `What machines are built for: ${formatNumber(families.length)} families of tasks, which differ in their goal, and ${formatNumber(levels.length)} levels, which differ in scene and rules. Open one to see them.${levels.some((level) => level.record?.fragile) ? " Fragile: the machine of the record fails under some small change of masses, friction, drives or time step." : ""}`)),
+      el("p", { class: "lede" }, `What machines are built for: ${formatNumber(families.length)} families of tasks, which differ in their goal, and ${formatNumber(levels.length)} levels, which differ in scene and rules. Open a level to see it in full, and to build for it.`),
+      el("p", { class: "quiet" }, `Pictures show a machine at its start. Record: the score of the best known machine, verified by simulations with small changes of masses, friction, drives and time step.${levels.some((level) => level.record?.fragile) ? " Fragile: it fails in some of them." : ""}`)),
     el("p", { class: "picks" }, ...families.map(([family], index) => el("button", { click: jump(index) }, family))),
     ...parts,
   ];
 }
 
 const record = ({ record: best, unit }) => best && verifiedText(best.verified, best.fragile, unit);
-const worth = (level) => [`good from ${withUnit(level.good, level.unit)}`, record(level) && `record ${record(level)}`].filter(Boolean).join(" · ");
 
 /** One level in full.
  *  @param actions elements that lead on from it */
@@ -51,7 +51,7 @@ export function levelParts(level, actions = []) {
     ["Scored time", `${formatNumber(level.window)} s`],
     ["Good score", `from ${withUnit(level.good, level.unit)}`],
     level.greatest === null ? null : ["Greatest score", withUnit(level.greatest, level.unit)],
-    best && ["Record", `${record(level)}, verified, with ${formatNumber(best.blocks)} blocks; ${best.how}`],
+    best && ["Record", `${record(level)}, verified on ${best.engine}, with ${formatNumber(best.blocks)} blocks; ${best.how}`],
     ["Blocks", `${formatNumber(level.blocks.length)} types${level.most_blocks === null ? "" : `, at most ${formatNumber(level.most_blocks)} blocks`}`],
     level.note ? ["Note", level.note] : null,
   ].filter(Boolean);

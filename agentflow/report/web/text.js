@@ -1,6 +1,6 @@
 // Prompts and replies as plain text. Long texts are first shown in part.
 
-import { el, formatNumber, revealHidden, table } from "./dom.js";
+import { el, formatNumber, revealHidden, table, verifiedText, withUnit } from "./dom.js";
 
 const SHORT = 2000; // longest text shown as a paragraph, characters
 const LONG = 20000; // characters shown at first
@@ -25,6 +25,21 @@ export const list = (sentences) => el("ul", {}, ...sentences.map((sentence) => e
 export function taskDetails({ objective, score, scene }) {
   return el("details", { class: "task" }, el("summary", {}, objective, " ", el("small", {}, score[0] ?? "")),
     list(score.slice(1)), el("h2", {}, "Scene and schedule"), list(scene));
+}
+
+const whole = (score) => score.replaceAll(" ", "\u00a0"); // stays in one line
+
+/** What scores of a level are worth: from which one on a machine is good, and the record. */
+export function worthText({ good, greatest = null, record, unit = "" }) {
+  const most = greatest === null ? "" : greatest === good ? ", the most possible" : ` of at most ${whole(withUnit(greatest, unit))}`;
+  return [`good from ${whole(withUnit(good, unit))}${most}`, record && `record ${whole(verifiedText(record.verified, record.fragile, unit))}`].filter(Boolean).join(" · ");
+}
+
+/** The share of the record that a score reaches, and which record that is. */
+export function shareText(record, level, unit) {
+  if (!record || record.share === null) return "";
+  const most = record.of.startsWith("record") ? `${whole(withUnit(record.verified, unit))}, the record of ${level} on ${whole(record.engine)}` : `the ${record.of}`;
+  return `${formatNumber(100 * record.share, 0)}\u00a0% of ${most}`;
 }
 
 /** An expandable call: verdict, prompts and reply. */

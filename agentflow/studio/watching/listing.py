@@ -24,7 +24,7 @@ from agentflow.app.sweeps.folder import LOG, NAME, RUNS, is_sweep
 from agentflow.app.sweeps.tables import record_of
 from agentflow.config.run import PROCEDURAL
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.records import record_share
+from agentflow.env.tasks.records import record_json, record_share
 from agentflow.errors import AgentflowError, RunError, UsageError
 from agentflow.runs import find_runs, read_document, state_of
 from agentflow.runs.events import EvaluationEvent, RunEvent, read_new_typed_events
@@ -223,6 +223,7 @@ class Listing:
             "verified": trusted,
             "fragile": bool(verified and verified["fragile"]),
             "share": known.task and record_share(known.task, score),
+            "record": known.task and record_json(known.task, score),
             "sweep": self._sweep_of(path),
             "begun": known.begun,
             "seconds": known.follower.at,

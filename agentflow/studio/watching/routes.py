@@ -49,7 +49,7 @@ from agentflow.studio.watching.listing import (
     usual_seconds,
 )
 
-SIZES = {"line": (112, 84), "card": (320, 240)}
+SIZES = {"line": (112, 84), "card": (400, 300)}
 """Width and height of pictures, in pixels: in the lines of a list, and on cards."""
 
 
@@ -220,7 +220,7 @@ class Watching:
         return await asyncio.to_thread(self._listing.sweep, self._folder.sweep(given.sweep))
 
     async def leaderboards(self, _given: Nothing) -> list[dict[str, Any]]:
-        """A leaderboard for each benchmark that has scorecards in the folder."""
+        """A leaderboard for each benchmark that has scorecards, those of the folder first."""
         return await asyncio.to_thread(lambda: [*map(leaderboard_data, self._folder.cards())])
 
     async def follow(self, request: Request) -> Response:

@@ -1,9 +1,10 @@
 // Pages over many runs or tasks: the gallery of best machines, leaderboards of scorecards, results of a sweep, tasks.
 
-import { el, formatNumber, withUnit } from "../../report/web/dom.js";
+import { capitalize, el, withUnit } from "../../report/web/dom.js";
 import { leaderboardParts } from "../../report/web/leaderboard.js";
 import { sweepPage } from "../../report/web/sweep.js";
 import { levelParts, listParts } from "../../report/web/tasks.js";
+import { shareText, worthText } from "../../report/web/text.js";
 import { address, ask } from "./api.js";
 import { pictureOf, shortName } from "./list.js";
 
@@ -19,13 +20,13 @@ export async function galleryPage() {
   const tasks = [...Map.groupBy(scored, ({ task }) => task)].sort(([a], [b]) => a.localeCompare(b));
   const card = (row) => el("a", { class: "card", href: address("run", { run: row.run }) }, pictureOf(row, 320, 240, "card"),
     el("b", {}, withUnit(worth(row), row.unit), el("small", {}, row.verified === null ? " not verified" : row.fragile ? " verified, fragile" : " verified")),
-    el("span", { title: row.run }, shortName(row.run)), el("small", {}, [row.share === null ? "" : `${formatNumber(100 * row.share, 0)}\u00a0% of its record`, row.workflow, row.model].filter(Boolean).join(" · ")));
+    el("span", { title: row.run }, shortName(row.run)), el("small", {}, shareText(row.record, row.task, row.unit)), el("small", {}, [row.workflow, row.model].filter(Boolean).join(" · ")));
   const part = ([task, rows]) => {
     const best = [...new Map(rows.sort((a, b) => worth(a) - worth(b)).map((row) => [row.machine, row])).values()].reverse();
     const cards = el("div", { class: "cards" }, ...best.slice(0, FIRST).map(card));
     const more = best.length > FIRST ? el("button", { click: () => { cards.append(...best.slice(FIRST).map(card)); more.remove(); } }, `Show all ${best.length}`) : "";
-    const { title = "", objective = "" } = levels.get(task) ?? {};
-    return el("section", {}, el("h2", {}, title ? `${task} · ${title}` : task), el("p", { class: "quiet" }, objective), cards, more);
+    const level = levels.get(task);
+    return el("section", {}, el("h2", {}, level ? `${task} · ${level.title}` : task), level ? el("p", { class: "quiet" }, `${level.objective} `, goodFrom(level)) : "", cards, more);
   };
   return { elements: [el("main", { class: "alone wall" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task. Those that score 0 are left out. Open one to see its film and how it was found.")),
     ...(tasks.length ? tasks.map(part) : [el("p", {}, "No run has a machine that scores above 0 yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
@@ -37,26 +38,24 @@ const levelAddress = (task, on = "card") => `/api/level/picture?${new URLSearchP
 export const levelPicture = (task) => el("img", { src: levelAddress(task), alt: "", loading: "lazy", width: 320, height: 240 });
 
 /** From which score on a machine is good, and the record. */
-export function goodFrom({ good, record, unit }) {
-  return el("small", {}, `Good from ${withUnit(good, unit)}${record ? `, record ${withUnit(record.verified ?? record.score, unit)}` : ""}.`);
-}
+export const goodFrom = (level) => el("small", {}, `${capitalize(worthText(level))}.`);
 
 /** One leaderboard: scorecards of other benchmarks have others. */
 export async function leaderboardPage({ board = 0 }) {
   const [boards, { runs }, rows] = await Promise.all([ask("/api/leaderboards"), ask("/api/start"), ask("/api/runs")]);
   const command = (words, does) => el("li", {}, el("code", {}, `agentflow benchmark ${words} --out ${runs}`), " ", el("button", { click: ({ target }) => navigator.clipboard.writeText(target.parentElement.querySelector("code").textContent).then(() => { target.textContent = "Copied"; }) }, "Copy"), el("p", {}, does));
-  const none = el("section", {}, el("p", {}, "There is no scorecard in the folder ", el("code", {}, runs), ` yet. A scorecard, ${CARD}, tells how well one model designs machines: its scores on the same tasks as all other models. Each of these commands writes one:`),
+  const more = el("section", {}, el("h2", {}, "Where cards come from"), el("p", {}, boards.length ? "Shown are the scorecards that agentflow ships, docs/cards in its repository, and those in the folder " : "There is no scorecard in the folder ", el("code", {}, runs), `. A scorecard, ${CARD}, tells how well one model designs machines: its scores on the same tasks as all other models. Each of these commands writes one:`),
     el("ul", {}, command("--lite", "The built-in designer on one task of each family: no model and no key is needed."),
       command("--model NAME --base-url URL", "A language model on all tasks, at any OpenAI-compatible endpoint."),
       command("--model NAME --base-url URL --lite", "The same with one task of each family. Only cards of the same tasks are compared.")),
     el("p", { class: "quiet" }, `If you have scorecards already, put each in a folder of its own: ${runs}/NAME/${CARD}.`));
   const shown = boards[board] ?? boards[0];
-  const others = boards.map((item, index) => el("a", { class: "button", href: address("leaderboard", { board: index }), "aria-current": item === shown ? "page" : null }, item.about));
+  const picks = boards.map((item, index) => el("a", { class: "button", href: address("leaderboard", { board: index }), "aria-current": item === shown ? "page" : null }, item.about));
   const runOf = (machine) => rows.filter((row) => row.machine === machine).slice(0, 1).map(({ run }) => el("a", { class: "button", href: address("run", { run }) }, "Its run, with films"));
   const players = [];
   return { close: () => players.forEach((player) => player.close()), elements: [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, "Leaderboard"), shown ? el("p", { class: "lede" }, `${shown.about}.`) : ""),
-    others.length > 1 ? el("nav", { class: "picks", "aria-label": "Benchmarks" }, ...others) : "",
-    ...(shown ? leaderboardParts(shown, runOf, players) : [none]))] };
+    picks.length > 1 ? el("nav", { class: "picks", "aria-label": "Benchmarks" }, ...picks) : "",
+    ...(shown ? leaderboardParts(shown, runOf, players) : []), more)] };
 }
 
 export async function resultsPage({ sweep }) {

@@ -20,25 +20,31 @@ const PATIENCE = 300; // milliseconds that the page before stays while another o
 let close = () => {};
 let asked = 0;
 
+const HOME = location.pathname === "/" ? "" : "/"; // where the pages are, seen from an address that is not there
+
 /** Show the page of the address. A page is a function of the address's fields: {elements, close}. */
 async function open() {
   const number = ++asked;
   const [name, query] = location.hash.slice(1).split("?");
-  const page = name || "runs";
+  const page = name || (HOME ? "missing" : "runs");
   close();
   close = () => {};
   document.body.dataset.page = page;
   delete document.body.dataset.ready;
   const bar = el("nav", { class: "pages", "aria-label": "Studio" }, el("b", {}, "agentflow", el("span", {}, " studio")),
-    ...Object.entries(BAR).map(([key, text]) => el("a", { href: `#${key}`, "aria-current": key === (UNDER[page] ?? page) ? "page" : null }, text)));
+    ...Object.entries(BAR).map(([key, text]) => el("a", { href: `${HOME}#${key}`, "aria-current": key === (UNDER[page] ?? page) ? "page" : null }, text)));
   // The bar is there at once; a page that takes longer says so.
   const waiting = setTimeout(() => document.body.replaceChildren(bar, el("main", { class: "alone" }, el("p", { class: "quiet", role: "status" }, "Loading …"))), number > 1 ? PATIENCE : 0);
   let made;
   try {
+    if (HOME) throw new Error(`There is nothing at the address ${decodeURI(location.pathname)}.`);
     if (!PAGES[page]) throw new Error(`There is no page #${page}.`);
     made = await PAGES[page](Object.fromEntries(new URLSearchParams(query ?? "")));
   } catch (error) {
-    made = { elements: [el("main", { class: "alone" }, el("h1", {}, "This page cannot be shown"), problem(error.message), el("p", {}, el("a", { class: "button", href: "#runs" }, "All runs")))] };
+    const known = PAGES[page] && !HOME;
+    made = { elements: [el("main", { class: "alone" }, el("h1", {}, known ? "This page cannot be shown" : "There is no such page"), problem(error.message),
+      known ? "" : el("p", {}, "The address may have a mistake. Pages begin with # and a name: ", ...Object.entries(BAR).flatMap(([key, text], index) => [index ? ", " : "", el("a", { href: `${HOME}#${key}` }, text)]), "."),
+      el("p", {}, el("a", { class: "button", href: `${HOME}#runs` }, "All runs")))] };
   }
   clearTimeout(waiting);
   if (number !== asked) return made.close?.();

@@ -257,12 +257,20 @@ def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
     out = gallery([tmp_path / "runs"], tmp_path / "g.html", workers=1, say=quiet)
     data = data_of(out)
     score = read_result(RECORDED).score
-    keys = ("run", "task", "score", "verified", "share", "why")
+    keys = ("run", "task", "score", "verified", "why")
     assert [tuple(card[key] for key in keys) for card in data["cards"]] == [
-        ("b", "throwing", score, 11.0, "6% of the record", ""),
-        ("c", "throwing", 99.0, 1.0, "1% of the record", ""),
-        ("a", "throwing", None, None, "", "all overlapped"),
+        ("b", "throwing", score, 11.0, ""),
+        ("c", "throwing", 99.0, 1.0, ""),
+        ("a", "throwing", None, None, "all overlapped"),
     ]
+    records = [card["record"] for card in data["cards"]]
+    assert [record["share"] and round(record["share"], 2) for record in records] == [
+        0.06,
+        0.01,
+        None,
+    ]
+    assert {record["engine"].partition(" ")[0] for record in records} == {"pybullet"}
+    assert data["cards"][0]["asked"]["good"] == 45
     assert data["cards"][0]["asked"]["title"] == "walled arena"
     assert data["cards"][0]["about"] == "hierarchical, procedural (no language model), seed 0"
     assert data["cards"][0]["picture"].startswith("data:image/png;base64,")
