@@ -36,27 +36,6 @@ class Balance(Parameters):
         """What lets the machine go, and the gust at this time."""
         return (0.0, "holds", 1.0), (0.0, "wind", 0.0), (at, "wind", 1.0), (at + LASTS, "wind", 0.0)
 
-    def scene_sentences(self, trials: int) -> tuple[str, ...]:
-        """Description for designers; () where nothing is to be balanced."""
-        if not self.height:
-            return ()
-        return (
-            "Until t = 0 every block is held where it was built; then the machine is let go.",
-            f"In each of the {trials} trials a gust that is not told blows for {LASTS:g} s, from a "
-            f"moment from t = {FIRST:g} to {self.until:g} s on, towards z+ or z-, at "
-            f"{self.gust / 2:g} to {self.gust:g} m/s.",
-        )
-
-    def score_sentences(self, trials: int, window: float) -> tuple[str, ...]:
-        """How trials are scored."""
-        return (
-            f"Score: the number of successful trials out of {trials}, {window:g} s each.",
-            "The two powered wheels turn about the same axis, along x. A trial succeeds if from "
-            f"t = 0 on the machine's centre of mass is always {self.height:g} m or more above the "
-            "ground, no block but these wheels touches anything, and nothing breaks. It ends with "
-            "the first failure.",
-        )
-
 
 class BalanceReferee:
     """Watches the centre of mass, and what touches the ground or an object of the scene."""

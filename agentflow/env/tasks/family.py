@@ -1,10 +1,10 @@
 """What task families share: common knobs, walls, repeated trials, and their sentences."""
 
 import random
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from collections.abc import Set as AbstractSet
+import re
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import cos, sin
 from typing import Any, ClassVar, Literal
 
@@ -14,8 +14,8 @@ from agentflow.env.physics.engines import engine_limits
 from agentflow.env.scene import SceneObject
 from agentflow.env.tasks.base import Parameters, Schedule, Task
 from agentflow.env.tasks.knobs import RequirementKnobs, choice, knob
-from agentflow.machine.blocks.library import BRACE, library
-from agentflow.machine.blocks.types import Group
+from agentflow.files.templates import fill
+from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief, Limits
 from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.vectors import Vec3, about_axis
@@ -77,13 +77,6 @@ class Sensing(Parameters):
     noise: float = knob(0, 0, 0.5, "", "noise of sensors, as a share of what they read")
     delay: int = knob(0, 0, 20, "", "by how many readings, 30 in a second, sensors are late")
 
-    def sentences(self) -> tuple[str, ...]:
-        """Description for designers; () if sensors are exact."""
-        late = self.delay / RATE
-        told = [f"have noise of {100 * self.noise:g} %"] * bool(self.noise)
-        told += [f"are {late:.2g} s late"] * bool(late)
-        return (f"What sensors read {' and '.join(told)}.",) if told else ()
-
 
 class CommonKnobs(Parameters):
     """Knobs that every family has."""
@@ -119,8 +112,20 @@ class CommonKnobs(Parameters):
         return Schedule(times.motors, times.springs, times.steering_hinges)
 
 
+@lru_cache(256)  # briefs are read often, mostly those of a few levels
+def sentences(template: str, /, **known: object) -> Mapping[str, tuple[str, ...]]:
+    """What a file in `templates` tells of a level, by heading; each line is a sentence."""
+    _, *parts = re.split(
+        r"^# (\w+)\n", fill("agentflow.env.tasks", template, **known), flags=re.MULTILINE
+    )
+    return {
+        heading: tuple(filter(None, map(str.strip, text.splitlines())))
+        for heading, text in zip(parts[::2], parts[1::2], strict=True)
+    }
+
+
 def schedule_sentences(
-    schedule: Schedule, window: float, blocks: Collection[int]
+    schedule: Schedule, window: float, blocks: Collection[int], sensing: Sensing | None = None
 ) -> tuple[str, ...]:
     """Describe the control schedule.
 
@@ -128,43 +133,12 @@ def schedule_sentences(
         schedule: Start times.
         window: Length of the scored window, s.
         blocks: Block types that the task allows.
+        sensing: How well machines sense; None if they have no controllers.
     """
     types = [library()[kind] for kind in sorted(blocks)]
     motors = sorted(types, key=lambda block: (not block.powered_wheel, -block.type))
     turning = list(dict.fromkeys(block.motor_name for block in motors if block.motor_name))
-    names = " and ".join(filter(None, (", ".join(turning[:-1]), *turning[-1:])))
-    if schedule.designed:
-        return (
-            *_SETTLING,
-            *_designed_sentences(schedule, window, {block.group for block in types}),
-        )
-    times = vars(schedule)
-    return (
-        *_SETTLING,
-        *([f"At t = {schedule.motors:g} s {names} start to turn and never stop."] if names else []),
-        *(block.schedule_text.format(**times) for block in types if block.schedule_text),
-        f"The window ends at t = {window:g} s; nothing can be switched or steered during it.",
-    )
-
-
-def _designed_sentences(
-    schedule: Schedule, window: float, groups: AbstractSet[Group | None]
-) -> Iterator[str]:
-    """How the blocks of these groups are driven by controls, and what happens without any."""
-    told = (
-        f"at level {level} " + ", ".join(texts[group] for group in texts if group in groups)
-        for level, texts in _LEVELS.items()
-        if texts.keys() & groups
-    )
-    levels = "; ".join((*told, "at level 0 all stop and hold"))
-    yield (
-        "The machine brings its own controls: each drives some of its blocks at a level, from one "
-        f"time to another. {levels[0].upper()}{levels[1:]}."
-    )
-    if "grabbers" in groups:
-        yield "Grabbers grip by themselves; a control with level 0 opens them."
-    if "decouplers" in groups:
-        yield "A control with a level above 0 releases decouplers for good."
+    groups = frozenset(block.group for block in types)
     starts = {
         "motors and thrusters": (schedule.motors, {"motors", "thrusters"}),
         "springs and winches": (schedule.springs, {"springs", "winches"}),
@@ -173,41 +147,19 @@ def _designed_sentences(
     there = {name: time for name, (time, own) in starts.items() if own & groups}
     if len(set(there.values())) == 1:
         there = {"all of them": next(iter(there.values()))}
-    listed = ", ".join(f"{name} start at t = {time:g} s" for name, time in there.items())
-    yield f"Without controls, {listed}."
-    yield f"The window ends at t = {window:g} s."
-    if schedule.trials > 1:
-        yield (
-            f"A machine has {schedule.trials} trials. After each, only its controls may be "
-            "revised; the best trial counts."
-        )
+    texts = (block.schedule_text.format(**vars(schedule)) for block in types if block.schedule_text)
+    return sentences(
+        "schedule",
+        schedule=schedule,
+        window=window,
+        groups=groups,
+        motors=" and ".join(filter(None, (", ".join(turning[:-1]), *turning[-1:]))),
+        starts=", ".join(f"{name} start at t = {time:g} s" for name, time in there.items()),
+        more="\n".join(texts),
+        sensing=sensing,
+        rate=RATE,
+    )["schedule"]
 
-
-SENSED = (
-    "The machine may also bring controllers, which read sensors and drive blocks by laws; what "
-    "follows no controller follows the controls."
-)
-_LEVELS: Mapping[int, Mapping[Group, str]] = {
-    1: {
-        "motors": "wheels and other motors turn at full speed",
-        "steering_hinges": "steering hinges swing to their Left",
-        "thrusters": "thrusters push",
-        "springs": "springs contract",
-        "winches": "winches reel in",
-    },
-    -1: {
-        "motors": "motors turn backwards",
-        "steering_hinges": "steering hinges swing to their Right",
-        "thrusters": "thrusters push backwards",
-        "winches": "winches pay out",
-    },
-}
-"""What the blocks of a group do at a level."""
-
-_SETTLING = (
-    "Before t = 0 the machine settles with power off until it comes to rest: motors hold still "
-    "and springs exert no force.",
-)
 
 GROUND = (
     "The ground is flat, at y = 0; z+ is the target direction.",
@@ -215,21 +167,6 @@ GROUND = (
     "on the ground.",
 )
 """First sentences of most scenes."""
-
-ANY_START = (
-    "However far the machine tilts or sinks while it settles (at most "
-    f"{constants()['settle_most']:g} s), the run starts from there."
-)
-
-
-def joint_sentences(blocks: Collection[int]) -> Iterator[str]:
-    """What holds how well, for machines of these types that carry much."""
-    if BRACE in blocks:
-        yield (
-            "A Brace of any length is rigid against pull, push and bending, and locks a joint that "
-            "it spans; only its ends break."
-        )
-    yield "All faces hold equally well, including the root's."
 
 
 def wall(
@@ -316,6 +253,28 @@ class Family(Task):
         """As in `Task`."""
         return self.parameters.sensing.noise, self.parameters.sensing.delay
 
+    def tell(self, template: str, blocks: Collection[int], **known: object) -> Brief:
+        """The brief of a level, with the sentences of a file in `env/tasks/templates`.
+
+        Args:
+            template: Its name, without `.j2`.
+            blocks: Types that the family allows.
+            known: What it names, besides the knobs and the window.
+        """
+        knobs = self.parameters
+        told = sentences(
+            template,
+            knobs=knobs,
+            window=self.window,
+            trials=TRIALS,
+            ground="\n".join(GROUND),
+            wind="\n".join(knobs.wind.sentences()),
+            settle_most=constants()["settle_most"],
+            **known,
+        )
+        (objective,), schedule = told["objective"], told.get("schedule")
+        return self.describe(blocks, objective, told["scene"], told["score"], schedule)
+
     def describe(
         self,
         blocks: Collection[int],
@@ -335,9 +294,8 @@ class Family(Task):
         """
         allowed, requirements = self.allow(blocks), self.parameters.requirements.all
         if schedule is None or self.schedule.designed:
-            schedule = schedule_sentences(self.schedule, self.window, allowed)
-        if self._senses:
-            schedule = (*schedule, SENSED, *self.parameters.sensing.sentences())
+            sensing = self.parameters.sensing if self._senses else None
+            schedule = schedule_sentences(self.schedule, self.window, allowed, sensing)
         return Brief(
             name=self.name,
             objective=objective,

@@ -9,7 +9,7 @@ from agentflow.env.rollout import Trace, Verdict
 from agentflow.env.rotations import compose, conjugate, matrices
 from agentflow.env.scene import SceneObject, blocks_among
 from agentflow.env.tasks.base import Parameters, WorldView
-from agentflow.env.tasks.family import TRIALS, wall
+from agentflow.env.tasks.family import wall
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import subtract
@@ -41,26 +41,6 @@ class Stop(Parameters):
     def objects(self, wall_at: float, width: float) -> tuple[SceneObject, ...]:
         """The wall with its near face at a z, across a road of this width, m."""
         return (wall(NAME, 0.0, wall_at + 0.5, (width, 3.0, 1.0)),) if self.gap else ()
-
-    def scene_sentences(self) -> tuple[str, ...]:
-        """Description for designers; () without a wall."""
-        if not self.gap:
-            return ()
-        return (
-            f"A wall, 3 m high, stands across the whole road. In each of the {TRIALS} trials its "
-            f"near face is at another z, drawn at random from {self.nearest:g} to "
-            f"{self.farthest:g} m; the target of sensors is the foot of this face.",
-        )
-
-    def score_sentences(self, window: float) -> tuple[str, ...]:
-        """How trials are scored."""
-        return (
-            f"Score: the number of successful trials out of {TRIALS}, {window:g} s each.",
-            "A trial succeeds if no block ever touches the wall ahead and, at the end, the "
-            f"foremost point of its blocks' boxes is {self.gap - TOLERANCE:g} to "
-            f"{self.gap + TOLERANCE:g} m before it and the Starting Block is slower than "
-            f"{REST:g} m/s.",
-        )
 
 
 class StopReferee:

@@ -15,7 +15,6 @@ from agentflow.env.tasks.features.roads import (
     Road,
     Segment,
     centre_line,
-    road_sentences,
     road_walls,
 )
 from agentflow.env.tasks.registry import get_task
@@ -112,8 +111,15 @@ def _within(x: float, z: float, wall: SceneObject) -> bool:
     return abs(across) <= wall.size[0] / 2 and abs(ahead) <= wall.size[2] / 2
 
 
+def told(curve: Curve) -> tuple[str, ...]:
+    """What a brief says of a road with these turns."""
+    knobs = {f"curve.{name}": value for name, value in curve.model_dump().items()}
+    scene = get_task("movement", {"road.half_width": ROAD.half_width, **knobs}).brief.scene
+    return tuple(sentence for sentence in scene[2:] if "road" in sentence or "straight" in sentence)
+
+
 def test_a_road_that_turns_tells_where() -> None:
-    assert tuple(road_sentences(ROAD, CORNER))[1:] == (
+    assert told(CORNER)[1:] == (
         "At z = 40 m the road turns 90 degrees to the right (towards x+): its centre line follows "
         "a circle of radius 15 m about x = 15 m, z = 40 m, to x = 15 m, z = 55 m; the inner "
         "sides of the walls stay 19 m apart, in flat pieces that turn by 6 degrees each.",
@@ -121,9 +127,8 @@ def test_a_road_that_turns_tells_where() -> None:
         "to x = 90 m, z = 70 m.",
         "From there it continues straight towards z+.",
     )
-    *_, last = road_sentences(ROAD, HALF_TURN)
-    assert last == "From there it continues straight towards z-."
-    assert len(tuple(road_sentences(ROAD, Curve()))) == 1
+    assert told(HALF_TURN)[-1] == "From there it continues straight towards z-."
+    assert len(told(Curve())) == 1
 
 
 def test_only_a_road_that_turns_allows_what_helps_to_steer() -> None:

@@ -11,9 +11,10 @@ from agentflow.env.feedback.text import block_name, number, object_label, rounde
 from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject, Start, blocks_among, objects_among
 from agentflow.env.tasks.base import GENERAL, ROUNDING, Descriptor, Parameters, Schedule, WorldView
-from agentflow.env.tasks.family import ANY_START, CommonKnobs, Family, joint_sentences, wall
+from agentflow.env.tasks.family import CommonKnobs, Family, wall
 from agentflow.env.tasks.features.resting import highest_point_under
 from agentflow.env.tasks.knobs import knob
+from agentflow.machine.blocks.library import BRACE
 from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
 from agentflow.machine.geometry.placement import Bank, place
 from agentflow.machine.tree import Machine
@@ -108,49 +109,18 @@ class Bridge(Family):
 
     @property
     def brief(self) -> Brief:
-        knobs = self.parameters
-        gap, load = knobs.gap, knobs.load
-        x, y, z = SIZE
-        brief = self.describe(
+        load = self.parameters.load
+        brief = self.tell(
+            "bridge",
             BLOCKS,
-            objective="Build a bridge over the gap that carries as much load as possible.",
-            scene=(
-                f"A gap lies across z from z = -{gap.length / 2:g} to z = {gap.length / 2:g} m, "
-                f"{WIDE:g} m wide; its floor is flat, at y = 0, and its walls are vertical.",
-                *_bank_sentences(gap, knobs.banks),
-                "The machine starts with the centre of its bounding box above x = z = 0. It is "
-                "set down from above as low as the banks and the floor allow, so parts of it may "
-                "hang into the gap.",
-                ANY_START,
-                "Two-ended blocks touch nothing: they pass through the banks and the cargo.",
-                *joint_sentences(self.allow(BLOCKS)),
-                "Blocks never bend; where a load has several paths, it divides as if each "
-                "connection were a spring as stiff as its strength squared.",
-                f"The machine may be up to {knobs.room.length:g} m long (z) and "
-                f"{knobs.room.height:g} m high.",
-                f"The cargo is a box {x:g} m wide, {z:g} m long and {y:g} m high, with mass "
-                f"{EMPTY:g} kg when empty. Before t = 0 it is placed with its centre above "
-                "x = z = 0, on the highest block under it (two-ended blocks do not count), and "
-                "settles there with the machine.",
-                *knobs.wind.sentences(),
-            ),
-            schedule=(
-                "Before t = 0 the machine settles with the empty cargo until it comes to rest.",
-                f"From t = 0 to t = {load.until:g} s the cargo's load grows evenly from 0 to "
-                f"{load.most:g} kg; then it stays constant.",
-                f"The window ends at t = {self.window:g} s; nothing can be switched or steered "
-                "during it.",
-            ),
-            score=(
-                "Score: the greatest load in kg that the machine carries.",
-                f"It carries the load until the cargo's centre is below y = {gap.depth - DROP:g} m "
-                f"or more than {ASIDE:g} m from z = 0, the cargo touches anything but the machine, "
-                "or any block, even one that broke off, touches the floor of the gap.",
-                "The score is 0 if the load is not carried at t = 0, or if at t = 0 a block whose "
-                "centre is above the cargo's centre touches the cargo.",
-                f"The run is a success if the machine carries the growing load for {HOLD:g} s, up "
-                f"to {load.most * min(1.0, HOLD / load.until):.0f} kg.",
-            ),
+            brace=BRACE in self.allow(BLOCKS),
+            size=SIZE,
+            wide=WIDE,
+            empty=EMPTY,
+            drop=DROP,
+            aside=ASIDE,
+            hold=HOLD,
+            enough=load.most * min(1.0, HOLD / load.until),
         )
         greatest = load.most if self.window >= load.until else None
         return replace(brief, greatest=greatest, banks=self._resting_places)
@@ -276,18 +246,3 @@ def _resting_place(bank: SceneObject) -> Bank:
     (x, y, z), (wide, high, long) = bank.position, bank.size
     low, far = (x - wide / 2, z - long / 2), (x + wide / 2, z + long / 2)
     return Bank(bank.name, y + high / 2, low, far)
-
-
-def _bank_sentences(gap: Gap, banks: Banks) -> Iterator[str]:
-    if banks.rise:
-        yield (
-            f"The near bank (z-) is flat, at y = {gap.depth:g} m; the far bank (z+) is flat, at "
-            f"y = {gap.depth + banks.rise:g} m."
-        )
-    else:
-        yield f"Both banks are flat, at y = {gap.depth:g} m."
-    if banks.stiffness:
-        yield (
-            "The banks are soft: each point where a block presses on them sinks in by 1 m for "
-            f"every {banks.stiffness:g} kN."
-        )

@@ -15,9 +15,9 @@ from agentflow.env.feedback.text import number, sample_indices, series, term_num
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject, blocks_among, objects_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
+from agentflow.env.tasks.family import CommonKnobs, Family
 from agentflow.env.tasks.features import roads
-from agentflow.env.tasks.features.terrain import Beam, Cone, Ramp, Roughness
+from agentflow.env.tasks.features.terrain import SLAB, Beam, Cone, Ramp, Roughness
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
 from agentflow.machine.tree import Machine
@@ -88,30 +88,15 @@ class Delivery(Family):
 
     @property
     def brief(self) -> Brief:
-        knobs, way = self.parameters, roads.scoring_direction(self.parameters.curve)
-        cargo, (x, z) = knobs.cargo, self._cargo_place
-        return self.describe(
+        knobs = self.parameters
+        return self.tell(
+            "delivery",
             BLOCKS,
-            objective=f"Build a machine that moves the cargo as far as possible {way}.",
-            scene=(
-                *GROUND,
-                *roads.road_sentences(knobs.road, knobs.curve),
-                f"The cargo is a ball of diameter {cargo.diameter:g} m and mass {cargo.mass:g} kg; "
-                "it lies on the road, free to roll, without air drag and with friction "
-                f"{constants()['friction']:g}, with its centre at x = {roads.rounded(x)}, y = "
-                f"{cargo.diameter / 2:g}, z = {roads.rounded(z)} m.",
-                *knobs.beam.sentences(),
-                *knobs.ramp.sentences(),
-                *self._cone_sentences(),
-                *knobs.terrain.sentences(),
-                *knobs.wind.sentences(),
-            ),
-            score=(
-                f"Score: the greatest distance in metres of the cargo's centre {way} from its "
-                f"position at t = 0, within {self.window:g} s.",
-                "The machine may push, pull, carry or throw it. Only the distance from the first "
-                "touch after t = 0 counts; a cargo that the machine never touches scores 0.",
-            ),
+            **roads.told(knobs.road, knobs.curve),
+            friction=constants()["friction"],
+            slab=SLAB,
+            cargo_at=self._cargo_place,
+            cone_at=self._cone_place,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
@@ -146,15 +131,6 @@ class Delivery(Family):
         last = roads.centre_line(knobs.road, knobs.curve).segments[-1]
         begin = knobs.curve.at if not knobs.curve.angle else 0.0
         return last.position_at(begin + knobs.cone.further)[:2]
-
-    def _cone_sentences(self) -> Iterator[str]:
-        cone = self.parameters.cone
-        if cone.height:
-            x, z = map(roads.rounded, self._cone_place)
-            yield (
-                f"A cone of diameter {cone.diameter:g} m and height {cone.height:g} m, tip upward, "
-                f"stands in the middle of the road at x = {x} m, z = {z} m."
-            )
 
     def referee(self, machine: Machine) -> DeliveryReferee:  # noqa: ARG002
         knobs = self.parameters

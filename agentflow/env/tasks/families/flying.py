@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import dist, hypot, pi
 from typing import ClassVar, Literal
@@ -15,8 +14,8 @@ from agentflow.env.feedback.text import flight_lines, number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Gust, Scene
 from agentflow.env.tasks.base import Parameters, WorldView
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
-from agentflow.env.tasks.features.platforms import Platform
+from agentflow.env.tasks.family import CommonKnobs, Family
+from agentflow.env.tasks.features.platforms import SIDE, Platform
 from agentflow.env.tasks.features.rings import CLOSE, EACH, THICK, Ring, RingProgress, ring_objects
 from agentflow.env.tasks.knobs import choice, knob
 from agentflow.machine.brief import Brief
@@ -88,33 +87,18 @@ class Flying(Family):
 
     @property
     def brief(self) -> Brief:
-        knobs = self.parameters
-        brief = self.describe(
-            (*BLOCKS, FLYING_BLOCK) if self.marks else BLOCKS,
-            objective="Build a machine that flies through the hoops ahead, one after the other."
-            if self.marks
-            else "Build a machine that flies as high as possible.",
-            scene=(
-                *GROUND,
-                *knobs.platform.sentences(),
-                *_hoop_sentences(self.marks),
-                *knobs.wind.sentences(),
-                *_gust_sentences(knobs),
-            ),
-            score=(
-                f"Score: {EACH:g} for every hoop that the Starting Block's centre passes in order, "
-                f"within {self.window:g} s, plus {CLOSE:g} minus its closest distance in metres to "
-                "the centre of the next hoop (at least 0).",
-                "A hoop must be passed from its z- side to its z+ side, within its inner radius.",
-            )
-            if self.marks
-            else (
-                "Score: the greatest height in metres of the Starting Block's centre above its "
-                f"position at t = 0, within {self.window:g} s.",
-                "Sideways motion and motion before t = 0 do not count.",
-            ),
+        knobs, hoops = self.parameters, self.marks
+        brief = self.tell(
+            "flying",
+            (*BLOCKS, FLYING_BLOCK) if hoops else BLOCKS,
+            hoops=hoops,
+            mean=hypot(*knobs.wind.velocity),
+            side=SIDE,
+            thick=THICK,
+            each=EACH,
+            close=CLOSE,
         )
-        return replace(brief, greatest=EACH * len(self.marks) or None)
+        return replace(brief, greatest=EACH * len(hoops) or None)
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Platform, hoops and wind."""
@@ -213,23 +197,3 @@ def gusts_of(knobs: Gusts) -> tuple[Gust, ...]:
         Gust(knobs.swing * share, period, round(rng.uniform(0, 2 * pi), 3))
         for share, period in WAVES
     )
-
-
-def _hoop_sentences(hoops: tuple[Ring, ...]) -> Iterator[str]:
-    if hoops:
-        places = ", ".join("({:g}, {:g}, {:g})".format(*hoop.centre) for hoop in hoops)
-        yield (
-            f"Upright hoops ({len(hoops)}) of inner radius {hoops[0].radius:g} m stand across the "
-            f"path, with their centres at (x, y, z) = {places} m; their rims are solid, "
-            f"{THICK:g} m thick."
-        )
-
-
-def _gust_sentences(knobs: FlyingKnobs) -> Iterator[str]:
-    mean, swing = hypot(*knobs.wind.velocity), knobs.gusts.swing
-    if swing and mean:
-        low, high = mean * (1 - swing), mean * (1 + swing)
-        yield (
-            f"It blows in gusts around this mean, in the same direction: its speed changes "
-            f"between {low:g} and {high:g} m/s within a second or two."
-        )

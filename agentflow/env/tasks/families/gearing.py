@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -27,7 +27,6 @@ from agentflow.machine.tree import Machine, Step
 
 MEDIUM, POWERED, LARGE = 38, 39, 51
 BLOCKS = (MEDIUM, LARGE)
-SENSES = {"with": "in the same direction as", "against": "in the opposite direction to"}
 
 
 class PlateKnobs(Parameters):
@@ -125,27 +124,21 @@ class Gearing(Family):
 
     @property
     def brief(self) -> Brief:
-        knobs = self.parameters
-        brief = self.describe(
+        brief = self.tell(
+            "gearing",
             BLOCKS,
-            objective="Place cogs on the given plate so that the source drives every target.",
-            scene=(
-                *_plate_sentences(knobs.base),
-                *_cog_sentences(knobs),
-                *_meshing_sentences(),
-                *knobs.wind.sentences(),
-            ),
-            schedule=(
-                f"At t = {self.schedule.motors:g} s the source starts to turn and never stops; "
-                "nothing else has a motor.",
-                f"The window ends at t = {self.window:g} s.",
-            ),
-            score=(
-                f"Score: 1 if {_goal(knobs)}, at {MIN_SPEED:g} rad/s or faster"
-                f"{', both at the same time,' * (knobs.target.count > 1)} for {HOLD:g} s without "
-                f"interruption within {self.window:g} s; else 0.",
-                "Speeds are measured relative to the plate, every 0.1 s.",
-            ),
+            schedule=self.schedule,
+            source=SOURCE,
+            powered=POWERED,
+            medium=MEDIUM,
+            radii=tuple(library()[kind].pitch_radius for kind in BLOCKS),
+            speed=constants().of("motor_speed", POWERED),
+            tolerance=constants()["cog_tolerance"],
+            thickness=THICKNESS,
+            grid=GRID,
+            hole=HOLE,
+            slowest=MIN_SPEED,
+            hold=HOLD,
         )
         return replace(brief, given=self.given, greatest=1.0)
 
@@ -193,64 +186,3 @@ def _train_of(cog: int, found: Sequence[GearTrain]) -> str:
     """Ids of the other cogs in a cog's train."""
     train = next(train for train in found if cog in train.speeds)
     return ", ".join(str(other) for other in train.speeds if other != cog) or "none"
-
-
-def _goal(knobs: GearingKnobs) -> str:
-    """What the targets must do, in words."""
-    return " and ".join(
-        f"block {SOURCE + i} (target) turns {SENSES[sense]} the source"
-        for i, sense in enumerate(knobs.senses, start=1)
-    )
-
-
-def _plate_sentences(plate: Plate) -> Iterator[str]:
-    row = plate.row_length
-    x, z = plate.face_position(0)
-    yield "The ground is flat, at y = 0."
-    yield (
-        f"Block 0 is given: a square plate, {plate.size:g} m wide along x and z and "
-        f"{THICKNESS:g} m thick, that lies on the ground with its centre above x = z = 0."
-    )
-    yield (
-        f"The plate has {row} x {row} faces, {GRID:g} m apart, that all face Up (y+), numbered row "
-        f"by row: face n is at x = {x:g} + {GRID:g} * (n mod {row}), z = {z:g} + {GRID:g} * "
-        f"(n div {row}) m."
-    )
-    if middles := ", ".join(f"({u:g}, {v:g})" for u, v in plate.hole_centres):
-        yield (
-            f"The plate has {plate.holes} square holes, {HOLE:g} m wide, with their centres at "
-            f"(x, z) = {middles}. Nothing can be attached in a hole or on its rim (faces at most "
-            f"{HOLE / 2:g} m from its centre along both x and z). Cogs may extend over holes."
-        )
-
-
-def _cog_sentences(knobs: GearingKnobs) -> tuple[str, ...]:
-    x, z = knobs.source
-    speed = constants().of("motor_speed", POWERED)
-    face, *others = knobs.faces
-    return (
-        f"Block {SOURCE} is given: the source, a Powered Cog (type {POWERED}) on face {face} of "
-        f"the plate, at x = {x:g}, z = {z:g} m; it is driven at {speed:g} rad/s.",
-        *(
-            f"Block {SOURCE + i} is given: a target, a Medium Cog (type {MEDIUM}) on face {on} of "
-            f"the plate, at x = {u:g}, z = {v:g} m."
-            for i, ((u, v), on) in enumerate(zip(knobs.targets, others, strict=True), start=1)
-        ),
-    )
-
-
-def _meshing_sentences() -> tuple[str, ...]:
-    radius = {kind: library()[kind].pitch_radius or 0.0 for kind in BLOCKS}
-    medium, large = radius[MEDIUM], radius[LARGE]
-    return (
-        f"Two cogs mesh if they lie in one plane and their pitch circles touch within "
-        f"{constants()['cog_tolerance']:g} m; the pitch radius is {medium:g} m (Medium and "
-        f"Powered Cog) or {large:g} m (Large Cog). Boxes must not overlap ({2 * medium:g} x "
-        f"{2 * medium:g} and {2 * large:g} x {2 * large:g} m), so cogs mesh side by side along x "
-        f"or z, with their centres {2 * medium:g} m (both small), {medium + large:g} m (one large) "
-        f"or {2 * large:g} m (both large) apart; they still mesh if offset "
-        f"sideways by {GRID:g} m.",
-        "Meshing cogs turn in opposite directions, so the direction changes with every mesh along "
-        "a train. If a closed loop of meshing cogs would force a cog to turn both ways, the whole "
-        "train is locked.",
-    )

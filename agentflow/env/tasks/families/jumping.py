@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -19,8 +18,8 @@ from agentflow.env.feedback.text import block_name, number, object_label, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Start, blocks_among
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
-from agentflow.env.tasks.family import GROUND, TRIALS, CommonKnobs, TrialFamily, vary
-from agentflow.env.tasks.features.barriers import Slope, Trench, Walls
+from agentflow.env.tasks.family import TRIALS, CommonKnobs, TrialFamily, vary
+from agentflow.env.tasks.features.barriers import WIDTH, Slope, Trench, Walls
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
@@ -110,41 +109,7 @@ class Jumping(TrialFamily):
 
     @property
     def brief(self) -> Brief:
-        knobs, by = self.parameters, self.parameters.variation
-        shifted, varied, untouchable = (
-            ("the trench is", "its depth", "the trench's floor or far wall")
-            if knobs.trench.length
-            else ("the wall is", "its height", "a wall")
-            if knobs.walls.count == 1
-            else ("the walls are", "their height", "a wall")
-        )
-        brief = self.describe(
-            BLOCKS,
-            objective="Build a machine that gets over the obstacle ahead along z+ and ends "
-            "beyond it.",
-            scene=(
-                *(_ON_BANK if knobs.trench.length else GROUND),
-                *knobs.obstacle.sentences(),
-                *knobs.slope.sentences(knobs.obstacle.near_side),
-                *knobs.wind.sentences(),
-                f"The {TRIALS} trials differ at random: {shifted} shifted by up to "
-                f"{by.distance:g} m along z, {varied} varies by up to "
-                f"{by.height:.0%}, the friction of ground and obstacles ({knobs.friction:g}) by up "
-                f"to {by.friction:.0%}, and the machine is turned by up to {by.yaw:g} degrees to "
-                "the left or right.",
-                *_yaw_sentences(knobs.yaw),
-            ),
-            score=(
-                f"Score: the number of successful trials out of {TRIALS}, {self.window:g} s each.",
-                f"A trial succeeds if no block of the machine, not even one that broke off, "
-                f"touches {untouchable} from t = 0 on, and at the end the centre of the Starting "
-                f"Block and at least half of the machine's mass are beyond z = "
-                f"{knobs.obstacle.far_side:g} m (the far side, which shifts with the obstacles).",
-                "At t = 0 every block must be on the near side of the first obstacle; crossing it "
-                "before t = 0 fails the trial.",
-            ),
-        )
-        return replace(brief, greatest=float(TRIALS))
+        return replace(self.tell("jumping", BLOCKS, wide=WIDTH), greatest=float(TRIALS))
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, or a trench between raised banks; slope and wind."""
@@ -322,16 +287,3 @@ def lowest_point(world: WorldView, machine: Machine, block: int) -> float:
         return height
     down = rotate_vector(inverse(world.rotation(block)), (0.0, 1.0, 0.0))
     return height - sum(abs(axis) * side / 2 for axis, side in zip(down, size, strict=True))
-
-
-_ON_BANK = (
-    "The ground, which is the trench's floor, is flat, at y = 0; z+ is the target direction.",
-    "The machine starts on a flat bank in front of the trench, with the centre of its bounding box "
-    "above x = z = 0 and its lowest point on the bank.",
-)
-
-
-def _yaw_sentences(yaw: float) -> Iterator[str]:
-    if yaw:
-        side = "right" if yaw > 0 else "left"
-        yield f"Before that it is turned by {abs(yaw):g} degrees to the {side}."

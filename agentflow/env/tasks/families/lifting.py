@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
@@ -14,7 +13,7 @@ from agentflow.env.feedback.text import number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject, blocks_among
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
-from agentflow.env.tasks.family import GROUND, TRIALS, CommonKnobs, TrialFamily, vary
+from agentflow.env.tasks.family import TRIALS, CommonKnobs, TrialFamily, vary
 from agentflow.env.tasks.features.resting import highest_point_under
 from agentflow.env.tasks.knobs import choice, knob
 from agentflow.errors import ConfigError
@@ -112,25 +111,7 @@ class Lifting(TrialFamily):
 
     @property
     def brief(self) -> Brief:
-        by = self.parameters.variation
-        brief = self.describe(
-            BLOCKS,
-            objective="Build a machine that lifts the object placed on it and keeps it up.",
-            scene=(
-                *GROUND,
-                *_object_sentences(self.parameters.object),
-                *self.parameters.wind.sentences(),
-                f"The {TRIALS} trials differ at random: the object's mass varies by up to "
-                f"{by.mass:.0%}, its friction by up to {by.friction:.0%}, and its position by up "
-                f"to {by.offset:g} m along x and z.",
-            ),
-            score=(
-                f"Score: the number of successful trials out of {TRIALS}, {self.window:g} s each.",
-                f"A trial succeeds if the object's centre stays at least {RISE:g} m above its "
-                f"height at t = 0 for {HOLD:g} s without interruption and is that high at the "
-                f"end; it must have touched the machine within the last {LOOSE:g} s.",
-            ),
-        )
+        brief = self.tell("lifting", BLOCKS, rise=RISE, hold=HOLD, loose=LOOSE)
         return replace(brief, greatest=float(TRIALS))
 
     def scene(self, machine: Machine | None = None) -> Scene:
@@ -241,23 +222,3 @@ class LiftReferee:
     def _events(self) -> tuple[RolloutEvent, ...]:
         text = f"the object is {RISE:g} m above its initial position"
         return () if self._first is None else (RolloutEvent(self._first, "lifted", (), text),)
-
-
-def _object_sentences(knobs: Object) -> Iterator[str]:
-    width, height, _ = knobs.extents
-    size = {
-        "box": f"a box, {width:g} m wide, {width:g} m long and {height:g} m high",
-        "ball": f"a ball of diameter {width:g} m",
-        "cone": f"a cone, tip up, {width:g} m across its base and {height:g} m high",
-    }[knobs.shape]
-    yield f"The object is {size}, with mass {knobs.mass:g} and friction {knobs.friction:g}."
-    if knobs.balance:
-        yield (
-            f"It is heavier on one side: its centre of mass is {abs(knobs.balance):g} m from its "
-            f"centre, towards {'x+' if knobs.balance > 0 else 'x-'}."
-        )
-    yield (
-        f"Before t = 0 it is placed with its centre above x = {knobs.offset:g}, z = "
-        f"{knobs.forward:g} m, on the highest point of the machine below it, and settles there "
-        "with the machine."
-    )

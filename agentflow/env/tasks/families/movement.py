@@ -14,13 +14,13 @@ from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import series, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject
-from agentflow.env.tasks.balancing import LASTS, WHEEL, Balance, BalanceReferee
+from agentflow.env.tasks.balancing import FIRST, LASTS, WHEEL, Balance, BalanceReferee
 from agentflow.env.tasks.base import ON_WHEELS, Descriptor, Parameters, Referee, WorldView
-from agentflow.env.tasks.family import GROUND, TRIALS, CommonKnobs, Family
+from agentflow.env.tasks.family import TRIALS, CommonKnobs, Family
 from agentflow.env.tasks.features import roads
-from agentflow.env.tasks.features.terrain import Ramp, Roughness, Stones, bump
+from agentflow.env.tasks.features.terrain import SLAB, Ramp, Roughness, Stones, bump
 from agentflow.env.tasks.knobs import knob
-from agentflow.env.tasks.stopping import Stop, StopReferee
+from agentflow.env.tasks.stopping import REST, TOLERANCE, Stop, StopReferee
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
@@ -38,6 +38,11 @@ class Bumps(Parameters):
     spacing: float = knob(15, 5, 100, "m", "distance between bumps")
     height: float = knob(1, 0.1, 3, "m", "height of the bumps")
     length: float = knob(4, 1, 20, "m", "length of the bumps along z")
+
+    @property
+    def places(self) -> tuple[float, ...]:
+        """z of each bump's middle, m."""
+        return tuple(self.first + index * self.spacing for index in range(self.count))
 
 
 class MovementKnobs(CommonKnobs):
@@ -110,40 +115,18 @@ class Movement(Family):
 
     @property
     def brief(self) -> Brief:
-        knobs, way = self.parameters, roads.scoring_direction(self.parameters.curve)
-        stop, balance = knobs.stop, knobs.balance
-        objective = f"Build a machine that drives its Starting Block as far as possible {way}."
-        score: tuple[str, ...] = (
-            f"Score: the greatest distance in metres of the Starting Block's centre {way} "
-            f"from its position at t = 0, within {self.window:g} s.",
-            "Sideways, backward and upward motion, and motion before t = 0, do not count.",
-        )
-        if balance.height:
-            objective = "Build a machine that stays upright on two wheels when a gust pushes it."
-            score = balance.score_sentences(TRIALS, self.window)
-        elif stop.gap:
-            objective = (
-                "Build a machine that drives along the road and stops "
-                f"{stop.gap:g} m before the wall ahead."
-            )
-            score = stop.score_sentences(self.window)
-        brief = self.describe(
+        knobs = self.parameters
+        brief = self.tell(
+            "movement",
             BLOCKS + CURVE_BLOCKS if knobs.curve.angle else BLOCKS,
-            objective=objective,
-            scene=(
-                *GROUND,
-                *roads.road_sentences(knobs.road, knobs.curve),
-                *_bump_sentences(knobs.bump),
-                *knobs.ramp.sentences(),
-                *knobs.roughness.sentences(),
-                *knobs.obstacles.sentences(),
-                *stop.scene_sentences(),
-                *balance.scene_sentences(TRIALS),
-                *knobs.wind.sentences(),
-            ),
-            score=score,
+            **roads.told(knobs.road, knobs.curve),
+            slab=SLAB,
+            tolerance=TOLERANCE,
+            rest=REST,
+            earliest=FIRST,
+            lasts=LASTS,
         )
-        needed = {WHEEL: 2} if balance.height else {}
+        needed = {WHEEL: 2} if knobs.balance.height else {}
         greatest = float(TRIALS) if knobs.trials > 1 else None
         return replace(brief, required=needed, greatest=greatest)
 
@@ -227,20 +210,8 @@ class MovementReferee:
 
 
 def _bumps(bumps: Bumps, width: float) -> Iterator[SceneObject]:
-    for index, z in enumerate(_bump_places(bumps), start=1):
+    for index, z in enumerate(bumps.places, start=1):
         yield bump(f"bump {index}", z, bumps.height, bumps.length, width)
-
-
-def _bump_places(bumps: Bumps) -> list[float]:
-    return [bumps.first + index * bumps.spacing for index in range(bumps.count)]
-
-
-def _bump_sentences(bumps: Bumps) -> tuple[str, ...]:
-    return tuple(
-        f"A rounded bump lies across the whole road with its middle at z = {z:g} m: "
-        f"{bumps.height:g} m high, {bumps.length:g} m long, the top of a circle."
-        for z in _bump_places(bumps)
-    )
 
 
 def _mean_per_second(times: Array, speed: Array) -> list[float]:

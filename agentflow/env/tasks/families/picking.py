@@ -104,25 +104,7 @@ class Picking(Family):
 
     @property
     def brief(self) -> Brief:
-        knobs, (x, _, z) = self.parameters, self.parameters.ball
-        return self.describe(
-            BLOCKS,
-            objective="Build a machine that lifts the ball out of the pit and carries it away.",
-            scene=(
-                *_pit_sentences(knobs.pit),
-                f"A ball of diameter {DIAMETER:g} m and mass {MASS:g} kg lies on the pit's bottom "
-                f"at x = {x:g}, z = {z:g} m.",
-                *_bar_sentences(knobs),
-                *knobs.wind.sentences(),
-            ),
-            schedule=_schedule_sentences(knobs.schedule, self.window),
-            score=(
-                "Score: the greatest height in metres of the ball's centre above its position "
-                f"at t = 0, within {self.window:g} s.",
-                "The run is a success if the ball ends outside the pit: above ground level and not "
-                "over the opening.",
-            ),
-        )
+        return self.tell("picking", BLOCKS, diameter=DIAMETER, mass=MASS, thick=BAR)
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002 - always the same
         """Ground around the pit (whose bottom is y = 0), bar, ball and wind."""
@@ -235,43 +217,3 @@ def _bar(knobs: PickingKnobs) -> Iterator[SceneObject]:
         long, top = bar.share * pit.opening, pit.depth - bar.below
         place = ((long - pit.opening) / 2, top - BAR / 2, knobs.middle)
         yield SceneObject("bar", "box", (long, BAR, BAR), place, color=WOOD)
-
-
-def _pit_sentences(pit: Pit) -> tuple[str, ...]:
-    half = pit.opening / 2
-    return (
-        f"The ground on which the machine stands is flat, at y = {pit.depth:g} m; z+ is the target "
-        "direction.",
-        "The machine starts with the centre of its bounding box above x = z = 0 and its lowest "
-        "point on the ground.",
-        f"A square pit lies ahead, {pit.opening:g} m wide and {pit.depth:g} m deep: it reaches "
-        f"from x = -{half:g} to x = {half:g} m and from its near edge at z = {pit.edge:g} m to "
-        f"z = {pit.edge + pit.opening:g} m; its walls are vertical and its bottom is flat, "
-        "at y = 0.",
-    )
-
-
-def _bar_sentences(knobs: PickingKnobs) -> Iterator[str]:
-    bar, half = knobs.bar, knobs.pit.opening / 2
-    if bar.share:
-        end = bar.share * knobs.pit.opening - half
-        yield (
-            f"A bar, {BAR:g} m thick, lies across the pit at z = {knobs.middle:g} m, from x = "
-            f"-{half:g} to x = {end:g} m, its top {bar.below:g} m below ground level."
-        )
-
-
-def _schedule_sentences(times: PickingTimes, window: float) -> tuple[str, ...]:
-    return (
-        "Before t = 0 the machine settles with power off until it comes to rest: motors hold "
-        "still and springs exert no force.",
-        f"At t = {times.motors:g} s wheels and rotating blocks start to turn; at "
-        f"t = {times.lower:g} s they stop and hold still; at t = {times.back:g} s they start to "
-        "turn backward.",
-        f"At t = {times.lower:g} s decouplers release their parents and winches start to pay out "
-        f"rope; the winches stop at t = {times.grab:g} s.",
-        f"From t = {times.grab:g} s on grabbers grip and hold whatever their Front touches.",
-        f"From t = {times.lift:g} s to t = {times.back:g} s winches reel in.",
-        f"At t = {times.springs:g} s springs start to contract.",
-        f"The window ends at t = {window:g} s; nothing can be switched or steered during it.",
-    )

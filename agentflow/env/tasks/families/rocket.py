@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import hypot
 from typing import Any, ClassVar, Literal
@@ -14,7 +13,7 @@ from agentflow.env.feedback.text import flight_lines, number, series
 from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
 from agentflow.env.scene import Scene, blocks_among
 from agentflow.env.tasks.base import GENERAL, ROUNDING, Descriptor, Parameters, WorldView
-from agentflow.env.tasks.family import ANY_START, GROUND, TRIALS, CommonKnobs, Family
+from agentflow.env.tasks.family import TRIALS, CommonKnobs, Family
 from agentflow.env.tasks.features.flights import CannonWatch
 from agentflow.env.tasks.knobs import choice, knob
 from agentflow.machine.blocks.library import TORCH, WATER_CANNON, library
@@ -98,25 +97,12 @@ class Rocket(Family):
 
     @property
     def brief(self) -> Brief:
-        knobs = self.parameters
-        count = knobs.engines
-        brief = self.describe(
-            BLOCKS,
-            objective=_OBJECTIVES[knobs.aim],
-            scene=(
-                *GROUND,
-                ANY_START,
-                *_engine_sentences(count),
-                "Air drag acts at each block's centre. Reported loads leave it out, and it breaks "
-                "nothing.",
-                *knobs.wind.sentences(),
-                *_gale_sentences(knobs),
-            ),
-            score=tuple(_score_sentences(knobs, self.window)),
+        count, trials = self.parameters.engines, self.parameters.trials
+        return replace(
+            self.tell("rocket", BLOCKS, free=FREE, span=SPAN),
+            required={TORCH: count, WATER_CANNON: count} if count else {},
+            greatest=float(trials) if trials > 1 else None,
         )
-        greatest = float(knobs.trials) if knobs.trials > 1 else None
-        needed = {TORCH: count, WATER_CANNON: count} if count else {}
-        return replace(brief, required=needed, greatest=greatest)
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Flat ground and wind."""
@@ -265,63 +251,3 @@ class RocketReferee:
             return f"{told}; it did not land"
         landed = f"{told}; it touched the ground again at {number(self._touch)} m/s"
         return landed + f", {number(self._apart)} m from the start" * bool(self._knobs.corridor)
-
-
-_OBJECTIVES: dict[Aim, str] = {
-    "thrust": "Build a rocket engine that pushes upwards with as much force as possible.",
-    "height": "Build a rocket that rises as high as possible.",
-    "landing": "Build a rocket that rises as high as possible and then lands softly.",
-}
-
-
-def _engine_sentences(count: int) -> Iterator[str]:
-    yield (
-        "Water cannons push to their Up; only as steam, with their middle in a torch's flame, do "
-        "they lift more than their own weight."
-    )
-    if count:
-        yield f"The machine has exactly {count} water cannons and {count} torches."
-
-
-def _gale_sentences(knobs: RocketKnobs) -> Iterator[str]:
-    if knobs.trials > 1:
-        yield (
-            f"In each of the {knobs.trials} trials a steady wind blows that is not told: up to "
-            f"{knobs.gale.wind:g} m/s up or down, and up to {knobs.gale.wind:g} m/s towards x+ or "
-            "x-."
-        )
-
-
-def _score_sentences(knobs: RocketKnobs, window: float) -> Iterator[str]:
-    if knobs.trials > 1:
-        yield (
-            f"Score: the number of successful trials out of {knobs.trials}, {window:g} s each at "
-            f"most. A trial succeeds if the Starting Block rises {knobs.gale.height:g} m or more "
-            "and, when any block first touches the ground again, the Starting Block is no faster "
-            f"than {knobs.touchdown:g} m/s and at most {knobs.gale.pad:g} m from the vertical "
-            "through its position at t = 0. The trial ends then."
-        )
-        return
-    if knobs.aim == "thrust":
-        yield (
-            "Score: the thrust in N, measured as the machine flies off: the upward force on its "
-            f"centre of mass, excluding gravity, from t = {FREE:g} s to t = {FREE + SPAN:g} s."
-        )
-        yield f"It is 0 if the machine still touches the ground at t = {FREE:g} s."
-        return
-    yield (
-        "Score: the greatest height in metres of the Starting Block's centre above its position "
-        f"at t = 0, within {window:g} s."
-    )
-    if knobs.corridor:
-        yield (
-            f"Height counts until its centre is more than {knobs.corridor:g} m from the vertical "
-            "through its position at t = 0."
-        )
-    if knobs.aim == "landing":
-        near = f" and at most {knobs.corridor:g} m from that vertical" if knobs.corridor else ""
-        yield (
-            "The score is 0 unless the machine comes down again and, when any of its blocks first "
-            f"touches the ground, the Starting Block is no faster than {knobs.touchdown:g} m/s"
-            f"{near}. Height after that does not count."
-        )

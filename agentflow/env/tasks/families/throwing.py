@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, ClassVar, Literal
@@ -13,10 +13,10 @@ from agentflow.env.feedback.text import block_name, number, series, term_number
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Descriptor, Parameters, WorldView, release_height, share_of
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family
-from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_objects, arena_sentences
-from agentflow.env.tasks.features.flights import RL_HEIGHT, RULES, Flight
-from agentflow.env.tasks.features.platforms import Platform
+from agentflow.env.tasks.family import CommonKnobs, Family
+from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_objects
+from agentflow.env.tasks.features.flights import FREE_FLIGHT, NEAR, RL_HEIGHT, Flight
+from agentflow.env.tasks.features.platforms import SIDE, Platform
 from agentflow.env.tasks.features.rings import EACH, THICK, Ring, ring_objects
 from agentflow.env.tasks.knobs import choice, knob
 from agentflow.machine.blocks.library import BOULDER
@@ -107,22 +107,14 @@ class Throwing(Family):
     @property
     def brief(self) -> Brief:
         knobs = self.parameters
-        several = f"There are {knobs.reload} boulders; the score is the mean of their scores."
-        brief = self.describe(
+        brief = self.tell(
+            "throwing",
             BLOCKS,
-            objective=_objective(knobs),
-            scene=(
-                *GROUND,
-                *knobs.platform.sentences(),
-                *arena_sentences(knobs.wall, knobs.ramp, knobs.obstacle),
-                *_ring_sentences(knobs.ring),
-                *knobs.wind.sentences(),
-            ),
-            score=(
-                *_SCORES[knobs.score](knobs, self.window),
-                *([several] if knobs.reload > 1 else []),
-                *RULES,
-            ),
+            side=SIDE,
+            thick=THICK,
+            height=RL_HEIGHT,
+            free=FREE_FLIGHT,
+            near=NEAR,
         )
         return replace(brief, required={BOULDER: knobs.reload}, greatest=_greatest(knobs))
 
@@ -238,50 +230,3 @@ def _mode_lines(machine: Machine, terms: Mapping[str, Any]) -> list[str]:
         name = block_name(machine, int(terms["boulder"]))
         lines.append(f"Boulders: {terms['throws']} thrown, the best is {name}")
     return lines
-
-
-def _objective(knobs: ThrowingKnobs) -> str:
-    boulder = "its boulder" if knobs.reload == 1 else f"its {knobs.reload} boulders"
-    aims = {
-        "rings": f"through {'the ring' if knobs.ring.count == 1 else 'the rings'} along z+",
-        "accuracy": "along z+ onto a target",
-    }
-    aim = aims.get(knobs.score, "as far as possible along z+")
-    return f"Build a machine that throws {boulder} {aim}."
-
-
-def _ring_sentences(ring: Rings) -> tuple[str, ...]:
-    places = [f"{ring.first + index * ring.spacing:g}" for index in range(ring.count)]
-    return tuple(
-        f"An upright ring of inner radius {ring.radius:g} m stands across z+ with its centre at "
-        f"x = 0, y = {ring.height:g}, z = {place} m; its rim is {THICK:g} m thick."
-        for place in places
-    )
-
-
-def _distance(window: float) -> str:
-    return (
-        "the distance in metres along z+ from the boulder's position at t = 0 to where it first "
-        "touches the ground or a wall after free flight, or to where it is after "
-        f"{window:g} s if it is still in free flight"
-    )
-
-
-_SCORES: Mapping[Mode, Callable[[ThrowingKnobs, float], tuple[str, ...]]] = {
-    "distance": lambda _, window: (f"Score: {_distance(window)}; never less than 0.",),
-    "rl": lambda _, window: (
-        f"Score: the boulder's greatest height in metres times {_distance(window)}; 0 unless the "
-        f"height exceeds {RL_HEIGHT:g} m.",
-    ),
-    "rings": lambda _, window: (
-        "Score: 10 for each ring that the boulder's centre passes towards z+ in free flight, in "
-        "order, plus 10 minus half its closest distance in metres to the next ring's centre (never "
-        f"less than 0), within {window:g} s.",
-        "The flight ends when it first touches the ground, a wall or a ring.",
-    ),
-    "accuracy": lambda knobs, window: (
-        "Score: 10 minus half the distance in metres between the target on the ground, at x = 0, "
-        f"z = {knobs.target.at:g} m, and where the boulder first touches the ground or a wall "
-        f"after free flight, within {window:g} s; never less than 0.",
-    ),
-}

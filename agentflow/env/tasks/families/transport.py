@@ -15,25 +15,12 @@ from agentflow.env.feedback.text import number, object_label, series, steering_a
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Body, Scene, SceneObject, objects_among
 from agentflow.env.tasks.base import ON_WHEELS, Descriptor, Parameters, WorldView
-from agentflow.env.tasks.family import (
-    ANY_START,
-    GROUND,
-    TRIALS,
-    CommonKnobs,
-    Family,
-    joint_sentences,
-    wall,
-)
-from agentflow.env.tasks.features.journey import (
-    LEAST,
-    Journey,
-    Target,
-    target_mark,
-    target_sentence,
-)
+from agentflow.env.tasks.family import TRIALS, CommonKnobs, Family, wall
+from agentflow.env.tasks.features.journey import LEAST, Journey, Target, target_mark
 from agentflow.env.tasks.features.resting import highest_point_under, start_of_root
-from agentflow.env.tasks.features.terrain import Roughness
+from agentflow.env.tasks.features.terrain import SLAB, Roughness
 from agentflow.env.tasks.knobs import knob
+from agentflow.machine.blocks.library import BRACE
 from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
 from agentflow.machine.tree import Machine
 
@@ -151,24 +138,16 @@ class Transport(Family):
 
     @property
     def brief(self) -> Brief:
-        knobs = self.parameters
-        brief = self.describe(
+        brief = self.tell(
+            "transport",
             BLOCKS,
-            objective=_objective(knobs),
-            scene=(
-                *GROUND,
-                *((ANY_START, *joint_sentences(self.allow(BLOCKS))) if knobs.cargo.mass else ()),
-                "Blocks with a joint or wheel between them collide, so moving parts need room; a "
-                "joint or wheel never collides with its own parent.",
-                *_cargo_sentences(knobs),
-                target_sentence(knobs.target, _moved(knobs)),
-                *_wall_sentences(knobs.wall),
-                *knobs.ground.sentences(),
-                *knobs.wind.sentences(),
-            ),
-            score=tuple(_score_sentences(knobs)),
+            brace=BRACE in self.allow(BLOCKS),
+            earliest=FIRST,
+            thick=THICK,
+            least=LEAST,
+            slab=SLAB,
         )
-        return replace(brief, greatest=2 * POINTS if knobs.trials == 1 else float(TRIALS))
+        return replace(brief, greatest=float(TRIALS) if self.parameters.trials > 1 else 2 * POINTS)
 
     def scene(self, machine: Machine | None = None) -> Scene:
         """Cargo, above the machine if there is one, wall, uneven ground, target and wind."""
@@ -310,72 +289,3 @@ def _wall_objects(knobs: Wall) -> Iterator[SceneObject]:
     if knobs.height:
         size = (knobs.length, knobs.height, THICK)
         yield wall("wall", knobs.left + knobs.length / 2, knobs.ahead, size)
-
-
-def _objective(knobs: TransportKnobs) -> str:
-    what = "carries a cargo and steers it" if knobs.cargo.mass else "steers"
-    back = ", and back to the start" if knobs.target.back else ""
-    return f"Build a machine that {what} to a target ahead{back}."
-
-
-def _cargo_sentences(knobs: TransportKnobs) -> Iterator[str]:
-    cargo = knobs.cargo
-    if cargo.mass:
-        falls = (
-            "Before t = 0 it falls onto the machine"
-            if knobs.trials == 1
-            else f"It is held up until it falls, in each of the {TRIALS} trials at another moment "
-            f"that is not told, from t = {FIRST:g} to {cargo.falls:g} s"
-        )
-        yield (
-            f"The cargo is a box {cargo.width:g} m wide (x), {cargo.length:g} m long (z) and "
-            f"{cargo.height:g} m high, of mass {cargo.mass:g} kg. {falls}: it starts above "
-            f"x = z = 0 with its underside {cargo.drop:g} m above the ground, or on the highest "
-            "part of the machine below it if that is higher."
-        )
-
-
-def _wall_sentences(wall: Wall) -> Iterator[str]:
-    if wall.height:
-        yield (
-            f"A wall {wall.height:g} m high and {THICK:g} m thick stands along x from x = "
-            f"{wall.left:g} to x = {wall.left + wall.length:g} m, its middle at z = "
-            f"{wall.ahead:g} m."
-        )
-
-
-def _score_sentences(knobs: TransportKnobs) -> Iterator[str]:
-    what, target = _moved(knobs), knobs.target
-    if knobs.trials > 1:
-        end = "start, after the target," if target.back else "target"
-        yield (
-            f"Score: the number of successful trials out of {TRIALS}. Each ends "
-            f"{knobs.cargo.within:g} s after the cargo falls. It succeeds if {what} is then within "
-            f"{target.reach:g} m of the {end} and no connection has broken."
-        )
-    elif target.back:
-        yield (
-            f"{what[0].upper()}{what[1:]} must come within {target.reach:g} m of the target, even "
-            "just in passing, and then back to where it was at t = 0. Score: 10 minus half the "
-            f"distance in metres left after {knobs.window:g} s (straight to the target and back "
-            "or, once the target was reached, straight to the start); never less than 0."
-        )
-    else:
-        yield (
-            f"Score: 10 minus the distance in metres of {what} from the target after "
-            f"{knobs.window:g} s, never less than 0."
-        )
-    if knobs.trials == 1:
-        yield f"10 more if it ends within {target.reach:g} m and no connection breaks."
-    if knobs.cargo.mass:
-        yield (
-            "Once the cargo touches the ground or anything but the machine, its position is final."
-        )
-    yield (
-        f"The whole machine must come along: a leg of the way (there or back) does not count if at "
-        f"its end any block is within {LEAST:g} m of where that block began the leg."
-    )
-
-
-def _moved(knobs: TransportKnobs) -> str:
-    return "the cargo" if knobs.cargo.mass else "the Starting Block"

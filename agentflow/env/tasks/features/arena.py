@@ -20,12 +20,22 @@ class Arena(Parameters):
     height: float = knob(1.5, 0, 10, "m", "height of the walls; 0 removes them")
     thickness: float = knob(0.8, 0.2, 2, "m", "thickness of the walls")
 
+    @property
+    def foot(self) -> float:
+        """Distance of the ramps' lower edges from x = z = 0: the outside of the walls, m."""
+        return self.distance + self.thickness / 2
+
 
 class Ramps(Parameters):
     """Four ramps that rise outward, one behind each wall."""
 
     angle: float = knob(0, 0, 45, "degrees", "slope of the ramps; 0 removes them")
     length: float = knob(20, 2, 60, "m", "length from lower to upper edge")
+
+    @property
+    def top(self) -> float:
+        """Height of the ramps' upper edges, m."""
+        return self.length * sin(radians(self.angle))
 
 
 class Hurdle(Parameters):
@@ -43,30 +53,6 @@ def arena_objects(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> tuple[SceneObje
     return (*_walls(arena), *_ramps(arena, ramps), *hurdles)
 
 
-def arena_sentences(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> Iterator[str]:
-    """Describe walls, ramps and hurdle to designers."""
-    if arena.height:
-        inner = arena.distance - arena.thickness / 2
-        yield (
-            f"Walls stand around the machine, {arena.height:g} m high and {arena.thickness:g} m "
-            f"thick, with their inner sides at x = -{inner:g}, x = {inner:g}, z = -{inner:g} and "
-            f"z = {inner:g} m."
-        )
-    if ramps.angle:
-        top = ramps.length * sin(radians(ramps.angle))
-        yield (
-            f"Ramps surround the walls on all four sides: they start on the ground "
-            f"{_foot(arena):g} m "
-            f"from x = z = 0 and rise outward at {ramps.angle:g} degrees over {ramps.length:g} m, "
-            f"to a height of {top:.1f} m; touching one counts as landing."
-        )
-    if hurdle.height:
-        yield (
-            f"A wall {hurdle.height:g} m high, {hurdle.width:g} m wide and {arena.thickness:g} m "
-            f"thick stands across z+ with its middle at z = {hurdle.at:g} m."
-        )
-
-
 def _walls(arena: Arena) -> Iterator[SceneObject]:
     if arena.height:
         far, high, thick = arena.distance, arena.height, arena.thickness
@@ -78,18 +64,13 @@ def _walls(arena: Arena) -> Iterator[SceneObject]:
         yield wall("front wall", 0.0, far, end)
 
 
-def _foot(arena: Arena) -> float:
-    """Distance of the ramps' lower edges from x = z = 0: the outside of the walls, m."""
-    return arena.distance + arena.thickness / 2
-
-
 def _ramps(arena: Arena, ramps: Ramps) -> Iterator[SceneObject]:
     if not ramps.angle:
         return
     tilt, long = radians(ramps.angle), ramps.length
-    out = _foot(arena) + long / 2 * cos(tilt) + THICK / 2 * sin(tilt)
+    out = arena.foot + long / 2 * cos(tilt) + THICK / 2 * sin(tilt)
     up = long / 2 * sin(tilt) - THICK / 2 * cos(tilt)
-    wide = 2 * (_foot(arena) + long * cos(tilt))
+    wide = 2 * (arena.foot + long * cos(tilt))
     along, across = (wide, THICK, long), (long, THICK, wide)
     for name, size, place, axis in (
         ("front", along, (0.0, up, out), (-1.0, 0.0, 0.0)),

@@ -63,14 +63,6 @@ class Walls(Parameters):
         for name, z in zip(self.watched, self.places, strict=True):
             yield wall(name, 0.0, z, size, friction)
 
-    def sentences(self) -> Iterator[str]:
-        """Description for designers."""
-        for z in self.places:
-            yield (
-                f"A wall stands across the path with its middle at z = {z:g} m: {self.height:g} m "
-                f"high, {self.thickness:g} m thick, {WIDTH:g} m wide."
-            )
-
 
 class Trench(Parameters):
     """A trench across z+; it replaces the walls, and the machine starts on its near bank."""
@@ -106,14 +98,6 @@ class Trench(Parameters):
         yield wall("far bank", 0.0, far + BANK_AHEAD / 2, ahead, friction)
         yield wall("far wall", 0.0, far, (WIDTH, self.depth - LIP, 2 * SKIN), friction)
 
-    def sentences(self) -> Iterator[str]:
-        """Description for designers."""
-        yield (
-            f"A trench lies across the path from z = {self.near_side:g} m to z = "
-            f"{self.far_side:g} m, {WIDTH:g} m wide; its floor is {self.depth:g} m below the "
-            "banks; the far bank is as high as the near bank, on which the machine stands."
-        )
-
 
 class Slope(Parameters):
     """A slope that rises towards the first obstacle."""
@@ -134,12 +118,3 @@ class Slope(Parameters):
             size = (WIDTH, PLATE, self.length / cos(pitch))
             top = (base + self.rise / 2, edge - self.length / 2)
             yield tilted_plate("slope", size, top, pitch, friction)
-
-    def sentences(self, obstacle: float) -> Iterator[str]:
-        """Description for designers."""
-        if self.angle:
-            edge = obstacle - self.before
-            yield (
-                f"A slope of {self.angle:g} degrees rises from z = {edge - self.length:g} m to its "
-                f"edge at z = {edge:g} m, {self.rise:.2f} m higher; it shifts with the obstacle."
-            )

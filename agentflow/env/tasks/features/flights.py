@@ -306,13 +306,3 @@ _FAILURES = {
     "flight (carried, dropped, pushed or rolled)",
 }
 """Keys: whether it rolled, whether it was ever held."""
-
-RULES = (
-    "All distances are measured to the centre of the boulder.",
-    f"Free flight means no contact with the machine for {FREE_FLIGHT:g} s: a boulder that is "
-    "carried, rolls, is pushed along or never leaves the machine scores 0.",
-    "The throw counts only if, when the flight ends, the gap between boulder and Starting Block "
-    f"is at least {NEAR:.0%} of the distance and, since release, the Starting Block has not moved "
-    "farther along z+ than the boulder. So a boulder that rolls off while the machine drives on "
-    "scores 0.",
-)

@@ -102,12 +102,3 @@ def target_mark(target: Target) -> SceneObject:
     """A disc that shows the target in plans; it lies under the ground, where nothing is."""
     size, place = (2 * target.reach, 0.1, 2 * target.reach), (target.right, -0.1, target.ahead)
     return SceneObject("target", "cylinder", size, place, color=MARK)
-
-
-def target_sentence(target: Target, moved: str) -> str:
-    """Where the target is, seen from what is to be moved."""
-    side = "right (x+)" if target.right >= 0 else "left (x-)"
-    return (
-        f"The target is {target.ahead:g} m ahead (z+) and {abs(target.right):g} m to the {side} of "
-        f"where the centre of {moved} is at t = 0. Only horizontal distances count."
-    )

@@ -50,16 +50,3 @@ class Platform(Parameters):
                 "platform", "box", (SIDE, THICK, SIDE), place, self.start.rotation, color=WOOD
             ),
         )
-
-    def sentences(self) -> tuple[str, ...]:
-        """Description for designers; () without a platform."""
-        if not self.present:
-            return ()
-        flat = f"It starts on a platform, {SIDE:g} m long and wide, "
-        if not self.angle:
-            return (f"{flat}{self.height:g} m above the ground.",)
-        end = "z+" if self.angle > 0 else "z-"
-        return (
-            f"{flat}tilted by {abs(self.angle):g} degrees with its {end} end up; its lowest "
-            f"edge is {self.height:g} m above the ground, and the machine is tilted with it.",
-        )

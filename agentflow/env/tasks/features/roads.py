@@ -207,43 +207,17 @@ def _wall_piece(
     )
 
 
-def road_sentences(road: Road, curve: Curve) -> Iterator[str]:
-    """Describe the road to designers."""
-    inner, back = road.inner_width / 2, road.back - road.wall_thickness / 2
-    yield (
-        f"A road runs along z+ between walls with their inner sides at x = -{inner:g} m and x = "
-        f"{inner:g} m, {road.wall_height:g} m high and {road.length:g} m long, with friction "
-        f"{road.wall_friction:g}; a wall closes it behind the machine, its inner side at z = "
-        f"-{back:g} m."
-    )
-    if not curve.angle:
-        return
-    radius = curve.inner_radius + road.half_width
+def told(road: Road, curve: Curve) -> dict[str, object]:
+    """What templates of briefs name of a road, besides its knobs."""
     line = centre_line(road, curve).segments
-    x, z, _ = line[1].end
-    yield (
-        f"At z = {curve.at:g} m the road turns {curve.angle:g} degrees to the right (towards x+): "
-        f"its centre line follows a circle of radius {radius:g} m about x = {radius:g} m, z = "
-        f"{curve.at:g} m, to x = {rounded(x)} m, z = {rounded(z)} m; the inner "
-        f"sides of the walls stay {road.inner_width:g} m apart, in flat pieces that turn by "
-        f"{degrees(FACET):g} degrees each."
-    )
-    x, z, heading = line[-1].end if not curve.back else line[-1].position_at(0.0)
-    if curve.back:
-        yield (
-            f"After {curve.further:g} m straight ahead it turns {curve.back:g} degrees to the left "
-            f"on a circle of the same radius, to x = {rounded(x)} m, "
-            f"z = {rounded(z)} m."
-        )
-    names = {0: " towards z+", 90: " towards x+", 180: " towards z-", -90: " towards x-"}
-    yield f"From there it continues straight{names.get(round(degrees(heading)), '')}."
+    return {
+        "way": scoring_direction(curve),
+        "line": line,
+        "heading": round(degrees(line[-1].heading)),
+        "facet": degrees(FACET),
+    }
 
 
 def scoring_direction(curve: Curve) -> str:
     """The direction in which distances count, in words."""
     return "along the road's centre line" if curve.angle else "along z+"
-
-
-def rounded(value: float) -> str:
-    """Format with at most one decimal; never "-0"."""
-    return f"{round(value, 1) + 0.0:g}"

@@ -49,15 +49,6 @@ class Roughness(Parameters):
                     color=SOIL,
                 )
 
-    def sentences(self) -> Iterator[str]:
-        """Describe the ground to designers."""
-        if self.height:
-            yield (
-                f"From z = {self.first:g} m to z = {self.last:g} m the ground is uneven: slabs "
-                f"{SLAB:g} m long and about as wide, tilted at random, rise up to "
-                f"{self.height:g} m."
-            )
-
 
 class Stones(Parameters):
     """Randomly scattered stones."""
@@ -80,15 +71,6 @@ class Stones(Parameters):
                 f"stone {index + 1}", "sphere", (size, size, size), (x, 0.0, z), color=STONE
             )
 
-    def sentences(self) -> Iterator[str]:
-        """Describe the stones to designers."""
-        if self.density:
-            yield (
-                f"From z = {self.first:g} m to z = {self.last:g} m stones are scattered over the "
-                f"whole road, {self.density:g} per square metre: fixed balls, {self.smallest:g} to "
-                f"{self.largest:g} m in diameter, half buried in the ground."
-            )
-
 
 FACETS = 8
 """Number of flat pieces of a quarter-pipe."""
@@ -103,23 +85,16 @@ class Ramp(Parameters):
     length: float = knob(6.6, 2, 20, "m", "length along z")
     at: float = knob(19, 10, 200, "m", "z of its middle")
 
+    @property
+    def profile(self) -> tuple[float, int, float]:
+        """Radius of its arc, m; number of flat pieces, and steepness of the last, degrees."""
+        radius, steepest = _arc(self.height, self.length)
+        return radius, FACETS, degrees(steepest * (1 - 0.5 / FACETS))
+
     def objects(self, width: float) -> Iterator[SceneObject]:
         """The quarter-pipe across a road of this width, m."""
         if self.height:
             yield from quarter_pipe("ramp", self.at, self.height, self.length, width)
-
-    def sentences(self) -> Iterator[str]:
-        """Describe the quarter-pipe to designers."""
-        if self.height:
-            start, end = self.at - self.length / 2, self.at + self.length / 2
-            radius, steepest = _arc(self.height, self.length)
-            last = degrees(steepest * (1 - 0.5 / FACETS))
-            yield (
-                f"A quarter-pipe lies across the whole road: it starts flat at z = {start:g} m and "
-                f"steepens to its edge at z = {end:g} m, {self.height:g} m high. Its profile is an "
-                f"arc of radius {radius:.1f} m in {FACETS} flat pieces, the last {last:.0f} "
-                "degrees steep. Behind the edge it drops to the ground."
-            )
 
 
 class Beam(Parameters):
@@ -134,15 +109,6 @@ class Beam(Parameters):
         if self.clearance:
             size = (width, self.thickness, self.thickness)
             yield wall("beam", 0.0, self.at, size, base=self.clearance)
-
-    def sentences(self) -> Iterator[str]:
-        """Describe the beam to designers."""
-        if self.clearance:
-            yield (
-                f"A beam, {self.thickness:g} m high and long, crosses the whole road with its "
-                f"middle at z = {self.at:g} m and its underside {self.clearance:g} m above the "
-                "ground."
-            )
 
 
 class Cone(Parameters):
