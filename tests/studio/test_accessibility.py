@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import Select
 
 from agentflow.app.benchmark.card import read_card
 from agentflow.app.benchmark.page import leaderboard_page
@@ -48,6 +50,7 @@ STUDIO = {
     "sessions": "sessions",
     "replay": "replay?session=one",
     "build": "build?task=movement&guide=car",
+    "control": "build?task=transport/6",
     "sweep": "sweep?sweep=study",
 }
 
@@ -63,6 +66,7 @@ HEADS = {
     "sessions": ("Sessions", "A session records what a person does while building"),
     "replay": ("Sessions / one", "movement", "free · "),
     "build": ("Build for movement",),
+    "control": ("Build for transport/6",),
     "sweep": ("agentflow sweep", "Hand"),
 }
 """What each page says at its top: how the lines begin."""
@@ -125,6 +129,10 @@ def test_each_page_says_what_it_is_and_axe_finds_nothing(
     browser: webdriver.Chrome, served: Served, page: str
 ) -> None:
     open_page(browser, served, STUDIO[page])
+    if page == "control":
+        for part in ("controls", "sensors tilt", "laws states", "outputs group"):
+            Select(find(browser, ".control select")).select_by_value(part)
+        assert len(browser.find_elements(By.CSS_SELECTOR, ".control fieldset")) == 4
     assert says(browser, HEADS[page])
     heading = find(browser, "h1").get_property("textContent")
     assert browser.title.endswith(f"{heading} · agentflow studio")

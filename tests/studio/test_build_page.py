@@ -433,6 +433,17 @@ def test_control_is_edited_checked_and_shown_as_curves_under_the_film(
     until(browser, lambda: told() == [] and apply.is_enabled())
     Select(find(browser, ".control select")).select_by_value("sensors tilt")
     until(browser, lambda: "tilt" in str(text.get_property("value")) and apply.is_enabled())
+    box = "//fieldset[starts-with(normalize-space(legend), '{}')]//label[starts-with(., '{}')]/*"
+    Select(browser.find_element(By.XPATH, box.format("Sensor tilt", "axis"))).select_by_value("z")
+    gain = browser.find_element(By.XPATH, box.format("Law approach", "p, gain"))
+    assert gain.get_property("value") == "-0.2"
+    gain.clear()
+    gain.send_keys("-0.25")
+    drives = browser.find_element(By.XPATH, box.format("Output 1", "drives"))
+    assert drives.get_property("value")
+    for part in ('"tilt": {"kind":"tilt","block":0,"axis":"z"}', '"p":-0.25'):
+        assert part in str(text.get_property("value"))
+    until(browser, apply.is_enabled)
     apply.click()
     said(browser, "The machine has this control now")
     assert not apply.is_enabled()
@@ -446,4 +457,7 @@ def test_control_is_edited_checked_and_shown_as_curves_under_the_film(
     until(browser, lambda: text.get_property("value") == written)
     open_page(browser, served, "build?task=movement")
     assert not browser.find_elements(By.CSS_SELECTOR, ".control textarea")
+    open_page(browser, served, "build?task=rocket/5")
+    assert browser.find_elements(By.CSS_SELECTOR, ".side > .control[open]:first-child")
+    assert "no faster than 4 m/s and at most 20 m" in find(browser, ".task-card summary").text
     assert complaints(browser) == []

@@ -43,7 +43,7 @@ class BuildPage {
     document.addEventListener("keydown", this.keys);
     this.stop = () => {};
     this.elements = [el("main", { class: session?.paused ? "build paused" : "build" }, this.recorder?.element ?? "", this.top(start), this.taskCard(), this.earlier(session), this.palette.element, this.view,
-      el("div", { class: "side" }, faceList(editor), blockTree(editor), facts(editor), this.more(start, session?.refine ?? true)), this.trials.element), this.recorder?.over];
+      el("div", { class: "side" }, editor.start.designed ? controlEditor(editor) : "", faceList(editor), blockTree(editor), facts(editor), this.more(start, session?.refine ?? true)), this.trials.element), this.recorder?.over];
     editor.on(["busy"], () => this.elements[0].setAttribute("aria-busy", editor.busy));
     editor.on(["state", "spots", "choice"], () => this.turnTo(false)); // whoever edits sees what
     ["state", "trials"].forEach((kind) => editor.addEventListener(kind, () => this.keep()));
@@ -136,6 +136,8 @@ class BuildPage {
   taskCard() {
     const { start, task } = this.editor;
     const details = taskDetails(start);
+    const must = start.score.slice(1).filter((line) => line.startsWith("The score is 0 unless")); // such as limits of a landing
+    details.firstChild.append(...must.flatMap((line) => [" ", el("small", {}, `${line.split(". ")[0].replace(/\.$/, "")}.`)]));
     const there = start.scene.find((line) => /\d m\b/.test(line) && !/^The (ground|machine) /.test(line)); // the first thing of the level with its measures
     if (there) details.firstChild.append(" ", el("small", {}, there.split(";")[0]));
     details.addEventListener("toggle", () => details.open && this.editor.record("ask"));
@@ -153,7 +155,7 @@ class BuildPage {
     const told = el("p", { role: "status" });
     const form = designForm(start, () => editor.given, (run) => { editor.record("refine"); this.refined(run, told); });
     return el("div", { class: "more" },
-      controlEditor(editor),
+      editor.start.designed ? "" : controlEditor(editor),
       el("details", {}, el("summary", {}, "Open and save"), file, saved, el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build. ", ...links())),
       refine ? el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Let a model improve this machine, and use the result."), form, told) : "",
       el("details", {}, el("summary", {}, "Keys"), el("p", { class: "quiet" }, "B blocks · F faces · T tree · V view · arrows and digits move in lists · Enter chooses · Esc ends · P tests · E film or machine · ",

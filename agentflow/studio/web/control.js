@@ -1,21 +1,15 @@
-// The editor of what controls a machine: JSON as in a machine file, checked while it is written.
+// The editor of what controls a machine: fields, and JSON as in a machine file, checked while it is written.
 
 import { el } from "../../report/web/dom.js";
 import { send } from "./api.js";
+import { controlFields, free, LAWS } from "./fields.js";
 
 const WAIT = 400; // milliseconds after the last key until it is checked
-const LAWS = {
-  constant: { level: 1 },
-  schedule: { points: [[0, 1], [2, 0]] },
-  pd: { sensor: "", target: 0, p: 0.1, d: 0 },
-  switch: { sensor: "", over: 1, under: 0, on: 1, off: 0 },
-  sum: { terms: [{ law: "", weight: 1 }] },
-  states: { states: [{ name: "first", law: "", leave: [{ sensor: "", above: 1, to: "second" }] }, { name: "second", law: "" }] },
-};
-
 export function controlEditor(editor) {
   const { designed, senses, sensors } = editor.start;
-  const text = el("textarea", { class: "json", rows: 12, spellcheck: "false", "aria-label": "Control as JSON", input: () => changed() });
+  const text = el("textarea", { class: "json", rows: 12, spellcheck: "false", "aria-label": "Control as JSON", input: () => { changed(); draw(); } });
+  const fields = el("div", { class: "fields" });
+  const json = el("details", {}, el("summary", {}, "As JSON"), text);
   const problems = el("ul", { class: "problems", "aria-live": "polite" });
   const apply = el("button", { class: "play", disabled: "", click: () => take() }, "Apply");
   const back = el("button", { disabled: "", click: () => show() }, "Discard");
@@ -25,10 +19,10 @@ export function controlEditor(editor) {
       el("optgroup", { label: "Law" }, ...Object.keys(LAWS).map((kind) => option(`laws ${kind}`, kind))),
       el("optgroup", { label: "Output" }, option("outputs blocks", "blocks that follow a law"), option("outputs group", "a group that follows a law"))] : []),
     option("controls", "a level from one time to another"));
-  const element = el("details", { class: "control" }, el("summary", {}, "Control"),
-    el("p", { class: "quiet" }, designed ? "Machines of this task bring their own control, which films show as curves. Example switches on what this machine has."
+  const element = el("details", { class: "control", open: designed ? "" : null }, el("summary", {}, "Control"),
+    el("p", { class: "quiet" }, designed ? "Machines of this task bring their own control: what runs when, and at which level. Example writes one for what this machine has."
       : "This task switches all blocks by its own schedule; machines of it bring no control."),
-    ...(designed ? [el("p", {}, parts, " ", el("button", { click: () => insert("example") }, "Example")), text, el("p", {}, apply, " ", back), problems] : []));
+    ...(designed ? [el("p", {}, parts, " ", el("button", { click: () => insert("example") }, "Example")), fields, json, el("p", {}, apply, " ", back), problems] : []));
   let timer = null;
 
   const own = () => {
@@ -37,9 +31,24 @@ export function controlEditor(editor) {
   };
   function show() {
     text.value = spell(own());
+    draw();
     clearTimeout(timer);
     apply.disabled = back.disabled = true;
     problems.replaceChildren();
+  }
+  /** Draw the fields of what the text says; a text that is no JSON keeps those before. */
+  function draw() {
+    let data;
+    try {
+      data = JSON.parse(text.value || "{}");
+      fields.replaceChildren(...controlFields(editor, data, (again) => {
+        text.value = spell(data);
+        changed();
+        if (again) draw();
+      }));
+    } catch {
+      return; // the check says what is wrong
+    }
   }
   function changed() {
     apply.disabled = back.disabled = false;
@@ -71,6 +80,7 @@ export function controlEditor(editor) {
     return begin < 0 ? null : [begin, begin + name.length + 2];
   }
   function mark([begin, end]) {
+    json.open = true;
     text.focus();
     text.setSelectionRange(begin, end);
     text.scrollTop = text.scrollHeight * (text.value.slice(0, begin).split("\n").length / text.value.split("\n").length) - text.clientHeight / 2;
@@ -102,8 +112,9 @@ export function controlEditor(editor) {
       }
     }
     text.value = spell(data);
+    draw();
     changed();
-    text.focus();
+    fields.querySelector("fieldset:last-of-type :is(input, select)")?.focus();
   }
   function take() {
     return editor.queue(async () => {
@@ -116,14 +127,6 @@ export function controlEditor(editor) {
   }
   if (designed) editor.on(["state"], () => { if (back.disabled) show(); else check(); });
   return element;
-}
-
-/** A name that is not taken yet. */
-function free(kind, taken) {
-  for (let number = 1; ; number++) {
-    const name = number === 1 ? kind : `${kind}_${number}`;
-    if (!(name in taken)) return name;
-  }
 }
 
 /** JSON with an entry a line. */
