@@ -123,9 +123,10 @@ class SearchTree(Generic[C]):
         """
         self._observe(Selected(round_, tuple(node.id for node in self.path(parent))))
         attempts: list[Attempt[C]] = []
+        refused = False
         for _ in range(self._request_rounds):
             missing = width - sum(attempt.candidate is not None for attempt in attempts)
-            if missing <= 0 or self.stopped:
+            if missing <= 0 or refused:
                 break
             first = len(attempts) + 1
             prefix = f"round-{round_}/node-{parent.id}"
@@ -135,7 +136,8 @@ class SearchTree(Generic[C]):
             except BudgetSpentError:
                 made = ()
             attempts += made
-            self.stopped = len(made) < missing
+            refused = len(made) < missing
+            self.stopped |= refused
         return attempts
 
     def number(

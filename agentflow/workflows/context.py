@@ -1,6 +1,7 @@
 """The context of a workflow: asks roles, simulates machines, records and counts everything."""
 
 import asyncio
+import math
 import random
 import sys
 from collections.abc import Callable, Sequence
@@ -85,9 +86,11 @@ class WorkflowContext:
         settings: WorkflowSettings,
         record: Record,
         seed: int,
+        most_calls: int | None = None,
     ) -> None:
         """Take the arguments of a `Workflow`, and its name."""
         self.brief, self.settings = brief, settings
+        self._most_calls = most_calls
         self.spent: BudgetSpentError | None = None
         """Set once the budget has run out; no further question will be answered."""
         self.reached_greatest = False
@@ -280,6 +283,15 @@ class WorkflowContext:
         """How many more machines may be simulated in the run; very many without a limit."""
         most = self.settings.max_simulations
         return sys.maxsize if most is None else most - self.rollouts
+
+    @property
+    def calls_left(self) -> float:
+        """How many more calls may be made in the run, as a resumed run counts them as well;
+        infinitely many without a limit on calls."""
+        if self.spent:
+            return 0
+        made = sum(count.calls for count in self._counts.values())
+        return math.inf if self._most_calls is None else self._most_calls - made
 
     def has_tried(self, trajectory: int, machine: Machine) -> bool:
         """Whether a machine was simulated in a trajectory."""

@@ -132,6 +132,7 @@ class Workflow:
         settings: WorkflowSettings,
         record: Record,
         seed: int = 0,
+        most_calls: int | None = None,
     ) -> WorkflowResult:
         """Run it.
 
@@ -142,7 +143,8 @@ class Workflow:
             settings: As configured.
             record: Receives every event.
             seed: Random seed of the workflow's own choices.
+            most_calls: The limit on calls, by which searches plan; clients keep to it.
         """
         used = self.adapt(settings)
-        run = WorkflowContext(self.name, brief, contexts, evaluator, used, record, seed)
+        run = WorkflowContext(self.name, brief, contexts, evaluator, used, record, seed, most_calls)
         return await self.stages(run)

@@ -299,14 +299,20 @@ class Run:
         self.notes = Notes()
         search = {"strategy": "mcts", **(settings or {}).get("search", {})}
         self.settings = WorkflowSettings.model_validate({**(settings or {}), "search": search})
-        self.max_retry, self.seed = max_retry, seed
+        self.max_retry, self.seed, self.budget = max_retry, seed, budget
         self.model_roles: list[str] = []
         outer = client or self.client if delays is None else Delayed(self.client, delays)
         self._client = BudgetClient(outer, Budget(BudgetSettings(calls=budget)))
 
     async def __call__(self, name: str = "hierarchical") -> WorkflowResult:
         return await WORKFLOWS[name](
-            self.brief, self.context, self.shelf, self.settings, self.notes, self.seed
+            self.brief,
+            self.context,
+            self.shelf,
+            self.settings,
+            self.notes,
+            self.seed,
+            self.budget,
         )
 
     def context(self, role: str) -> AskContext:

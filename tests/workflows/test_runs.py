@@ -326,6 +326,16 @@ async def test_a_budget_spent_on_the_first_machines_begins_no_later_stage() -> N
     assert reasons == ["", "the budget ran out before an answer"]
 
 
+@pytest.mark.parametrize("strategy", ["halving", "ab-mcts"])
+async def test_edits_use_the_simulations_that_no_call_is_left_for(strategy: str) -> None:
+    settings = {"trajectories": 2, "max_simulations": 12, "search": {"strategy": strategy}}
+    run = Run(Author(refused=0.0), settings, budget=5)
+    await run("iterative")
+    assert len(run.labels) == 5
+    simulated = {data["machine"] for data in run.notes.of("evaluation").values()}
+    assert len(simulated) == 12
+
+
 async def test_what_the_simulation_refuses_is_told() -> None:
     class Refusing(Shelf):
         async def evaluate(self, found: Machine, label: str) -> Evaluation:

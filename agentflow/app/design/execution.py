@@ -205,8 +205,9 @@ async def execute(
             evaluator = PhysicsEvaluator(
                 plan.task, simulator, config.seed, objective, plan.good, plan.record
             )
+            most_calls = config.model.budget.calls
             result = await workflow(
-                plan.brief, context_for, evaluator, config.settings, record, config.seed
+                plan.brief, context_for, evaluator, config.settings, record, config.seed, most_calls
             )
             verified = await _verify(result, evaluator, repeated) if config.verify else {}
             best = max(verified, key=lambda one: _mean(verified[one]), default=None)

@@ -62,10 +62,13 @@ class AdaptiveBranching(PooledStrategy):
     def choose(self, pool: Pool[Any], rng: Random) -> Choice | None:
         """Descend from the root until a new child is drawn, or a node without children is met."""
         scores = Scores(pool)
-        begun = [scores.of_branch(branch) for branch in pool.branches]
+        branches = [each for each in pool.branches if each.tree or not pool.is_full]
+        begun = [scores.of_branch(branch) for branch in branches]
         if _goes_wider(begun, rng) and not pool.is_full:
             return Choice(draw_arm(scores, pool.openers, rng))
-        branch = pool.branches[_draw_best([[own, *deep] for own, deep in begun], rng)]
+        if not begun:
+            return None
+        branch = branches[_draw_best([[own, *deep] for own, deep in begun], rng)]
         if branch.tree is None or not pool.arms:
             return None if pool.is_full else Choice(draw_arm(scores, pool.openers, rng))
         node = branch.tree.nodes[0]

@@ -58,7 +58,7 @@ class Halving(PooledStrategy):
             return opening
         if self._beginning is None:
             self._beginning = pool.used
-        climbed = (pool.used - self._beginning) / (1 - self._beginning)
+        climbed = max(0.0, pool.used - self._beginning) / (1 - self._beginning)
         going_on = lines[: self.kept[int(climbed * len(self.kept))]]
         return self._next(pool, going_on, rng) or opening
 

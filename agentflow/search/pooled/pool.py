@@ -8,8 +8,9 @@ that the result does not depend on concurrency.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from random import Random
 from typing import Any, Generic
@@ -65,6 +66,7 @@ class Pool(Generic[C]):
         arms: Sequence[str],
         most_branches: int | None = None,
         besides: str = "besides",
+        free: Collection[str] = (),
     ) -> None:
         """Begin empty.
 
@@ -73,12 +75,29 @@ class Pool(Generic[C]):
             arms: Who can make children; none if nothing is refined.
             most_branches: Most branches; None for no limit.
             besides: Who made a child that no arm was asked for.
+            free: Those of the arms that ask no question; openers do.
         """
-        self.openers, self.arms, self.most_branches = tuple(openers), tuple(arms), most_branches
+        self.openers, self.most_branches = tuple(openers), most_branches
         self.besides = besides
+        self._every, self.free = tuple(arms), tuple(arm for arm in arms if arm in free)
         self.branches: list[Branch[C]] = []
         self.used = 0.0
-        """Share of the budget that was used before this round, from 0 to 1."""
+        """Share of the budget that was used before this round, from 0 to 1: that of evaluations or
+        of questions, whichever is greater; of evaluations once no question is left."""
+        self.evaluations: float = math.inf
+        """How many are left."""
+        self.questions: float = math.inf
+        """How many are left; without a limit, infinitely many."""
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Who can make children now: without questions, who asks none; with as many questions as
+        evaluations, only who asks, as questions would be left over."""
+        if self.questions < 1:
+            return self.free
+        if math.isfinite(self.questions) and self.questions >= self.evaluations:
+            return tuple(arm for arm in self._every if arm not in self.free) or self._every
+        return self._every
 
     @property
     def nodes(self) -> list[tuple[Branch[C], Node[C]]]:
@@ -111,13 +130,14 @@ class Pool(Generic[C]):
     @property
     def is_full(self) -> bool:
         """Whether no new branch may begin."""
-        return self.most_branches is not None and len(self.branches) >= self.most_branches
+        full = self.most_branches is not None and len(self.branches) >= self.most_branches
+        return full or self.questions < 1
 
     @property
     def is_over(self) -> bool:
-        """Whether the budget of calls ran out, or no candidate can do better than the best."""
+        """Whether no candidate can do better than the best."""
         trees = [branch.tree for branch in self.branches if branch.tree]
-        return any(tree.stopped or tree.best().evaluation.perfect for tree in trees)
+        return any(tree.best().evaluation.perfect for tree in trees)
 
 
 def worth(node: Node[Any]) -> float:
@@ -145,6 +165,7 @@ async def search_pool(
     *,
     opening_cost: int = 1,
     preparing: Callable[[Choice, int], int] = lambda _choice, _left: 0,
+    questions: Callable[[], float] = lambda: math.inf,
 ) -> None:
     """Carry out the choices of a strategy until nothing is left of the budget.
 
@@ -159,19 +180,24 @@ async def search_pool(
         opening_cost: Most evaluations that a first candidate takes.
         preparing: Given a choice of a child and what is left besides it, how many more evaluations
             are made before it.
+        questions: How many more questions may be asked, if there is a limit.
     """
     round_ = idle = 0
-    total = left()
+    total, most = left(), questions()
     while (before := left()) > 0 and idle < PATIENCE and not pool.is_over:
         rest = before
-        pool.used = 1 - before / total
+        pool.questions = questions()
+        asked = 1 - pool.questions / most if 1 <= pool.questions < math.inf else 0.0
+        pool.used = max(1 - before / total, asked)
         round_ += 1
         begun: list[Branch[C]] = []
         groups: dict[tuple[int, int], list[str]] = {}
         for _ in range(width):
+            pool.evaluations = rest
             choice = strategy.choose(pool, rng)
             if choice is None:
                 break
+            pool.questions -= choice.arm not in pool.free
             if choice.branch and rest >= 1:
                 groups.setdefault((choice.branch, choice.node), []).append(choice.arm)
                 rest -= 1

@@ -87,7 +87,8 @@ class PooledSearch:
             for arm in run.settings.arms
             for model in (models if arm == Refiner.name else ("",))
         ]
-        self._pool = Pool[Revision](openers, arms, most, "local trial")
+        free = [arm for arm in arms if not _refines(arm)]
+        self._pool = Pool[Revision](openers, arms, most, "local trial", free)
         self._refined: dict[tuple[int, int], set[str]] = {}
         """(branch, node) -> labels of the attempts that refiners made."""
         self._proposed = set[str]()
@@ -98,7 +99,10 @@ class PooledSearch:
         """The machines that have been compared with these."""
 
     async def search(self, strategy: PooledStrategy) -> list[Candidate]:
-        """Search until the simulations of the run are used up; the best machine of each branch."""
+        """Search until the simulations of the run are used up; the best machine of each branch.
+
+        Once the calls are used up, edits and crossovers go on.
+        """
         run = self._run
         trials = run.brief.limits.trials
         with STRATEGIES.blaming(run.settings.search.strategy):
@@ -112,6 +116,7 @@ class PooledSearch:
                 run.stream("search"),
                 opening_cost=trials,
                 preparing=self._grant,
+                questions=lambda: run.calls_left,
             )
         return [self._finish(branch) for branch in self._pool.branches if branch.tree is not None]
 
@@ -133,7 +138,7 @@ class PooledSearch:
             if machine not in self._compared:
                 self._compared.add(machine)
                 self._simulated.setdefault(self._run.likeness(machine), machine)
-        return 0 if self._run.spent else self._run.simulations_left
+        return self._run.simulations_left
 
     def _ask_for_another(self, number: int) -> None:
         """Ask the design of a branch for another mechanism, if the search prefers it to refining.

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from math import inf
 from random import Random
 
 import pytest
 
 from agentflow.search.events import ignore
 from agentflow.search.node import Attempt, Evaluation, Node
+from agentflow.search.pooled.ab_mcts import AdaptiveBranching
 from agentflow.search.pooled.halving import BEGUN, KEPT, HalfAndHalf, Halving, tail
+from agentflow.search.pooled.independent import Independent
 from agentflow.search.pooled.pool import Branch, Choice, Pool, PooledStrategy, search_pool
 from agentflow.search.tree import SearchTree
 
@@ -20,8 +23,17 @@ Make = Callable[[Random], float]
 class Numbers:
     """A search for a high number; every number that is tried costs one of the budget."""
 
-    def __init__(self, begin: Make, change: dict[str, Make], budget: int = 85) -> None:
-        self.pool = Pool[float](["new"], list(change))
+    def __init__(
+        self,
+        begin: Make,
+        change: dict[str, Make],
+        budget: int = 85,
+        questions: float = inf,
+        free: Sequence[str] = (),
+    ) -> None:
+        self.pool = Pool[float](["new"], list(change), free=free)
+        self.asked = 0
+        self._questions, self._free = questions, free
         self.tried: list[tuple[str, float]] = []
         """Who made each number that was tried, and what was made of."""
         self._begin, self._change, self._budget = begin, change, budget
@@ -30,10 +42,21 @@ class Numbers:
         """The highest number found."""
         self._rng = Random(f"numbers {seed}")
         left = lambda: self._budget - len(self.tried)  # noqa: E731
-        await search_pool(self.pool, strategy, self._open, self._expand, left, 1, Random(seed))
+        questions = lambda: self._questions - self.asked  # noqa: E731
+        await search_pool(
+            self.pool,
+            strategy,
+            self._open,
+            self._expand,
+            left,
+            1,
+            Random(seed),
+            questions=questions,
+        )
         return max(node.candidate for _, node in self.pool.nodes)
 
     async def _open(self, branch: Branch[float]) -> SearchTree[float]:
+        self.asked += 1
         first = self._begin(self._rng)
         self.tried.append((branch.arm, first))
 
@@ -53,6 +76,7 @@ class Numbers:
         earlier: Sequence[Attempt[float]],  # noqa: ARG002
     ) -> Sequence[Attempt[float]]:
         self.tried += [(arm, node.candidate) for _, arm in asked]
+        self.asked += sum(arm not in self._free for _, arm in asked)
         return [
             Attempt(label, node.candidate + self._change[arm](self._rng), arm)
             for label, arm in asked
@@ -210,3 +234,37 @@ def choices(strategy: Halving, pool: Pool[float]) -> list[Choice]:
     """What it would choose now, many times."""
     rng = Random(0)
     return [choice for _ in range(200) if (choice := strategy.choose(pool, rng))]
+
+
+@pytest.mark.parametrize("strategy", [Halving, HalfAndHalf, AdaptiveBranching])
+async def test_what_asks_nothing_goes_on_when_the_questions_are_used_up(
+    strategy: type[PooledStrategy],
+) -> None:
+    for seed in range(5):
+        arms = {"refiner": small_step, "edit": small_step}
+        world = Numbers(uniform, arms, 64, questions=24, free=["edit"])
+        await world.search(strategy(), seed)
+        assert world.asked == 24
+        assert len(world.tried) == 64
+        by = Counter(arm for arm, _ in world.tried)
+        assert by["edit"] == 40
+        first = [arm for arm, _ in world.tried].index
+        if strategy is not AdaptiveBranching:
+            assert 12 <= min(first("refiner"), first("edit")) < 24, "after half of the questions"
+
+
+@pytest.mark.parametrize("strategy", [Halving, HalfAndHalf, AdaptiveBranching])
+async def test_no_question_is_left_over_that_could_have_been_asked(
+    strategy: type[PooledStrategy],
+) -> None:
+    for seed in range(5):
+        arms = {"refiner": small_step, "edit": small_step}
+        world = Numbers(uniform, arms, 3, questions=3, free=["edit"])
+        await world.search(strategy(), seed)
+        assert world.asked == len(world.tried) == 3
+
+
+async def test_independent_sampling_ends_with_the_questions() -> None:
+    world = Numbers(uniform, {}, 64, questions=24)
+    await world.search(Independent())
+    assert world.asked == len(world.tried) == 24
