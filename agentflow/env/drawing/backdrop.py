@@ -30,10 +30,11 @@ class Ground:
 @dataclass(frozen=True)
 class Course:
     """The marks of distances along z+, with 0 at z = `zero`, and the ends of the line along which a
-    score was measured; m."""
+    score was measured; m. A picture is as many letters of the marks high as given."""
 
     zero: float = 0.0
     measured: tuple[Vec3, Vec3] | None = None
+    letters: int = 30
 
 
 SCREEN = Ground((214, 219, 208), (186, 193, 180), (84, 92, 80), 72)
@@ -162,7 +163,7 @@ def mark_distances(
 ) -> None:
     """Write distances in the smallest equal steps at which none is over another, where the backdrop
     `behind` is still seen; none is cut."""
-    size = max(20, camera.height // 30)
+    size = max(20, camera.height // course.letters)
     font = ImageFont.load_default(size=size)
     pen = ImageDraw.Draw(picture)
     for step in STEPS:

@@ -41,8 +41,10 @@ ON_ITS_WAY = 0.02
 """How far a way along z+ may differ from a score to be what it measures: its share, and metres."""
 POLE, LEAST = 2.2, 0.08
 """Height of the flag where a score was earned, m, and its least share of a picture's height."""
-MOMENT_LETTERS = 16
-"""As `stills.LETTERS`, for a moment of a strip."""
+MOMENT_LETTERS, COURSE_LETTERS = 12, 20
+"""As `stills.LETTERS`, for a moment of a strip, and for its marks of distances."""
+KEY, LEAST_SHARE = 44, 8
+"""Height of the key below a strip, pixels; the share of a strip that it takes at most is 1/8."""
 HELD = 2.0
 """Time for which a film shows at least what was earned, s."""
 SMOOTHING = 0.8
@@ -106,7 +108,7 @@ def save_strip(
     count: int = 5,
 ) -> None:
     """Draw moments of a rollout in equal panels, from its start to its score, all at one
-    scale.
+    scale, above a key of what is red.
 
     Arguments are as for `save_film`; `size` is that of the whole picture.
     """
@@ -119,8 +121,9 @@ def save_strip(
         wide = size[0] / size[1] * 3 / 4
         columns = min(range(1, count + 1), key=lambda n: abs(log(wide * -(-count // n) / n)))
     rows = -(-count // columns)
-    size = size or (MOMENT[0] * columns, MOMENT[1] * rows)
-    view = View(SIDE, (-(-size[0] // columns), -(-size[1] // rows)))
+    size = size or (MOMENT[0] * columns, MOMENT[1] * rows + KEY)
+    foot = min(KEY, size[1] // LEAST_SHARE)
+    view = View(SIDE, (size[0] // columns, (size[1] - foot) // rows))
     framed = list(_framed(trace, tracked, landing if tracked else None))
     points = [framed[index] for index in wanted]
     fits = [fit(each, view) for each in points]
@@ -131,7 +134,14 @@ def save_strip(
     cameras = (camera_at(at, away, view) for at, _ in fits)
     moments = zip(wanted, cameras, strict=True)
     frames = _frames(machine, task, rollout, trace, moments, ground, named=False)
-    tiled(list(frames), columns, size).save(path, "PNG", optimize=True)
+    panels = tiled(list(frames), columns)
+    whole = Image.new(panels.mode, size, ground.land)
+    whole.paste(panels, (0, 0))
+    last = float(trace.times[wanted[-1]])
+    broke = any(item.time <= last for item in rollout.broken)
+    name = library()[machine[tracked].type].name if tracked else "Starting Block"
+    _draw_key(whole, foot, name, broke=broke, earned=landing is not None)
+    whole.save(path, "PNG", optimize=True)
 
 
 def tracked_block(machine: Machine) -> int:
@@ -232,7 +242,7 @@ def _frames(
         for item in objects_at(rollout.scene, trace, index):
             wall = item.name not in trace.objects and _is_wall(item, root)
             (walls if wall else others).append(item)
-        course = Course(zero, measured)
+        course = Course(zero, measured) if named else Course(zero, measured, COURSE_LETTERS)
         yield render_image(camera, solids, others, walls, ground, FAR, course, partial(mark, index))
 
 
@@ -344,6 +354,32 @@ def _draw_card(picture: Image.Image, words: str, letters: int) -> None:
     box = (left - size / 2, upper - size / 2, right + size / 2, lower + size / 2)
     pen.rectangle(box, "white", INK, max(1, size // 16))
     pen.text(corner, words, INK, font, "rb")
+
+
+def _draw_key(picture: Image.Image, foot: int, tracked: str, *, broke: bool, earned: bool) -> None:
+    """Say in the lowest lines of a picture what is red: dots, blocks and flags."""
+    words = [
+        f"path of the {tracked}",
+        "block that broke off" * broke,
+        "where the score was earned" * earned,
+    ]
+    shown = [(kind, text) for kind, text in enumerate(words) if text]
+    size = 0.55 * foot
+    wide = ImageFont.load_default(size=size).getlength("".join(words)) + 3 * size * len(shown)
+    size *= min(1.0, (picture.width - size) / wide)
+    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(size=size)
+    x, y, half = size / 2, picture.height - foot / 2, size / 3
+    for kind, text in shown:
+        if kind == 0:
+            for step in range(3):
+                pen.circle((x + half * step, y), max(1.0, size / 9), TRAIL)
+        elif kind == 1:
+            pen.rectangle((x, y - half, x + 2 * half, y + half), TRAIL)
+        else:
+            pen.line((x, y - half, x, y + half), INK, max(1, round(size / 12)))
+            pen.polygon((x, y - half, x + 2 * half, y - half / 3, x, y + half / 3), TRAIL)
+        pen.text((x + size, y), text, INK, font, "lm")
+        x += font.getlength(text) + 3 * size
 
 
 def _draw_speck(picture: Image.Image, camera: Camera, place: Array, width: float) -> None:

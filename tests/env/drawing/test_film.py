@@ -119,7 +119,14 @@ def test_a_score_is_told_with_a_flag_once_it_is_earned_and_in_the_last_moment_of
         assert square.size == (240, 180)  # two rows of two
     film.save_strip(CAR, task, rollout, tmp_path / "x.png", count=5)
     with Image.open(tmp_path / "x.png") as row:
-        assert row.size == (5 * 480, 360)
+        assert row.size == (5 * 480, 360 + film.KEY)
+        key = np.asarray(row.crop((0, 360, 5 * 480, 360 + film.KEY)))
+    hurt = Broken(block=1, type=1, partner=0, time=0.0, load=1.1)
+    film.save_strip(CAR, task, replace(rollout, broken=(hurt,)), tmp_path / "x.png", count=5)
+    with Image.open(tmp_path / "x.png") as row:
+        red = np.asarray(row.crop((0, 360, 5 * 480, 360 + film.KEY)))
+    counts = [int((part == film.TRAIL).all(axis=2).sum()) for part in (key, red)]
+    assert 0 < counts[0] < counts[1] - 100  # a red block is explained where there is one
 
 
 def test_distance_marks_count_from_where_the_score_is_0() -> None:
