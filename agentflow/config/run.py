@@ -34,46 +34,45 @@ _WIDE = 40
 
 
 class RoleModel(BaseModel, frozen=True, extra="forbid"):
-    """The model of one role, in place of the run's model."""
+    """The model of one role, in place of the run's model.
 
-    name: str = Field(min_length=1, description="model name at the endpoint")
-    base_url: str | None = Field(
-        None, min_length=1, description="None is the run's endpoint, with its key"
-    )
-    key_variable: str | None = Field(
-        None,
-        pattern=_VARIABLE,
-        description="environment variable of the key; None with a base_url sends no key",
-    )
-    sampling: Sampling | None = Field(None, description="None is the run's")
+    Attributes:
+        name: Model name at the endpoint.
+        base_url: None is the run's endpoint, with its key.
+        key_variable: Environment variable of the key; None with a base_url sends no key.
+        sampling: None is the run's.
+    """
+
+    name: str = Field(min_length=1)
+    base_url: str | None = Field(None, min_length=1)
+    key_variable: str | None = Field(None, pattern=_VARIABLE)
+    sampling: Sampling | None = None
 
 
 class ModelConfig(BaseModel, frozen=True, extra="forbid", protected_namespaces=()):
-    """Models, sampling and limits. API keys come from the environment only."""
+    """Models, sampling and limits. API keys come from the environment only.
 
-    name: str = Field(
-        PROCEDURAL, min_length=1, description="model name at the endpoint, or a model's folder"
-    )
-    label: str | None = Field(
-        None,
-        min_length=1,
-        description="name in results, for a model in a folder; read from the folder",
-    )
-    base_url: str | None = Field(None, min_length=1, description="URL before /chat/completions")
-    key_variable: str = Field(
-        KEY_VARIABLE, pattern=_VARIABLE, description="environment variable of the key"
-    )
-    roles: dict[str, RoleModel] = Field({}, description="roles with another model")
-    prices: dict[str, Price] = Field(
-        {}, description="model name: input, output and cached, per million tokens"
-    )
-    sampling: Sampling = Field(Sampling(), description="temperature, top_p, max_tokens ...")
-    endpoint: EndpointSettings = Field(
-        EndpointSettings(), description="time limits, retries, rate limits"
-    )
-    budget: BudgetSettings = Field(
-        BudgetSettings(), description="limits on calls, tokens and money"
-    )
+    Attributes:
+        name: Model name at the endpoint, or a model's folder.
+        label: Name in results, for a model in a folder; read from the folder.
+        base_url: URL before /chat/completions.
+        key_variable: Environment variable of the key.
+        roles: Roles with another model.
+        prices: Model name: input, output and cached, per million tokens.
+        sampling: Temperature, top_p, max_tokens ...
+        endpoint: Time limits, retries, rate limits.
+        budget: Limits on calls, tokens and money.
+    """
+
+    name: str = Field(PROCEDURAL, min_length=1)
+    label: str | None = Field(None, min_length=1)
+    base_url: str | None = Field(None, min_length=1)
+    key_variable: str = Field(KEY_VARIABLE, pattern=_VARIABLE)
+    roles: dict[str, RoleModel] = {}
+    prices: dict[str, Price] = {}
+    sampling: Sampling = Sampling()
+    endpoint: EndpointSettings = EndpointSettings()
+    budget: BudgetSettings = BudgetSettings()
 
     @property
     def local(self) -> bool:
@@ -82,32 +81,37 @@ class ModelConfig(BaseModel, frozen=True, extra="forbid", protected_namespaces=(
 
 
 class DesignConfig(BaseModel, frozen=True, extra="forbid"):
-    """Everything that, together with the replies, decides the result of a run."""
+    """Everything that, together with the replies, decides the result of a run.
 
-    task: str = Field("throwing", description="level, for instance throwing or throwing/3")
-    knobs: dict[str, Any] = Field({}, description="changed knobs of the level")
-    workflow: str = Field("hierarchical", description="procedure from task to machine")
-    engine: str = Field("auto", description="physics engine; auto is the first that is installed")
-    seed: int = Field(0, ge=-(2**63), lt=2**63, description="random seed")
+    Attributes:
+        task: Level, for instance throwing or throwing/3.
+        knobs: Changed knobs of the level.
+        workflow: Procedure from task to machine.
+        engine: Physics engine; auto is the first that is installed.
+        seed: Random seed.
+        prompts: Prompt set, or a folder of prompts: ./mine.
+        rationale_from: Run whose designers' rationales to follow; read once, then stored in
+            settings.
+        max_retry: Attempts per request; refiners in a search and placers have one.
+        settings: Settings of the workflow.
+        verify: Simulate the best machine again under small variations of physics.
+        keep_rollouts: Rollouts to save: of each stage's best machine, or all.
+        workers: Processes for rollouts; does not affect results.
+    """
+
+    task: str = "throwing"
+    knobs: dict[str, Any] = {}
+    workflow: str = "hierarchical"
+    engine: str = "auto"
+    seed: int = Field(0, ge=-(2**63), lt=2**63)
     model: ModelConfig = ModelConfig()
-    prompts: str = Field("default", description="prompt set, or a folder of prompts: ./mine")
-    rationale_from: str | None = Field(
-        None,
-        description="run whose designers' rationales to follow; read once, then stored in settings",
-    )
-    max_retry: int = Field(
-        5, ge=1, description="attempts per request; refiners in a search and placers have one"
-    )
-    settings: WorkflowSettings = Field(WorkflowSettings(), description="settings of the workflow")
-    verify: bool = Field(
-        True, description="simulate the best machine again under small variations of physics"
-    )
-    keep_rollouts: Literal["best", "all"] = Field(
-        "best", description="rollouts to save: of each stage's best machine, or all"
-    )
-    workers: int = Field(
-        2, ge=1, le=4096, description="processes for rollouts; does not affect results"
-    )
+    prompts: str = "default"
+    rationale_from: str | None = None
+    max_retry: int = Field(5, ge=1)
+    settings: WorkflowSettings = WorkflowSettings()
+    verify: bool = True
+    keep_rollouts: Literal["best", "all"] = "best"
+    workers: int = Field(2, ge=1, le=4096)
 
 
 def load_mapping(path: Path) -> dict[str, Any]:

@@ -27,32 +27,38 @@ _BARE = re.compile(r"True|False|None|[-+.\de]*\d[-+.\de]*")
 
 
 class PublishedSource(BaseModel, frozen=True, extra="forbid"):
-    """A published table to compare a sweep with."""
+    """A published table to compare a sweep with.
 
-    table: str = Field(description="name of the published table")
-    conditions: dict[str, str] = Field(
-        {}, description="published condition -> condition of the sweep; {} takes all unchanged"
-    )
+    Attributes:
+        table: Name of the published table.
+        conditions: Published condition -> condition of the sweep; {} takes all unchanged.
+    """
+
+    table: str
+    conditions: dict[str, str] = {}
 
 
 class TableLayout(BaseModel, frozen=True, extra="forbid"):
-    """How a sweep's runs are arranged in a table."""
+    """How a sweep's runs are arranged in a table.
 
-    conditions: Literal["axes", "stages", "rounds", "none"] = Field(
-        "axes",
-        description="what columns compare: all axes but task, the stages of each run, a search "
-        "cut off after several rounds, or nothing; the other axes are rows",
-    )
-    stage: StageChoice = Field("env_feedback", description="stage whose machines are counted")
-    rounds: tuple[int, ...] = Field((), description="rounds after which a search is cut off")
-    metrics: tuple[str, ...] = Field(min_length=1, description="columns of each condition")
-    task_metrics: dict[str, tuple[str, ...]] = Field({}, description="tasks with other metrics")
-    columns: Literal["condition", "task"] = Field(
-        "condition", description="heading of each group of columns; tasks are rows otherwise"
-    )
-    published: tuple[PublishedSource, ...] = Field(
-        (), description="published tables to compare with"
-    )
+    Attributes:
+        conditions: What columns compare: all axes but task, the stages of each run, a search cut
+            off after several rounds, or nothing; the other axes are rows.
+        stage: Stage whose machines are counted.
+        rounds: Rounds after which a search is cut off.
+        metrics: Columns of each condition.
+        task_metrics: Tasks with other metrics.
+        columns: Heading of each group of columns; tasks are rows otherwise.
+        published: Published tables to compare with.
+    """
+
+    conditions: Literal["axes", "stages", "rounds", "none"] = "axes"
+    stage: StageChoice = "env_feedback"
+    rounds: tuple[int, ...] = ()
+    metrics: tuple[str, ...] = Field(min_length=1)
+    task_metrics: dict[str, tuple[str, ...]] = {}
+    columns: Literal["condition", "task"] = "condition"
+    published: tuple[PublishedSource, ...] = ()
 
     @model_validator(mode="after")
     def _check_rounds(self) -> TableLayout:
@@ -64,39 +70,56 @@ class TableLayout(BaseModel, frozen=True, extra="forbid"):
 
 
 class Par(BaseModel, frozen=True, extra="forbid"):
-    """What the shares of an item are counted from and to."""
+    """What the shares of an item are counted from and to.
 
-    floor: float = Field(allow_inf_nan=False, description="score of random machines: share 0")
-    par: float = Field(
-        allow_inf_nan=False, description="score of a long search or of a known machine: share 1"
-    )
+    Attributes:
+        floor: Score of random machines: share 0.
+        par: Score of a long search or of a known machine: share 1.
+    """
+
+    floor: float = Field(allow_inf_nan=False)
+    par: float = Field(allow_inf_nan=False)
 
 
 class BenchmarkSettings(BaseModel, frozen=True, extra="forbid"):
-    """What makes a sweep a benchmark: its axes are `part` and `task`, the items."""
+    """What makes a sweep a benchmark: its axes are `part` and `task`, the items.
 
-    version: int = Field(ge=1, description="version of the items and parts")
-    lowest: tuple[str, ...] = Field(
-        (), description="items that count with the lowest score of the verification, not the median"
-    )
-    pars: dict[str, Par] = Field({}, description="floor and par of each item")
-    canary: str = Field("", description="a text by which copies of the items are found")
-    lite: bool = Field(False, description="whether only the first item of each family is left")
-    plan: str = Field("", description="hash of items and parts; filled in when a run begins")
+    Attributes:
+        version: Version of the items and parts.
+        lowest: Items that count with the lowest score of the verification, not the median.
+        pars: Floor and par of each item.
+        canary: A text by which copies of the items are found.
+        lite: Whether only the first item of each family is left.
+        plan: Hash of items and parts; filled in when a run begins.
+    """
+
+    version: int = Field(ge=1)
+    lowest: tuple[str, ...] = ()
+    pars: dict[str, Par] = {}
+    canary: str = ""
+    lite: bool = False
+    plan: str = ""
 
 
 class SweepConfig(BaseModel, frozen=True, extra="forbid"):
-    """A sweep as written in YAML."""
+    """A sweep as written in YAML.
 
-    title: str = Field(min_length=1, description="title of the table")
-    about: str = Field("", description="what the sweep shows, in a sentence or two")
-    base: dict[str, Any] = Field({}, description="configuration shared by all runs")
-    seeds: tuple[Seed, ...] = Field(
-        (0,), min_length=1, description="random seeds; every configuration runs once with each"
-    )
-    axes: dict[str, Axis] = Field({}, description="what varies between runs")
+    Attributes:
+        title: Title of the table.
+        about: What the sweep shows, in a sentence or two.
+        base: Configuration shared by all runs.
+        seeds: Random seeds; every configuration runs once with each.
+        axes: What varies between runs.
+        benchmark: For benchmarks only.
+    """
+
+    title: str = Field(min_length=1)
+    about: str = ""
+    base: dict[str, Any] = {}
+    seeds: tuple[Seed, ...] = Field((0,), min_length=1)
+    axes: dict[str, Axis] = {}
     table: TableLayout
-    benchmark: BenchmarkSettings | None = Field(None, description="for benchmarks only")
+    benchmark: BenchmarkSettings | None = None
 
     @property
     def command(self) -> str:

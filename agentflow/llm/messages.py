@@ -105,29 +105,35 @@ class Message(Recorded):
 
 
 class JsonSchema(_Frozen):
-    """A JSON schema for replies; endpoints that do not support one are asked for a JSON object."""
+    """A JSON schema for replies; endpoints that do not support one are asked for a JSON object.
 
-    name: str = Field(description="name of the schema")
-    content: Mapping[str, Any] = Field(description="the schema itself")
+    Attributes:
+        name: Name of the schema.
+        content: The schema itself.
+    """
+
+    name: str
+    content: Mapping[str, Any]
 
 
 class Sampling(_Frozen):
-    """Sampling parameters."""
+    """Sampling parameters.
 
-    temperature: float = Field(
-        0.7, ge=0, allow_inf_nan=False, description="0 always takes the likeliest token"
-    )
-    top_p: float = Field(
-        0.95, gt=0, le=1, description="sample from the likeliest tokens with this total probability"
-    )
-    max_tokens: int | None = Field(
-        None, description="maximum number of output tokens; None uses the endpoint's default"
-    )
-    seed: int | None = Field(None, description="random seed sent to the endpoint")
-    stop: tuple[str, ...] = Field((), description="texts that end a reply")
-    response_format: Literal["text", "json_object"] | JsonSchema = Field(
-        "text", description="text, json_object, or a JSON schema for replies"
-    )
+    Attributes:
+        temperature: 0 always takes the likeliest token.
+        top_p: Sample from the likeliest tokens with this total probability.
+        max_tokens: Maximum number of output tokens; None uses the endpoint's default.
+        seed: Random seed sent to the endpoint.
+        stop: Texts that end a reply.
+        response_format: Text, json_object, or a JSON schema for replies.
+    """
+
+    temperature: float = Field(0.7, ge=0, allow_inf_nan=False)
+    top_p: float = Field(0.95, gt=0, le=1)
+    max_tokens: int | None = None
+    seed: int | None = None
+    stop: tuple[str, ...] = ()
+    response_format: Literal["text", "json_object"] | JsonSchema = "text"
 
 
 class Request(Recorded):

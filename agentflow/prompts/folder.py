@@ -15,12 +15,19 @@ MOST = 1 << 20
 
 
 class PromptFolder(BaseModel, frozen=True, extra="forbid"):
-    """What a folder holds; a run records it, and goes on without the folder."""
+    """What a folder holds; a run records it, and goes on without the folder.
 
-    about: str = Field("", description="what the set is for, in a sentence")
-    base: str = Field(DEFAULT, description="the named set that has the templates that it lacks")
-    fits: int | None = Field(None, ge=1, description="token limit of system and user prompt")
-    files: dict[str, str] = Field({}, description="path of each template -> its text")
+    Attributes:
+        about: What the set is for, in a sentence.
+        base: The named set that has the templates that it lacks.
+        fits: Token limit of system and user prompt.
+        files: Path of each template -> its text.
+    """
+
+    about: str = ""
+    base: str = DEFAULT
+    fits: int | None = Field(None, ge=1)
+    files: dict[str, str] = {}
 
     @field_validator("base")
     @classmethod

@@ -7,8 +7,6 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
-from agentflow.search.registry import STRATEGIES
-
 INDEPENDENT = "independent"
 """The strategy that refines nothing."""
 MAP_ELITES = "map-elites"
@@ -16,35 +14,36 @@ MAP_ELITES = "map-elites"
 
 
 class UcbSettings(BaseModel, frozen=True, extra="forbid"):
-    """How MCTS-style search balances exploitation and exploration."""
+    """How MCTS-style search balances exploitation and exploration.
 
-    c: float = Field(
-        math.sqrt(2), ge=0, allow_inf_nan=False, description="exploration constant (published: 2)"
-    )
-    scale: Literal["minmax", "none"] = Field(
-        "minmax",
-        description="minmax: scale rewards to [0, 1] over the current tree; none: raw scores",
-    )
+    Attributes:
+        c: Exploration constant (published: 2).
+        scale: minmax: scale rewards to [0, 1] over the current tree; none: raw scores.
+    """
+
+    c: float = Field(math.sqrt(2), ge=0, allow_inf_nan=False)
+    scale: Literal["minmax", "none"] = "minmax"
 
 
 class SearchSettings(BaseModel, frozen=True, extra="forbid"):
-    """Strategy and budget; all strategies share these keys, so sweeps can compare them."""
+    """Strategy and budget; all strategies share these keys, so sweeps can compare them.
 
-    strategy: str = Field(
-        "halving",
-        description=f"how the next machine to refine is selected: {', '.join(STRATEGIES.ours)}",
-    )
-    rounds: int = Field(5, ge=0, description="expansions per search")
-    width: int = Field(
-        4, ge=1, description="children per expansion (random search always makes one)"
-    )
-    request_rounds: int = Field(
-        5, ge=1, description="maximum rounds of concurrent requests per expansion"
-    )
-    ucb: UcbSettings = Field(UcbSettings(), description="selection settings of mcts")
-    options: dict[str, Any] = Field(
-        {}, description="options of a strategy from another package, which that checks"
-    )
+    Attributes:
+        strategy: How the next machine to refine is selected: halving, mcts, best_of_n, random,
+            ab-mcts, half-and-half, independent, map-elites.
+        rounds: Expansions per search.
+        width: Children per expansion (random search always makes one).
+        request_rounds: Maximum rounds of concurrent requests per expansion.
+        ucb: Selection settings of mcts.
+        options: Options of a strategy from another package, which that checks.
+    """
+
+    strategy: str = "halving"
+    rounds: int = Field(5, ge=0)
+    width: int = Field(4, ge=1)
+    request_rounds: int = Field(5, ge=1)
+    ucb: UcbSettings = UcbSettings()
+    options: dict[str, Any] = {}
 
     @property
     def children(self) -> int:

@@ -19,15 +19,25 @@ class ConfigGroup(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 
 
 class TinyModel(ConfigGroup):
-    """A decoder made from scratch, with a tokenizer trained on the data."""
+    """A decoder made from scratch, with a tokenizer trained on the data.
 
-    family: Literal["llama", "qwen"] = Field("llama", description="architecture of the decoder")
-    hidden: int = Field(192, ge=8, description="width of the hidden states")
-    layers: int = Field(4, ge=1, description="number of decoder layers")
-    heads: int = Field(4, ge=1, description="attention heads; must divide hidden")
-    feed_forward: int = Field(512, ge=8, description="width of the feed-forward layers")
-    positions: int = Field(512, ge=32, description="maximum tokens of prompt and reply together")
-    vocabulary: int = Field(512, ge=300, description="maximum tokens of the tokenizer")
+    Attributes:
+        family: Architecture of the decoder.
+        hidden: Width of the hidden states.
+        layers: Number of decoder layers.
+        heads: Attention heads; must divide hidden.
+        feed_forward: Width of the feed-forward layers.
+        positions: Maximum tokens of prompt and reply together.
+        vocabulary: Maximum tokens of the tokenizer.
+    """
+
+    family: Literal["llama", "qwen"] = "llama"
+    hidden: int = Field(192, ge=8)
+    layers: int = Field(4, ge=1)
+    heads: int = Field(4, ge=1)
+    feed_forward: int = Field(512, ge=8)
+    positions: int = Field(512, ge=32)
+    vocabulary: int = Field(512, ge=300)
 
     @model_validator(mode="after")
     def _heads_fit(self) -> TinyModel:
@@ -39,10 +49,14 @@ class TinyModel(ConfigGroup):
 
 
 class ModelSource(ConfigGroup):
-    """Where training begins: a model from scratch, or one that exists."""
+    """Where training begins: a model from scratch, or one that exists.
+
+    Attributes:
+        name: Name at a hub, or a folder.
+    """
 
     tiny: TinyModel | None = None
-    name: str | None = Field(None, min_length=1, description="name at a hub, or a folder")
+    name: str | None = Field(None, min_length=1)
 
     @model_validator(mode="after")
     def _has_one(self) -> ModelSource:
@@ -54,17 +68,27 @@ class ModelSource(ConfigGroup):
 
 
 class Lora(ConfigGroup):
-    """Low-rank adapters on all linear layers."""
+    """Low-rank adapters on all linear layers.
 
-    rank: int = Field(64, ge=1, description="rank of the adapter's matrices")
-    alpha: float = Field(64.0, gt=0, description="the weight of the adapter is alpha / rank")
-    dropout: float = Field(0.0, ge=0, lt=1, description="share of inputs dropped while training")
+    Attributes:
+        rank: Rank of the adapter's matrices.
+        alpha: The weight of the adapter is alpha / rank.
+        dropout: Share of inputs dropped while training.
+    """
+
+    rank: int = Field(64, ge=1)
+    alpha: float = Field(64.0, gt=0)
+    dropout: float = Field(0.0, ge=0, lt=1)
 
 
 class Oft(ConfigGroup):
-    """Orthogonal fine-tuning of all linear layers."""
+    """Orthogonal fine-tuning of all linear layers.
 
-    block_size: int = Field(64, ge=2, description="size of the orthogonal blocks")
+    Attributes:
+        block_size: Size of the orthogonal blocks.
+    """
+
+    block_size: int = Field(64, ge=2)
 
 
 class Adapter(ConfigGroup):
@@ -81,39 +105,53 @@ class Adapter(ConfigGroup):
 
 
 class Optimiser(ConfigGroup):
-    """How weights are updated."""
+    """How weights are updated.
 
-    name: Literal["adamw", "adamw_8bit"] = Field(
-        "adamw", description="adamw_8bit stores its state in 8 bits and needs bitsandbytes"
-    )
-    learning_rate: float = Field(2e-3, gt=0, description="learning rate after the warm-up")
-    schedule: Literal["cosine", "linear", "constant"] = Field(
-        "cosine", description="how the learning rate changes after the warm-up"
-    )
-    warmup: float = Field(0.05, ge=0, lt=1, description="share of the steps; linear")
-    weight_decay: float = Field(0.01, ge=0, description="decoupled weight decay")
-    beta2: float = Field(0.98, gt=0, lt=1, description="memory of squared gradients")
-    gradient_norm: float = Field(1.0, gt=0, description="longer gradients are shortened to this")
+    Attributes:
+        name: adamw_8bit stores its state in 8 bits and needs bitsandbytes.
+        learning_rate: Learning rate after the warm-up.
+        schedule: How the learning rate changes after the warm-up.
+        warmup: Share of the steps; linear.
+        weight_decay: Decoupled weight decay.
+        beta2: Memory of squared gradients.
+        gradient_norm: Longer gradients are shortened to this.
+    """
+
+    name: Literal["adamw", "adamw_8bit"] = "adamw"
+    learning_rate: float = Field(2e-3, gt=0)
+    schedule: Literal["cosine", "linear", "constant"] = "cosine"
+    warmup: float = Field(0.05, ge=0, lt=1)
+    weight_decay: float = Field(0.01, ge=0)
+    beta2: float = Field(0.98, gt=0, lt=1)
+    gradient_norm: float = Field(1.0, gt=0)
 
 
 class TrainingConfig(ConfigGroup):
-    """What all kinds of training have in common."""
+    """What all kinds of training have in common.
+
+    Attributes:
+        peft: None trains all weights.
+        steps: Number of updates.
+        seed: Random seed.
+        precision: Number format of weights and activations.
+        device: Device; auto takes a GPU if there is one.
+        threads: Processor threads; None is all.
+        log_every: Steps between lines of the curves.
+        save_every: Steps between checkpoints.
+        label: Name in results; None derives it.
+    """
 
     model: ModelSource
-    peft: Adapter | None = Field(None, description="None trains all weights")
+    peft: Adapter | None = None
     optimiser: Optimiser = Optimiser()
-    steps: int = Field(ge=1, description="number of updates")
-    seed: int = Field(0, ge=0, lt=2**32, description="random seed")
-    precision: Literal["float32", "bfloat16"] = Field(
-        "float32", description="number format of weights and activations"
-    )
-    device: Literal["auto", "cpu"] = Field(
-        "auto", description="device; auto takes a GPU if there is one"
-    )
-    threads: int | None = Field(None, ge=1, description="processor threads; None is all")
-    log_every: int = Field(10, ge=1, description="steps between lines of the curves")
-    save_every: int = Field(100, ge=1, description="steps between checkpoints")
-    label: str | None = Field(None, min_length=1, description="name in results; None derives it")
+    steps: int = Field(ge=1)
+    seed: int = Field(0, ge=0, lt=2**32)
+    precision: Literal["float32", "bfloat16"] = "float32"
+    device: Literal["auto", "cpu"] = "auto"
+    threads: int | None = Field(None, ge=1)
+    log_every: int = Field(10, ge=1)
+    save_every: int = Field(100, ge=1)
+    label: str | None = Field(None, min_length=1)
 
     @property
     def libraries(self) -> tuple[str, ...]:
@@ -131,16 +169,23 @@ class TrainingConfig(ConfigGroup):
 
 
 class SftConfig(TrainingConfig):
-    """Supervised fine-tuning on pairs of prompt and reply."""
+    """Supervised fine-tuning on pairs of prompt and reply.
 
-    data: str = Field(min_length=1, description="folder with train.jsonl and dev.jsonl")
-    batch: int = Field(32, ge=1, description="pairs per update")
-    device_batch: int | None = Field(
-        None, ge=1, description="pairs per device at a time; None is the whole batch"
-    )
-    max_tokens: int = Field(512, ge=16, description="longer pairs are left out")
-    dev_every: int = Field(100, ge=1, description="steps between losses on dev.jsonl")
-    dev_pairs: int = Field(128, ge=1, description="maximum pairs of dev.jsonl to use")
+    Attributes:
+        data: Folder with train.jsonl and dev.jsonl.
+        batch: Pairs per update.
+        device_batch: Pairs per device at a time; None is the whole batch.
+        max_tokens: Longer pairs are left out.
+        dev_every: Steps between losses on dev.jsonl.
+        dev_pairs: Maximum pairs of dev.jsonl to use.
+    """
+
+    data: str = Field(min_length=1)
+    batch: int = Field(32, ge=1)
+    device_batch: int | None = Field(None, ge=1)
+    max_tokens: int = Field(512, ge=16)
+    dev_every: int = Field(100, ge=1)
+    dev_pairs: int = Field(128, ge=1)
 
     @model_validator(mode="after")
     def _fits(self) -> SftConfig:

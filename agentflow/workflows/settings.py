@@ -18,31 +18,26 @@ Objective = Literal["score", "robust", "pareto"]
 
 
 class ExternalSettings(BaseModel, frozen=True, extra="forbid"):
-    """The agent program of the workflow `external`, which each stage runs once."""
+    """The agent program of the workflow `external`, which each stage runs once.
 
-    command: str | tuple[str, ...] = Field(
-        "", description="program and arguments: a list, or one line, split at blanks as in a shell"
-    )
-    shell: bool = Field(
-        False, description="let a shell run the command, which must then be one line"
-    )
-    limit_s: float = Field(
-        1800.0, gt=0, allow_inf_nan=False, description="seconds until the program is stopped"
-    )
-    variables: tuple[str, ...] = Field(
-        (),
-        description="more environment variables to pass to it, such as keys; it gets "
-        "harmless ones, such as PATH, anyway",
-    )
-    isolate: Literal["auto", "always", "never"] = Field(
-        "auto", description="run it under bubblewrap: where that works, always, or never"
-    )
-    network: bool = Field(
-        False, description="let an isolated program use the network, not only the bench"
-    )
-    readable: tuple[str, ...] = Field(
-        (), description="more files and folders that an isolated program can read"
-    )
+    Attributes:
+        command: Program and arguments: a list, or one line, split at blanks as in a shell.
+        shell: Let a shell run the command, which must then be one line.
+        limit_s: Seconds until the program is stopped.
+        variables: More environment variables to pass to it, such as keys; it gets harmless ones,
+            such as PATH, anyway.
+        isolate: Run it under bubblewrap: where that works, always, or never.
+        network: Let an isolated program use the network, not only the bench.
+        readable: More files and folders that an isolated program can read.
+    """
+
+    command: str | tuple[str, ...] = ""
+    shell: bool = False
+    limit_s: float = Field(1800.0, gt=0, allow_inf_nan=False)
+    variables: tuple[str, ...] = ()
+    isolate: Literal["auto", "always", "never"] = "auto"
+    network: bool = False
+    readable: tuple[str, ...] = ()
 
     @field_validator("command", mode="before")
     @classmethod
@@ -55,150 +50,102 @@ class ExternalSettings(BaseModel, frozen=True, extra="forbid"):
 
 
 class WorkflowSettings(BaseModel):
-    """Switches of a workflow; all workflows share these keys, so that sweeps can compare them."""
+    """Switches of a workflow; all workflows share these keys, so that sweeps can compare them.
+
+    Attributes:
+        trajectories: Machines designed in parallel.
+        placements: Independent attempts (placement, random-placement).
+        candidates: Designs per structure and trajectory (hierarchical).
+        meta_designer: What the plan says: structures (what each is for), detailed (how to build
+            each, step by step), or off: no plan, whole machines (hierarchical).
+        start: Construction tree of a machine to improve, in place of first designs.
+        rationales: Plans for designers to follow, one per trajectory, repeated if too few.
+        brief: The user's wishes for the machine, added to the task in every prompt.
+        sketch: PNG file with the user's sketch, shown to meta-designer, designer and inspector; the
+            run keeps a copy.
+        drafts: Let designers send a draft, which is checked, before the machine that counts (one
+            more call for each design).
+        inspector: Criticise machines before the blind refinement.
+        simulate_first: Show the blind refinement the simulation of its machine (no extra rollout).
+        querier: Ask for states of single blocks (with feedback active).
+        feedback: What refiners see of a simulation.
+        history: Show refiners the earlier edits.
+        spatial: Show designers and refiners 3D information.
+        representation: How machines are written: construction tree, or absolute coordinates.
+        vision: Show pictures of the machine to refiners, and to agents (tools).
+        refinement: Refiners write edit commands or a whole machine.
+        max_simulations: Simulations of a run; default: 3 per trajectory (random-dsl), 24 (tools),
+            as many as the rounds of a search can need (explore, and searches over the whole run,
+            such as halving); else no limit.
+        emitters: What makes new machines from others: edit (random), crossover, refiner; default:
+            edit and crossover, equally often (explore); refiner and edit, as the search decides
+            (searches over the whole run).
+        candidates_per_stage: Machines that an agent may submit in a stage (tools).
+        max_pictures: Pictures that an agent may look at in a run (tools, with vision).
+        tell_record: Tell agents the best known score of the task (tools, external).
+        external: The agent program (external).
+        local_trials: Single edits of a machine that are simulated before its refiner is asked, and
+            told to it (hierarchical, iterative, single); 0: none.
+        inspirations: Best machines of other trajectories that designers and refiners are shown,
+            with score and mechanism (hierarchical, iterative, single).
+        lessons: Show designers and refiners what edits in all trajectories did to the score, in at
+            most 300 tokens (hierarchical, iterative, single).
+        analyst: With lessons: let an analyst write them anew, from what edits did, whenever that
+            has changed.
+        novelty: Refuse machines that differ from simulated ones only in the numbers of their
+            blocks, or are their mirror images; false: simulate them.
+        finalists: Machines of a search over the whole run, the best by score, of which the one with
+            the highest mean score in its verification is chosen; a machine whose score is no higher
+            than that is not verified any more. 1: the highest score is chosen.
+        models: Models at the run's endpoint, among which a search over the whole run chooses who
+            designs and who refines next; default: the model of these roles.
+        another_mechanism: When a search over the whole run prefers a new design to refining, ask
+            for another mechanism than those found.
+        known_lessons: Lessons of other runs that designers and refiners are shown; --lessons takes
+            them from a book.
+        objective: What makes a machine better: its score; its robust score; or pareto: score,
+            robust score, number of blocks and mass. Robust scores take ten simulations of each
+            machine.
+        search: The feedback loop; 0 rounds skip it.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    trajectories: int = Field(8, ge=1, description="machines designed in parallel")
-    placements: int = Field(
-        50, ge=1, description="independent attempts (placement, random-placement)"
-    )
-    candidates: int = Field(
-        1, ge=1, description="designs per structure and trajectory (hierarchical)"
-    )
-    meta_designer: Literal["structures", "detailed", "off"] = Field(
-        "structures",
-        description="what the plan says: structures (what each is for), detailed (how to build "
-        "each, step by step), or off: no plan, whole machines (hierarchical)",
-    )
-    start: tuple[dict[str, int], ...] | dict[str, Any] = Field(
-        (), description="construction tree of a machine to improve, in place of first designs"
-    )
-    rationales: tuple[str, ...] = Field(
-        (), description="plans for designers to follow, one per trajectory, repeated if too few"
-    )
-    brief: str | None = Field(
-        None, description="the user's wishes for the machine, added to the task in every prompt"
-    )
-    sketch: str | None = Field(
-        None,
-        min_length=1,
-        description="PNG file with the user's sketch, shown to meta-designer, designer and "
-        "inspector; the run keeps a copy",
-    )
-    drafts: bool = Field(
-        False,
-        description="let designers send a draft, which is checked, before the machine that counts "
-        "(one more call for each design)",
-    )
-    inspector: bool = Field(True, description="criticise machines before the blind refinement")
-    simulate_first: bool = Field(
-        False,
-        description="show the blind refinement the simulation of its machine (no extra rollout)",
-    )
-    querier: bool = Field(
-        True, description="ask for states of single blocks (with feedback active)"
-    )
-    feedback: Literal["active", "basic", "score_only"] = Field(
-        "active", description="what refiners see of a simulation"
-    )
-    history: bool = Field(True, description="show refiners the earlier edits")
-    spatial: bool = Field(True, description="show designers and refiners 3D information")
-    representation: Literal["tree", "coordinates"] = Field(
-        "tree", description="how machines are written: construction tree, or absolute coordinates"
-    )
-    vision: bool = Field(
-        False, description="show pictures of the machine to refiners, and to agents (tools)"
-    )
-    refinement: Literal["steps", "whole_machine"] = Field(
-        "steps", description="refiners write edit commands or a whole machine"
-    )
-    max_simulations: int | None = Field(
-        None,
-        ge=1,
-        description="simulations of a run; default: 3 per trajectory (random-dsl), 24 (tools), as "
-        "many as the rounds of a search can need (explore, and searches over the whole run, such "
-        "as halving); else no limit",
-    )
-    emitters: tuple[Emitter, ...] = Field(
-        (),
-        description="what makes new machines from others: edit (random), crossover, refiner; "
-        "default: edit and crossover, equally often (explore); refiner and edit, as the search "
-        "decides (searches over the whole run)",
-    )
-    candidates_per_stage: int = Field(
-        8, ge=1, le=10_000, description="machines that an agent may submit in a stage (tools)"
-    )
-    max_pictures: int = Field(
-        24, ge=1, description="pictures that an agent may look at in a run (tools, with vision)"
-    )
-    tell_record: bool = Field(
-        False, description="tell agents the best known score of the task (tools, external)"
-    )
-    external: ExternalSettings = Field(
-        ExternalSettings(), description="the agent program (external)"
-    )
-    local_trials: int = Field(
-        0,
-        ge=0,
-        le=1000,
-        description="single edits of a machine that are simulated before its refiner is asked, "
-        "and told to it (hierarchical, iterative, single); 0: none",
-    )
-    inspirations: int = Field(
-        0,
-        ge=0,
-        le=10,
-        description="best machines of other trajectories that designers and refiners are shown, "
-        "with score and mechanism (hierarchical, iterative, single)",
-    )
-    lessons: bool = Field(
-        False,
-        description="show designers and refiners what edits in all trajectories did to the score, "
-        "in at most 300 tokens (hierarchical, iterative, single)",
-    )
-    analyst: bool = Field(
-        False,
-        description="with lessons: let an analyst write them anew, from what edits did, whenever "
-        "that has changed",
-    )
-    novelty: bool = Field(
-        True,
-        description="refuse machines that differ from simulated ones only in the numbers of their "
-        "blocks, or are their mirror images; false: simulate them",
-    )
-    finalists: int = Field(
-        5,
-        ge=1,
-        le=100,
-        description="machines of a search over the whole run, the best by score, of which the one "
-        "with the highest mean score in its verification is chosen; a machine whose score is no "
-        "higher than that is not verified any more. 1: the highest score is chosen",
-    )
-    models: tuple[Annotated[str, Field(min_length=1)], ...] = Field(
-        (),
-        description="models at the run's endpoint, among which a search over the whole run chooses "
-        "who designs and who refines next; default: the model of these roles",
-    )
-    another_mechanism: bool = Field(
-        False,
-        description="when a search over the whole run prefers a new design to refining, ask for "
-        "another mechanism than those found",
-    )
-    known_lessons: tuple[str, ...] = Field(
-        (),
-        description="lessons of other runs that designers and refiners are shown; --lessons takes "
-        "them from a book",
-    )
-    objective: Objective = Field(
-        "score",
-        description="what makes a machine better: its score; its robust score; or pareto: score, "
-        "robust score, number of blocks and mass. Robust scores take ten simulations of each "
-        "machine",
-    )
-    search: SearchSettings = Field(
-        SearchSettings(), description="the feedback loop; 0 rounds skip it"
-    )
+    trajectories: int = Field(8, ge=1)
+    placements: int = Field(50, ge=1)
+    candidates: int = Field(1, ge=1)
+    meta_designer: Literal["structures", "detailed", "off"] = "structures"
+    start: tuple[dict[str, int], ...] | dict[str, Any] = ()
+    rationales: tuple[str, ...] = ()
+    brief: str | None = None
+    sketch: str | None = Field(None, min_length=1)
+    drafts: bool = False
+    inspector: bool = True
+    simulate_first: bool = False
+    querier: bool = True
+    feedback: Literal["active", "basic", "score_only"] = "active"
+    history: bool = True
+    spatial: bool = True
+    representation: Literal["tree", "coordinates"] = "tree"
+    vision: bool = False
+    refinement: Literal["steps", "whole_machine"] = "steps"
+    max_simulations: int | None = Field(None, ge=1)
+    emitters: tuple[Emitter, ...] = ()
+    candidates_per_stage: int = Field(8, ge=1, le=10_000)
+    max_pictures: int = Field(24, ge=1)
+    tell_record: bool = False
+    external: ExternalSettings = ExternalSettings()
+    local_trials: int = Field(0, ge=0, le=1000)
+    inspirations: int = Field(0, ge=0, le=10)
+    lessons: bool = False
+    analyst: bool = False
+    novelty: bool = True
+    finalists: int = Field(5, ge=1, le=100)
+    models: tuple[Annotated[str, Field(min_length=1)], ...] = ()
+    another_mechanism: bool = False
+    known_lessons: tuple[str, ...] = ()
+    objective: Objective = "score"
+    search: SearchSettings = SearchSettings()
 
     @field_validator("meta_designer", mode="before")
     @classmethod

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import types
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from pydantic.fields import FieldInfo
 
 from agentflow.config.run import DesignConfig
 from agentflow.config.sweep import SweepConfig
+from agentflow.docstrings import split_docstring
 from agentflow.env.physics.engine import AUTO
 from agentflow.env.physics.registry import ENGINES
 from agentflow.prompts.registry import PROMPT_SETS
@@ -142,13 +144,13 @@ def _inner_model(kind: Any) -> tuple[type[BaseModel] | None, str]:
 
 
 def _keys(group: Group, listed: Listed) -> str:
-    rows = []
+    rows, texts = [], meanings(group.model)
     for name, field in group.model.model_fields.items():
         key = f"{group.prefix}.{name}" if group.prefix else name
         limits = _limits(field)
         kind = _kind(key, field.annotation) + (f", {limits}" if limits else "")
         inner = group.below(name, field)
-        meaning = _meaning(key, field, inner)
+        meaning = _meaning(key, texts.get(name, ""), inner)
         if inner is not None:
             meaning += _pointer(inner, listed[inner.model])
         rows.append((code(key), kind, _default(field), meaning))
@@ -161,11 +163,20 @@ def _pointer(group: Group, listed: Group) -> str:
     return f" {words} [`{listed.prefix}`](#{anchor(listed.heading)})."
 
 
-def _meaning(key: str, field: FieldInfo, inner: Group | None) -> str:
-    if field.description:  # YAML writes null for None
-        return sentence(field.description.replace("None", "`null`"))
+def meanings(model: type[BaseModel]) -> dict[str, str]:
+    """What the docstrings of a model and of its bases say of its fields, under `Attributes:`."""
+    found = {}
+    for kind in reversed(model.__mro__):
+        if kind not in BaseModel.__mro__:
+            found |= split_docstring(inspect.cleandoc(kind.__doc__ or ""))[1]
+    return found
+
+
+def _meaning(key: str, text: str, inner: Group | None) -> str:
+    if text:  # YAML writes null for None
+        return sentence(text.replace("None", "`null`"))
     if inner is None:
-        raise ValueError(f"the configuration key {key} has no description: add it to its Field")
+        raise ValueError(f"the configuration key {key} has no text: add it to its docstring")
     return _summary(inner.model)
 
 

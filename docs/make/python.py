@@ -11,6 +11,7 @@ from pathlib import Path
 
 import griffe
 
+from docs.make.configuration import meanings
 from docs.make.markdown import anchor, blocks, code, fence, generated, sentence, table
 
 ROOT = Path(__file__).parents[2]
@@ -181,6 +182,8 @@ def _sections(item: Named) -> Iterator[str]:
         elif kind is griffe.DocstringSectionKind.parameters:
             rows = [(code(each.name), _one_line(each.description)) for each in section.value]
             yield table(("argument", "meaning"), rows)
+        elif kind is griffe.DocstringSectionKind.attributes:
+            continue  # they are listed with their types
         elif kind is griffe.DocstringSectionKind.raises:
             rows = [
                 (code(str(each.annotation)), _one_line(each.description)) for each in section.value
@@ -208,9 +211,12 @@ def _attributes(item: griffe.Class) -> Iterator[tuple[str, str, str]]:
 
 
 def _field_meaning(item: griffe.Class, name: str) -> str:
-    """The description of a field of a pydantic model; "" where the name says it all."""
-    fields = getattr(getattr(import_module(item.module.path), item.name), "model_fields", {})
-    return sentence(fields[name].description or "") if name in fields else ""
+    """What a pydantic model says of a field; "" where the name says it all."""
+    model = getattr(import_module(item.module.path), item.name)
+    fields = getattr(model, "model_fields", {})
+    if name not in fields:
+        return ""
+    return sentence(fields[name].description or meanings(model).get(name, ""))
 
 
 def _methods(item: griffe.Class) -> Iterator[griffe.Function]:

@@ -67,7 +67,7 @@ def test_a_key_without_a_description_is_refused() -> None:
         colour: str = Field("red")
 
     part = configuration.Part("Lamps", "", Lamp)
-    with pytest.raises(ValueError, match="the configuration key colour has no description"):
+    with pytest.raises(ValueError, match="the configuration key colour has no text"):
         configuration._keys(configuration.Group(part, "", Lamp), {})
 
 
@@ -90,7 +90,7 @@ def test_every_attribute_of_the_package_has_a_meaning() -> None:
                 assert meaning, (name, attribute)
 
 
-def test_fields_are_described_by_their_description() -> None:
+def test_fields_are_described_in_the_docstring_of_their_class() -> None:
     item = python._find("agentflow.search.settings", "UcbSettings")
     assert isinstance(item, griffe.Class)
     assert next(python._attributes(item)) == (

@@ -9,6 +9,7 @@ from agentflow.search.mcts import mcts
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import SearchSettings, UcbSettings
 from agentflow.search.strategies import extras
+from docs.make.configuration import meanings
 
 
 def test_by_name() -> None:
@@ -22,9 +23,8 @@ def test_by_name() -> None:
 
 
 def test_settings_list_the_same_names() -> None:
-    description = SearchSettings.model_fields["strategy"].description
-    assert description
-    assert description.endswith(": " + ", ".join(STRATEGIES.ours))
+    told = meanings(SearchSettings)["strategy"]
+    assert told.endswith(": " + ", ".join(STRATEGIES.ours) + ".")
 
 
 def test_defaults() -> None:
@@ -40,7 +40,7 @@ def test_defaults() -> None:
 
 @pytest.mark.parametrize("settings", [SearchSettings, UcbSettings])
 def test_every_setting_has_help(settings: type[SearchSettings] | type[UcbSettings]) -> None:
-    assert all(field.description for field in settings.model_fields.values())
+    assert set(meanings(settings)) == set(settings.model_fields)
 
 
 @pytest.mark.parametrize(

@@ -15,15 +15,17 @@ _MILLION = 1_000_000
 
 
 class Price(BaseModel, frozen=True, extra="forbid"):
-    """Prices of one model per million tokens, in the currency of the budget."""
+    """Prices of one model per million tokens, in the currency of the budget.
 
-    input: float = Field(ge=0, description="price of prompt tokens")
-    output: float = Field(ge=0, description="price of completion tokens, including reasoning")
-    cached: float | None = Field(
-        None,
-        ge=0,
-        description="price of cached prompt tokens; None uses the price of other prompt tokens",
-    )
+    Attributes:
+        input: Price of prompt tokens.
+        output: Price of completion tokens, including reasoning.
+        cached: Price of cached prompt tokens; None uses the price of other prompt tokens.
+    """
+
+    input: float = Field(ge=0)
+    output: float = Field(ge=0)
+    cached: float | None = Field(None, ge=0)
 
     def of(self, usage: Usage) -> float:
         """Cost of one call; prompt tokens include cached ones."""
@@ -38,17 +40,17 @@ FREE = Price(input=0.0, output=0.0)
 
 
 class BudgetSettings(BaseModel, frozen=True, extra="forbid"):
-    """Limits of a run; null is no limit."""
+    """Limits of a run; null is no limit.
 
-    calls: int | None = Field(None, ge=1, description="maximum number of calls")
-    tokens: int | None = Field(
-        None, ge=1, description="maximum tokens, prompt and completion together"
-    )
-    money: float | None = Field(
-        None,
-        gt=0,
-        description="maximum cost, in the currency of the prices; needs a price for every model",
-    )
+    Attributes:
+        calls: Maximum number of calls.
+        tokens: Maximum tokens, prompt and completion together.
+        money: Maximum cost, in the currency of the prices; needs a price for every model.
+    """
+
+    calls: int | None = Field(None, ge=1)
+    tokens: int | None = Field(None, ge=1)
+    money: float | None = Field(None, gt=0)
 
 
 class Budget:
@@ -112,7 +114,7 @@ class Budget:
 class BudgetClient(ClientWrapper):
     """Rejects calls once a limit is reached; calls in progress finish normally.
 
-    Args:
+    Attributes:
         inner: The client whose calls are counted.
         budget: Shared by all clients of the run.
         price: Price of the inner client's model; None if unknown.

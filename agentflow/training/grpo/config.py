@@ -12,25 +12,25 @@ from agentflow.training.config import ConfigGroup, TrainingConfig
 
 
 class AdvantageConfig(ConfigGroup):
-    """How the rewards of a group of replies become advantages."""
+    """How the rewards of a group of replies become advantages.
 
-    name: str = Field("pass1", description="formula of the advantage")
-    k: int | dict[int, int] = Field(
-        4,
-        description="for pkpo and maxpo: replies of which the best counts; or a schedule, "
-        "first step: k, such as {0: 8, 20: 1}",
-    )
-    scale: bool = Field(False, description="for pass1: divide by the deviation of the group")
-    novelty: float = Field(
-        0.0, ge=0, description="weight of a machine's edit distance to others, added to rewards"
-    )
-    nearest: int = Field(3, ge=1, description="others to which that distance is measured")
-    unlike: float = Field(
-        0.0,
-        ge=0,
-        description="weight of the share of a group's other scoring machines that are of another "
-        "mechanism class, added to rewards",
-    )
+    Attributes:
+        name: Formula of the advantage.
+        k: For pkpo and maxpo: replies of which the best counts; or a schedule, first step: k, such
+            as {0: 8, 20: 1}.
+        scale: For pass1: divide by the deviation of the group.
+        novelty: Weight of a machine's edit distance to others, added to rewards.
+        nearest: Others to which that distance is measured.
+        unlike: Weight of the share of a group's other scoring machines that are of another
+            mechanism class, added to rewards.
+    """
+
+    name: str = "pass1"
+    k: int | dict[int, int] = 4
+    scale: bool = False
+    novelty: float = Field(0.0, ge=0)
+    nearest: int = Field(3, ge=1)
+    unlike: float = Field(0.0, ge=0)
 
     @field_validator("name")
     @classmethod
@@ -75,20 +75,22 @@ class AdvantageConfig(ConfigGroup):
 
 
 class EntropyConfig(ConfigGroup):
-    """TRL's control of entropy: a bonus in the loss, fixed or adapted to keep a target."""
+    """TRL's control of entropy: a bonus in the loss, fixed or adapted to keep a target.
 
-    weight: float = Field(0.0, ge=0, description="weight of the mean entropy of tokens in the loss")
-    target: float | None = Field(
-        None,
-        gt=0,
-        description="entropy (nats per token) below which that weight grows and counts, step by "
-        "step; None keeps it fixed",
-    )
-    step: float = Field(0.005, gt=0, description="change of an adapted weight in a step")
-    most: float = Field(1.0, gt=0, description="greatest adapted weight")
-    quantile: float = Field(
-        1.0, gt=0, le=1, description="share of the tokens, of highest entropy, that are trained"
-    )
+    Attributes:
+        weight: Weight of the mean entropy of tokens in the loss.
+        target: Entropy (nats per token) below which that weight grows and counts, step by step;
+            None keeps it fixed.
+        step: Change of an adapted weight in a step.
+        most: Greatest adapted weight.
+        quantile: Share of the tokens, of highest entropy, that are trained.
+    """
+
+    weight: float = Field(0.0, ge=0)
+    target: float | None = Field(None, gt=0)
+    step: float = Field(0.005, gt=0)
+    most: float = Field(1.0, gt=0)
+    quantile: float = Field(1.0, gt=0, le=1)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -104,50 +106,58 @@ class EntropyConfig(ConfigGroup):
 
 
 class GrpoConfig(TrainingConfig):
-    """Reinforcement learning: groups of replies, rewarded by simulation."""
+    """Reinforcement learning: groups of replies, rewarded by simulation.
 
-    fresh: bool = Field(
-        False, description="begin with random weights, in the architecture of the model"
-    )
-    tasks: tuple[str, ...] = Field(
-        ("throwing",), min_length=1, description="levels; steps alternate between them"
-    )
-    engine: str = Field("auto", description="physics engine; auto is the first that is installed")
-    workers: int = Field(2, ge=1, description="processes for simulations")
-    reward: Literal["performance", "shaped"] = Field(
-        "performance",
-        description="performance: the score, 0 for an invalid machine; shaped: "
-        "also a part for each step towards a valid machine",
-    )
+    Attributes:
+        fresh: Begin with random weights, in the architecture of the model.
+        tasks: Levels; steps alternate between them.
+        engine: Physics engine; auto is the first that is installed.
+        workers: Processes for simulations.
+        reward: performance: the score, 0 for an invalid machine; shaped: also a part for each step
+            towards a valid machine.
+        prompts: Groups per step.
+        samples: Replies per group.
+        device_batch: Maximum replies per device at a time in updates; None is all.
+        tools: Whether models call tools over several turns and submit a machine.
+        rollouts: With tools: simulations of a design.
+        max_tokens: Longer replies are cut off; with tools, their answers count.
+        temperature: Sampling temperature of the replies.
+        top_p: Sample from the likeliest tokens with this total probability.
+        vllm: Generate with vLLM, on the same GPU.
+        loss: How the losses of tokens are averaged, as TRL names it.
+        kl: Weight of the divergence from the first model.
+        clip: Greatest fall of a token's probability ratio.
+        clip_high: Greatest rise of that ratio.
+        log_every: Steps between lines of the curves.
+        save_every: Steps between checkpoints.
+        eval_every: Steps between evaluations.
+        eval_samples: Replies of an evaluation, over all tasks.
+    """
+
+    fresh: bool = False
+    tasks: tuple[str, ...] = Field(("throwing",), min_length=1)
+    engine: str = "auto"
+    workers: int = Field(2, ge=1)
+    reward: Literal["performance", "shaped"] = "performance"
     advantage: AdvantageConfig = AdvantageConfig()
     entropy: EntropyConfig = EntropyConfig()
-    prompts: int = Field(4, ge=1, description="groups per step")
-    samples: int = Field(16, ge=2, description="replies per group")
-    device_batch: int | None = Field(
-        None, ge=1, description="maximum replies per device at a time in updates; None is all"
-    )
-    tools: bool = Field(
-        False, description="whether models call tools over several turns and submit a machine"
-    )
-    rollouts: int = Field(8, ge=1, description="with tools: simulations of a design")
-    max_tokens: int = Field(
-        260, ge=1, description="longer replies are cut off; with tools, their answers count"
-    )
-    temperature: float = Field(1.0, gt=0, description="sampling temperature of the replies")
-    top_p: float = Field(
-        1.0, gt=0, le=1, description="sample from the likeliest tokens with this total probability"
-    )
-    vllm: bool = Field(False, description="generate with vLLM, on the same GPU")
-    loss: Literal["grpo", "bnpo", "dr_grpo", "dapo"] = Field(
-        "dr_grpo", description="how the losses of tokens are averaged, as TRL names it"
-    )
-    kl: float = Field(0.0, ge=0, description="weight of the divergence from the first model")
-    clip: float = Field(0.2, gt=0, description="greatest fall of a token's probability ratio")
-    clip_high: float = Field(0.28, gt=0, description="greatest rise of that ratio")
-    log_every: int = Field(1, ge=1, description="steps between lines of the curves")
-    save_every: int = Field(10, ge=1, description="steps between checkpoints")
-    eval_every: int = Field(10, ge=1, description="steps between evaluations")
-    eval_samples: int = Field(64, ge=1, description="replies of an evaluation, over all tasks")
+    prompts: int = Field(4, ge=1)
+    samples: int = Field(16, ge=2)
+    device_batch: int | None = Field(None, ge=1)
+    tools: bool = False
+    rollouts: int = Field(8, ge=1)
+    max_tokens: int = Field(260, ge=1)
+    temperature: float = Field(1.0, gt=0)
+    top_p: float = Field(1.0, gt=0, le=1)
+    vllm: bool = False
+    loss: Literal["grpo", "bnpo", "dr_grpo", "dapo"] = "dr_grpo"
+    kl: float = Field(0.0, ge=0)
+    clip: float = Field(0.2, gt=0)
+    clip_high: float = Field(0.28, gt=0)
+    log_every: int = Field(1, ge=1)
+    save_every: int = Field(10, ge=1)
+    eval_every: int = Field(10, ge=1)
+    eval_samples: int = Field(64, ge=1)
 
     @property
     def libraries(self) -> tuple[str, ...]:
