@@ -12,6 +12,7 @@ from typing import Any
 
 from agentflow.errors import UsageError
 from agentflow.files.atomic import write_output
+from agentflow.files.templates import fill
 
 BUNDLE = Path(__file__).parent / "bundle"
 """Built from web/ when the package is installed; not in the repository."""
@@ -20,23 +21,6 @@ POLICY = (
     "default-src 'none'; script-src {script}; style-src {style}; img-src data:; "
     "base-uri 'none'; form-action 'none'; trusted-types 'none'; require-trusted-types-for 'script'"
 )
-PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{policy}">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="generator" content="agentflow">
-<title>{title}</title>
-<style>{style}</style>
-</head>
-<body>
-<noscript>This page needs JavaScript to show its data. It loads nothing.</noscript>
-<script type="application/json" id="data">{data}</script>
-<script>{script}</script>
-</body>
-</html>
-"""
 
 
 def page(title: str, data: Mapping[str, Any]) -> str:
@@ -44,7 +28,8 @@ def page(title: str, data: Mapping[str, Any]) -> str:
     script, style = read_bundle(SCRIPT), read_bundle(STYLE)
     policy = POLICY.format(script=_source(script), style=_source(style))
     title, content = html.escape(title), embeddable_json(data)
-    return PAGE.format(policy=policy, title=title, style=style, data=content, script=script)
+    known = {"policy": policy, "title": title, "style": style, "data": content, "script": script}
+    return fill("agentflow.report", "page.html", **known)
 
 
 def write_page(out: Path, title: str, data: Mapping[str, Any]) -> None:

@@ -15,6 +15,7 @@ from starlette.responses import Response
 from starlette.routing import BaseRoute, Route
 
 from agentflow.errors import UsageError
+from agentflow.files.templates import fill
 from agentflow.listening import end_is_asked_for, listen, serving
 from agentflow.report.page import read_bundle
 from agentflow.studio.answers import Nothing
@@ -28,19 +29,6 @@ from agentflow.studio.simulations import Simulations
 from agentflow.studio.watching.designs import Designs
 from agentflow.studio.watching.routes import Watching
 
-PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>agentflow studio</title>
-<link rel="icon" href="data:,">
-<link rel="stylesheet" href="/studio.css">
-<script src="/studio.js" defer></script>
-</head>
-<body><noscript>The studio needs JavaScript.</noscript></body>
-</html>
-"""
 MOST = 64
 """Most connections at a time."""
 FIRST_PORT, PORTS = 20_000, 10_000
@@ -114,7 +102,8 @@ async def _open_app(runs: Path) -> AsyncIterator[Starlette]:
 async def _not_found(request: Request, error: Exception) -> Response:
     status, path = getattr(error, "status_code", 500), request.url.path
     if status == 404 and not path.startswith("/api/") and reads_pages(request.scope):
-        return Response(PAGE, status, media_type="text/html")  # its script says what is missing
+        page = fill("agentflow.studio", "page.html")  # its script says what is missing
+        return Response(page, status, media_type="text/html")
     words = {404: "there is nothing at this address", 405: "this address has another method"}
     return told(Refusal(status, words.get(status, "the studio failed; its terminal shows more")))
 
@@ -130,6 +119,6 @@ def _page_routes() -> list[BaseRoute]:
         return Route(path, respond, methods=["GET"])
 
     return [
-        serve("/", PAGE, "text/html"),
+        serve("/", fill("agentflow.studio", "page.html"), "text/html"),
         *(serve(path, read_bundle(path[1:]), kind) for path, kind in FILES.items()),
     ]
