@@ -70,6 +70,12 @@ class RunStory:
         return next((e.model for e in self.events if isinstance(e, RunStartEvent)), "")
 
     @property
+    def _begun(self) -> int:
+        """Number of the last trajectory: a search over the whole run begins as many as it likes."""
+        made = (e.location for e in self.events if isinstance(e, EvaluationEvent))
+        return max((location.trajectory for location in made), default=0)
+
+    @property
     def _result_data(self) -> Mapping[str, Any]:
         """The result as data; empty for an unfinished run."""
         return {} if self.result is None else self.result.to_json()
@@ -116,6 +122,8 @@ class RunStory:
             "workflow": config.get("workflow", ""),
             "author": model,
             "seed": config.get("seed", 0),
+            "trajectories": config.get("settings", {}).get("trajectories"),
+            "begun": self._begun,
             "score": self.result.score if self.result else record.best,
             "verified": with_holding(self._result_data.get("verified")),
             "sentence": self._sentence(record.best is not None),
@@ -128,7 +136,9 @@ class RunStory:
     def _sentence(self, scored: bool) -> str:
         if self.result is None:
             so_far = "is the best so far" if scored else "yet"  # follows the score
-            return f"{so_far}: the run is {UNFINISHED[state_of(self.path)]}"
+            state = state_of(self.path)
+            unverified = ", so it is not verified" * (scored and state == "stopped")
+            return f"{so_far}: the run is {UNFINISHED[state]}{unverified}"
         end = "; its budget was used up" * (self.result.stopped == BUDGET)
         if not self.result.valid:
             return (self.result.reason or "no valid machine was found") + end
@@ -147,9 +157,17 @@ class RunStory:
         how = f"agentflow {command} {shlex.quote(place)}"
         if self.result is None and "answer" in document:
             how = f"agentflow.resume({place!r}, answer=...) in Python"
+        settings, budget = config.get("settings", {}), config.get("model", {}).get("budget", {})
+        asked = {  # named as in the form of the studio
+            "Trajectories": settings.get("trajectories"),
+            "Search rounds": settings.get("search", {}).get("rounds"),
+            "Max calls": budget.get("calls"),
+            "Max tokens": budget.get("tokens"),
+        }
         facts = {
             "Run": str(self.path.name),
             again: how,
+            **{name: str(value) for name, value in asked.items() if value is not None},
             "Knobs": ", ".join(f"{k} = {v}" for k, v in config.get("knobs", {}).items()) or "none",
             "Prompt set": f"{config.get('prompts', '')} {document.get('prompts', '')}",
             "Physics engine": str(document.get("engine") or "not recorded"),

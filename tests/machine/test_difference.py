@@ -9,7 +9,7 @@ import pytest
 
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.edits.commands import read_command
-from agentflow.machine.edits.difference import edit_commands, edit_text
+from agentflow.machine.edits.difference import edit_commands, edit_text, edit_words
 from agentflow.machine.edits.local import local_edit, local_edits
 from agentflow.machine.edits.random import random_machine
 from agentflow.machine.edits.script import apply_script
@@ -86,3 +86,25 @@ def test_the_order_of_branches_changes_no_key() -> None:
     program = (Control((3,), 0.0, 1.0, 1.0),), (Control((1,), 0.0, 1.0, 1.0),)
     with_controls = [replace(m, controls=p) for m, p in zip((TREE, other), program, strict=True)]
     assert len({tree_key(machine) for machine in (TREE, *with_controls)}) == 2
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("Add 63 to 3 in 6", "Add a Log to block 3 (Log), face 6"),
+        ("Add 63 to 16 in y+ as a", "Add a Log to block 16, face y+, called a"),
+        ("Add 9 to a in 1 to 2 in 0", "Add a Spring from new block a, face 1 to block 2 ("),
+        ("Remove 3; Move 2 end b to 1 in 0", "Remove block 3 (Log)\nMove end b of block 2 ("),
+        ("```\n1. Replace 3 with 15", "Replace block 3 (Log) with a Small Wooden Block"),
+        ("Mirror x+\nMirror 3", "Mirror all blocks on the side x+\nMirror block 3 (Log) and what"),
+        (
+            "Control motors, 3 at 0 for 2 level 1",
+            "Drive motors, block 3 (Log) from 0 s for 2 s at ",
+        ),
+        ("Add 999 to 0 in 1", "Add 999 to 0 in 1"),
+        ("<b>no command 63</b>", "<b>no command 63</b>"),
+        ("a new 63 (Log) between block 8 and block 11", "A new Log between block 8 and block 11"),
+    ],
+)
+def test_commands_are_told_with_the_names_of_block_types(script: str, words: str) -> None:
+    assert edit_words(script, TREE).startswith(words)

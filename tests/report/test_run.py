@@ -39,6 +39,8 @@ def test_a_finished_run() -> None:
         "workflow": "hierarchical",
         "author": "procedural (no language model)",
         "seed": 0,
+        "trajectories": 2,
+        "begun": 2,
         "score": result.score,
         "verified": with_holding(result.to_json()["verified"]),
         "sentence": "by the best machine, found in refinement with feedback",
@@ -92,7 +94,7 @@ def test_an_unfinished_run_shows_its_best_so_far(tmp_path: Path) -> None:
     data = story.to_json(lambda _model, _usage: 0.5, priced=True)
     assert (data["run"]["score"], data["run"]["sentence"]) == (
         12.5,
-        "is the best so far: the run is unfinished",
+        "is the best so far: the run is unfinished, so it is not verified",
     )
     place = f"{tmp_path.name}/hostile"
     assert data["facts"][:2] == [
@@ -112,6 +114,8 @@ def test_an_unfinished_run_names_its_model_as_a_finished_one(tmp_path: Path) -> 
     data = RunStory.read(run, None, None).to_json(lambda _model, _usage: 0.0, priced=True)
     assert data["run"]["about"].startswith("procedural (no language model): ")
     assert data["facts"][1] == ("Resume", "agentflow design --resume 'my runs/one'")
+    named = dict(data["facts"])  # as in the form that starts a run
+    assert (named["Trajectories"], named["Search rounds"]) == ("2", "1")
 
 
 def test_a_run_without_a_machine_says_why(tmp_path: Path) -> None:

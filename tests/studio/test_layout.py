@@ -63,6 +63,12 @@ for (const item of document.querySelectorAll("main :is(button, a, input, select,
   if (over && !item.contains(over) && !over.contains(item))
     faults.push(`${item.outerHTML} is under ${over.outerHTML}`);
 }
+const film = document.querySelector("aside .view"), small = innerWidth < 600;
+if (film && small && film.offsetHeight < 0.45 * innerHeight) faults.push("the film is small");
+for (const item of document.querySelectorAll(small ? ".view .under, .compare .table" : ".table"))
+  if (item.checkVisibility() && (small || innerWidth > 1400) && item.scrollWidth > item.clientWidth)
+    faults.push(`${item.textContent.slice(0, 40)} is cut`);
+if (small && film?.querySelector(".under")) faults.push("the legend is over the film");
 for (const track of document.querySelectorAll(".track"))
   if (track.checkVisibility() && track.offsetWidth < 150) faults.push("a slider is narrow");
 return faults;"""

@@ -24,9 +24,13 @@ from agentflow.errors import UsageError
 from agentflow.machine import Geometry, Machine, library, place
 from agentflow.machine.controls import control_text
 from agentflow.machine.geometry.pose import Placed
+from agentflow.metrics.machines import recorded_machine
 from agentflow.progress import Progress, counter
 from agentflow.report.page import require_writable, write_page
 from agentflow.runs import read_document
+from agentflow.runs.events import read_typed_events
+from agentflow.runs.reading import RESULT
+from agentflow.runs.record import RunRecord
 
 Played = Sequence[Rollout]
 """The trials of one machine, in order."""
@@ -45,7 +49,8 @@ def compare(
     """Compare two machines, as data; with `out`, also as a page.
 
     Args:
-        sources: Machine files, or run directories for their best machines.
+        sources: Machine files, or run directories for their best machines; of an unfinished run,
+            the best one so far.
         task: Task to simulate both on; by default that of the runs. Without a task, there are no
             scores.
         seed: Random seed; by default that of the first run, else 0.
@@ -56,12 +61,12 @@ def compare(
         say: Receives progress.
 
     Raises:
-        UsageError: A machine cannot be read, the runs are of different tasks, or a page is wanted
-            without a task, or the engine is not installed.
+        UsageError: A machine cannot be read, a run has no score yet, the runs are of different
+            tasks, or a page is wanted without a task, or the engine is not installed.
 
     Returns:
-        `task`, `seed`, `engine` (name and version; None without a task), `notes` (runs that have
-        another engine), `machines`, `same`, `only` and `types`.
+        `task`, `seed`, `engine` (name and version; None without a task), `notes` (runs that are
+        unfinished or have another engine), `machines`, `same`, `only` and `types`.
     """
     if out is not None:
         require_writable(out)
@@ -96,7 +101,7 @@ class Comparison:
         engine: str | None = None,
     ) -> Comparison:
         """Read both machines, and choose what they are simulated on; see `compare`."""
-        machines = (read_one(sources[0]), read_one(sources[1]))
+        machines = (_machine_of(sources[0]), _machine_of(sources[1]))
         runs = {path: read_document(path) for path in map(Path, sources) if path.is_dir()}
         level = task or _common_task([task_of_run(*run) for run in runs.items()])
         used = None
@@ -106,6 +111,10 @@ class Comparison:
         seeds = [build_config(document.get("config")).seed for document in runs.values()]
         number = seed if seed is not None else next(iter(seeds), 0)
         notes = tuple(
+            f"{path} is unfinished: this is its best machine so far"
+            for path in runs
+            if not (path / RESULT).exists()
+        ) + tuple(
             f"{path} was made with {made}, but both are simulated with {used} here"
             for path, document in runs.items()
             if used and (made := document.get("engine", used)) != used
@@ -167,6 +176,19 @@ class Comparison:
             **shapes.data,
             "asked": {**task_wording(brief), "unit": self.level.unit},
         }
+
+
+def _machine_of(source: str) -> Machine:
+    """The machine of a file or a run; of an unfinished run, the best one so far."""
+    path = Path(source)
+    if not path.is_dir() or (path / RESULT).exists():
+        return read_one(source)
+    read_document(path)  # refuses edited runs and links
+    made = RunRecord.of(read_typed_events(path)).machines.values()
+    scores = {each.machine: each.score for each in made if each.valid and each.score is not None}
+    if not scores:
+        raise UsageError(f"{path} is unfinished, and no machine of it has a score yet")
+    return recorded_machine(path, max(scores, key=lambda machine: scores[machine]))
 
 
 def _program_difference(one: Machine, other: Machine) -> dict[str, Any]:

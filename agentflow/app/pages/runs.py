@@ -26,9 +26,10 @@ from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import SHOWN_TRIAL, combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_json
-from agentflow.errors import UsageError
+from agentflow.errors import RunError, UsageError
 from agentflow.extras import is_installed
 from agentflow.machine import Brief, Machine
+from agentflow.machine.edits.difference import edit_text, edit_words
 from agentflow.metrics.machines import recorded_machine
 from agentflow.models.choices import cost_function
 from agentflow.progress import Progress, counter
@@ -148,8 +149,9 @@ def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:
     data = story.to_json(cost_function(config.model), priced)
     data["failures"] = count_failures(path)["kinds"]  # last: the run may be in progress
     data |= {"task": task_summary(path, document), "robustness": kept_figure(path, best)}
-    if share := told_share(task_of_run(path, document), result.trusted_score if result else None):
-        data["run"]["about"] += f"; {share}"
+    score = result.trusted_score if result else data["run"]["score"]
+    data["task"] |= {"record": record_json(task_of_run(path, document), score)}
+    _tell_edits(path, data["nodes"])
     if result and result.met:
         data["run"]["about"] += "; met {} of {} requirements".format(*result.met)
     if note := level_note(path, document):
@@ -157,20 +159,28 @@ def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:
     return story, data
 
 
-def told_share(task: Task, score: float | None) -> str:
-    """Which share of the record a score reaches, in words; "" without either."""
-    record = record_json(task, score)
-    if record is None or record["share"] is None:
-        return ""
-    return f"{record['share']:.0%} of the {record['of']}"
+def _tell_edits(path: Path, nodes: Sequence[dict[str, Any]]) -> None:
+    """Add to each node the edit that made its machine, in words, as `told`.
+
+    Edits that no model wrote, such as random ones, are found from both machines.
+    """
+    known = {node["id"]: node["machine"] for node in nodes}
+    for node in nodes:
+        before, after, edited = known.get(node["parent"]), node["machine"], None
+        with suppress(RunError):  # damaged files are named where their film would be
+            edited = recorded_machine(path, before) if before else None
+            if edited and after and not node["edit"]:
+                node["edit"] = edit_text(edited, recorded_machine(path, after))
+        node["told"] = edit_words(node["edit"], edited)
 
 
 def task_summary(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
     """Title, objective, score and scene of the task of a run, as worded in prompts."""
     task, file = task_of_run(path, document), level_of_run(path, document).file
     told = {"title": file.title, "unit": task.unit, "greatest": task.brief.greatest}
-    told["good"] = file.good
-    return {**told, **task_wording(task.brief)}
+    changed = build_config(document.get("config")).knobs  # `good` is for the level as it is
+    good = None if changed else file.good
+    return {**told, "good": good, **task_wording(task.brief)}
 
 
 def task_wording(brief: Brief) -> dict[str, Any]:

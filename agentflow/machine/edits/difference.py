@@ -1,13 +1,26 @@
-"""What an edit of a machine was: as commands that repeat it, or else in words; and earlier edits
-in today's numbering."""
+"""What an edit of a machine was: as commands that repeat it, or else in words; what commands mean,
+in words; and earlier edits in today's numbering."""
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
 from agentflow.machine.controls import control_text
-from agentflow.machine.edits.commands import Ref, Text
+from agentflow.machine.edits.commands import (
+    Add,
+    AddControl,
+    Face,
+    Mirror,
+    Move,
+    Ref,
+    Remove,
+    Replace,
+    Text,
+    read_command,
+    script_lines,
+)
 from agentflow.machine.edits.script import apply_script
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.problems import block_label
@@ -82,6 +95,60 @@ def edit_commands(before: Machine, after: Machine, brief: Brief | None = None) -
     commands = tuple(_commands(before, after))
     outcome = apply_script(before, "\n".join(commands), brief)
     return commands if outcome.success and outcome.machine == after else ()
+
+
+def edit_words(script: str, before: Machine | None = None) -> str:
+    """An edit for people, a line for each command: types of blocks by name instead of number.
+
+    Lines that are no commands, or that name a type which does not exist, stay as they are.
+
+    Args:
+        script: Commands, on lines or with `; ` between them, or words as `edit_text` has them.
+        before: The machine that they edit; blocks are then told with their types.
+    """
+    return "\n".join(_line_words(line, before) for line in script_lines(script.replace("; ", "\n")))
+
+
+def _line_words(line: str, before: Machine | None) -> str:
+    """One command in words."""
+
+    def block(ref: Ref) -> str:
+        if before is not None and isinstance(ref, int) and 0 <= ref < len(before):
+            return block_label(ref, before[ref].type)
+        return f"block {ref}" if isinstance(ref, int) else f"new block {ref}"
+
+    def at(parent: Ref, face: Face) -> str:
+        return f"{block(parent)}, face {face}"
+
+    def kind(number: int) -> str:
+        name = library()[number].name
+        return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
+
+    match command := read_command(line):
+        case Add(type=number) | Replace(type=number) if number not in library():
+            return line
+        case Add():
+            ends = [at(*end) for end in command.ends]
+            where = f"from {ends[0]} to {ends[1]}" if len(ends) > 1 else f"to {ends[0]}"
+            called = f", called {command.name}" if command.name else ""
+            return f"Add {kind(command.type)} {where}{called}"
+        case Remove():
+            return f"Remove {block(command.block)}"
+        case Move():
+            end = f"end {command.end} of " if command.end else ""
+            return f"Move {end}{block(command.block)} to {at(command.parent, command.face)}"
+        case Replace():
+            return f"Replace {block(command.block)} with {kind(command.type)}"
+        case Mirror(what="x+" | "x-"):
+            return f"Mirror all blocks on the side {command.what}"
+        case Mirror():
+            return f"Mirror {block(command.what)} and what it carries"
+        case AddControl():
+            whom = ", ".join(block(r) if isinstance(r, int) else r for r in command.target)
+            when = f"from {command.at:g} s for {command.lasts:g} s"
+            return f"Drive {whom} {when} at level {command.level:g}"
+    named = re.sub(r"(?<!block )\b\d+ \(([A-Z][\w ]+)\)", r"\1", line)
+    return named[:1].upper() + named[1:]
 
 
 def _commands(before: Machine, after: Machine) -> Iterator[str]:

@@ -30,6 +30,7 @@ export function comparePage(data, made = []) {
     el("main", { class: "alone compare" },
       el("header", {}, el("p", { class: "kind" }, `agentflow comparison · both simulated with seed ${data.seed} on ${data.engine}`), el("h1", {}, data.task)),
       el("p", { class: "ahead" }, ahead(data.machines, data.asked.unit)),
+      ...data.notes.map((note) => el("p", { class: "quiet" }, `${note}.`)),
       data.verified ? el("p", { class: "quiet" }, `Verified: ${NAMES.map((name, side) => `${name} ${data.verified[side]}`).join(", ")}.`) : "",
       el("p", { class: "actions" }, el("button", { class: "play both", click: both }, "Play both"), differ),
       el("div", { class: "pair" }, ...players.map((player) => player.element)),
@@ -37,7 +38,7 @@ export function comparePage(data, made = []) {
       ...data.machines.flatMap(({ problems }, side) => problems.map((text) => problem(`${NAMES[side]} is not valid for ${data.task}: ${text}`))),
       section("Machines", table("Both machines", ["", ...NAMES], rows(data))),
       section("Blocks",
-        el("p", { class: "quiet" }, `${formatNumber(data.same)} blocks are in both machines: same type, position and direction relative to the root block. Their numbers may differ.`),
+        el("p", { class: "quiet" }, `${data.same === 1 ? "1 block is" : `${formatNumber(data.same)} blocks are`} in both machines: same type, position and direction relative to the root block. Their numbers may differ.`),
         el("div", { class: "pair" }, ...data.only.map((blocks, side) => blocks.length ? table(`Only in ${NAMES[side]}`, ["Block", "Type", "Position, m", "Direction"], blocks.map(place)) : null)))),
   ];
 }

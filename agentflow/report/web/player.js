@@ -8,6 +8,8 @@ import { Timeline } from "./timeline.js";
 import { Transport, press } from "./transport.js";
 import { View } from "./view.js";
 
+const NARROW = 420; // CSS pixels
+
 export class Player {
   /** @param shapes the solids that machines share, by index
    *  @param packed the files of all machines, one after another, deflated */
@@ -19,6 +21,12 @@ export class Player {
     this.byLoad = false;
     this.making = []; // buttons that write further files of the machine
     this.element = this.built();
+    this.print = () => {
+      this.element.dispatchEvent(new CustomEvent("paper"));
+      if (this.film) this.view.print(this.paper, this.film, this.clock.time, this.byLoad);
+    };
+    addEventListener("beforeprint", this.print);
+    new ResizeObserver(() => this.fold(this.element.clientWidth <= NARROW)).observe(this.element);
   }
 
   /** Take the shapes and files of the next machine. */
@@ -31,6 +39,7 @@ export class Player {
   close() {
     this.pause();
     this.film = null;
+    removeEventListener("beforeprint", this.print);
     this.view.close();
   }
 
@@ -163,10 +172,16 @@ export class Player {
     if (this.clock.running) this.ask();
   }
 
-  /** What is shown, as the address of a picture. */
-  still() {
-    this.view.draw(this.film, this.clock.time, this.byLoad);
-    return this.view.canvas.toDataURL();
+  /** Where it is narrow, all but the film, its slider and its remark is behind one line that opens. */
+  fold(narrow) {
+    if (narrow === this.narrow) return;
+    this.narrow = narrow;
+    this.element.classList.toggle("narrow", narrow);
+    this.timeline.fold(narrow);
+    if (narrow) return this.timeline.folded.append(this.transport.extras, this.view.under, this.files);
+    this.transport.element.append(this.transport.extras);
+    this.view.nothing.before(this.view.under);
+    return this.timeline.element.before(this.files);
   }
 
   /** Advance to a frame, and stop at the end. */
@@ -181,8 +196,9 @@ export class Player {
     this.trials = el("select", { change: () => this.chosen() });
     this.remark = el("p", { class: "remark" });
     this.files = el("p", { class: "files" });
+    this.paper = el("canvas", { class: "paper", role: "img", "aria-label": "The shown machine" });
     this.view = new View([this.title, el("label", { class: "trials", hidden: "" }, "Trial ", this.trials)], () => this.ask());
     return el("div", { class: this.view.picture ? "player" : "player empty", role: "group", "aria-label": "Film", keydown: (event) => press(this, event) },
-      this.view.element, this.transport.element, this.timeline.lanes, this.remark, this.files, this.timeline.element);
+      this.view.element, this.transport.element, this.timeline.lanes, this.remark, this.files, this.timeline.element, this.paper);
   }
 }

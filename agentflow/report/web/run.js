@@ -8,15 +8,13 @@ import { frontSection, robustnessSection } from "./robustness.js";
 import { conversations, failures, header, legend, makersSection, scoreCharts, settings, stages, tools, usage } from "./sections.js";
 import { STATUS, callDetails, explain, plain, problem } from "./text.js";
 import { Tree } from "./tree.js";
+import { PAGE } from "./view.js";
 
 export function runPage(data) {
   const shown = new RunView((digest) => data.machines[digest] && { machine: data.machines[digest], shapes: data.shapes, files: data.files });
   shown.update(data);
   const bare = !Object.keys(data.machines).length; // without films, the text takes the whole page
   shown.main.classList.toggle("alone", bare);
-  const still = el("img", { alt: "The shown machine", height: 340 }); // on paper, in place of the film
-  addEventListener("beforeprint", () => shown.player.film && !shown.player.element.classList.contains("empty") && shown.chosen.before(Object.assign(still, { src: shown.player.still() })));
-  addEventListener("afterprint", () => still.remove());
   return [bare ? "" : el("aside", {}, shown.player.element), shown.main];
 }
 
@@ -40,6 +38,10 @@ export class RunView {
     this.top = el("div", {});
     this.rest = el("div", {});
     this.main = el("main", {}, this.top, this.chosen, this.rest);
+    this.player.element.addEventListener("paper", () => {
+      this.tree.draw(PAGE[0]);
+      addEventListener("afterprint", () => this.tree.draw(), { once: true });
+    });
   }
 
   /** Show the data as they are now. What has not changed stays; so does a part that is being read. */
@@ -47,7 +49,7 @@ export class RunView {
     this.data = data;
     this.calls = once(() => readCalls(data.calls));
     const first = data.nodes.find((node) => node.best) ?? data.nodes.at(-1);
-    this.put("header", [data.run, data.task], this.top, () => header(data));
+    this.put("header", [data.run, data.task, data.failures], this.top, () => header(data));
     this.put("search", data.nodes, this.rest, () => this.search());
     this.put("kinds", [data.archive, data.classes], this.rest, () => kindsSection(data, (machine) => this.pick(machine)));
     this.put("makers", data.makers, this.rest, () => makersSection(data.makers));
@@ -132,7 +134,7 @@ async function describe(place, node, title, machine, calls, actions) {
     el("p", { class: "quiet" }, [STATUS[node.status] ?? node.status, node.broken && "broke", machine && `${machine.solids.length} blocks`, node.machine && `hash ${node.machine}`].filter(Boolean).join(" · ")),
     actions.length ? el("p", { class: "actions" }, ...actions) : "",
     node.problem ? problem(node.problem) : "",
-    node.edit ? el("div", { class: "edit" }, el("h3", {}, "Edit"), /^Add /.test(node.edit) ? el("p", { class: "quiet" }, "In numbers: Add (type of block) to (block) in (face).") : null, plain(node.edit)) : "",
+    node.edit ? el("div", { class: "edit" }, el("h3", {}, "Edit"), plain(node.told), node.told === node.edit ? null : el("details", {}, el("summary", {}, "As commands"), plain(node.edit))) : "",
     machine?.feedback ? el("details", {}, el("summary", {}, "Simulation feedback"), plain(machine.feedback)) : "",
     talk);
   explain(place);

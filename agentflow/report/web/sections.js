@@ -1,21 +1,49 @@
 // The parts of a run's page in words, tables and charts; each is null if there is nothing to show.
 
 import { barChart, lineChart, named, scoreChart } from "./charts.js";
-import { el, section, formatNumber, table, withUnit } from "./dom.js";
-import { taskDetails, callDetails, toolDetails, scoreTable } from "./text.js";
+import { capitalize, el, section, formatNumber, table, withUnit } from "./dom.js";
+import { taskDetails, callDetails, toolDetails, scoreTable, worthText } from "./text.js";
 
 const PLURAL = { reply: "replies", machine: "machines" };
 
 export function header(data) {
   const { run } = data;
+  const budget = run.trajectories === 1 ? "1 trajectory" : `${run.trajectories} trajectories`;
+  const attempts = !run.trajectories ? "" : run.begun > run.trajectories ? ` · ${run.begun} attempts on the budget of ${budget}` : ` · ${budget}`;
   return el("header", {},
-    el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}`),
+    el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}${attempts}`),
     el("h1", {}, run.task),
     el("p", { class: "kind" }, data.task.title),
     el("p", { class: "score" }, run.score === null ? "no score" : el("b", {}, withUnit(run.score, data.task.unit), data.task.greatest ? ` of ${data.task.greatest}` : ""), " ", run.sentence),
+    worth(data),
+    failing(data),
     run.verified ? verification(run.verified, data.task.unit) : null,
     el("p", { class: "lede" }, run.about),
     taskDetails(data.task));
+}
+
+/** What the score is worth: from where on one is good, the record, and how much of it is reached. */
+function worth({ run, task }) {
+  const { good, record } = task;
+  const share = Number.isFinite(record?.share) && `this is ${formatNumber(100 * record.share, 0)}\u00a0% of the ${record.of}`;
+  const told = [worthText(task), share].filter(Boolean).join(" · ");
+  if (!told) return null;
+  const mark = (kind, value) => {
+    const item = el("i", { class: kind });
+    item.style.setProperty("--at", `${Math.min(100, (100 * Math.max(0, value)) / Math.max(record?.verified ?? 0, good ?? 0))}%`);
+    return item;
+  };
+  return el("div", { class: "worth" }, el("div", { "aria-hidden": "true" }, mark("reached", run.score ?? 0), good ? mark("mark", good) : null), el("p", { class: "quiet" }, capitalize(told)));
+}
+
+/** Why no machine scored, if none did: the most frequent failure. */
+function failing({ progress, failures: kinds }) {
+  if (!progress.length || progress.some(({ score }) => score !== 0)) return null;
+  const count = new Set(progress.map(({ machine }) => machine)).size;
+  const [most] = kinds.filter((kind) => kind.count).sort((a, b) => b.count - a.count);
+  return el("p", { class: "failing" }, count === 1 ? "The only machine scores 0. " : `All ${count} machines score 0. `,
+    most ? `Most frequent failure: ${most.name}, in ${formatNumber(most.count)} ${most.count === 1 ? most.unit : PLURAL[most.unit]} (${most.rule.split(";")[0]}).` : "No failure of a known kind was found.",
+    " What each machine did is under Simulation feedback.");
 }
 
 /** The verified score, in how many simulations it holds, and the scores that it is the median of. */
@@ -75,7 +103,7 @@ function overSpent(progresses, chosen, make) {
 export function stages({ stages: rows }) {
   if (!rows.length) return null;
   const costs = nonzeroColumns(rows, { Calls: "calls", Tokens: "tokens", Simulations: "rollouts" });
-  const head = ["Stage", "Valid", "Mean", "Mean, invalid = 0", "Best", "Std", ...costs.map(([name]) => name)];
+  const head = ["Stage", "Valid", "Mean", "Mean, invalid\u00a0=\u00a00", "Best", "Std", ...costs.map(([name]) => name)];
   return section("Stages", table("Scores of each trajectory's machine at the end of a stage, whether made in that stage or earlier", head, rows.map((row) => [
     row.words, `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
     ...costs.map(([, key]) => row[key])])));

@@ -32,7 +32,7 @@ const whole = (score) => score.replaceAll(" ", "\u00a0"); // stays in one line
 /** What scores of a level are worth: from which one on a machine is good, and the record. */
 export function worthText({ good, greatest = null, record, unit = "" }) {
   const most = greatest === null ? "" : greatest === good ? ", the most possible" : ` of at most ${whole(withUnit(greatest, unit))}`;
-  return [`good from ${whole(withUnit(good, unit))}${most}`, record && `record ${whole(verifiedText(record.verified, record.fragile, unit))}`].filter(Boolean).join(" · ");
+  return [good && `good from ${whole(withUnit(good, unit))}${most}`, record && `record ${whole(verifiedText(record.verified, record.fragile, unit))}`].filter(Boolean).join(" · ");
 }
 
 /** The share of the record that a score reaches, and which record that is. */

@@ -10,8 +10,24 @@ export class Timeline {
     this.lanes = el("ol", { class: "lanes", "aria-label": "Control program" });
     this.list = el("ol", { class: "events", "aria-label": "Events" });
     this.counted = el("summary", {});
+    this.folded = el("div", {});
     const roomy = matchMedia("(min-width: 960px)").matches; // else the list takes the place of the view
-    this.element = el("details", { class: "happened", open: roomy ? "" : null }, this.counted, this.list);
+    this.element = el("details", { class: "happened", open: roomy ? "" : null }, this.counted, this.folded, this.list);
+  }
+
+  /** Whether more than events is behind the line that opens. */
+  fold(narrow) {
+    this.narrow = narrow;
+    if (narrow) this.element.open = false;
+    this.count();
+  }
+
+  count() {
+    const { length } = this.list.children;
+    const broke = this.list.querySelectorAll(".broke").length;
+    const told = `${length} event${length === 1 ? "" : "s"}${broke ? `, ${broke} broke` : ""}`;
+    this.counted.textContent = this.narrow ? `${length ? told : "No events"} · legend, files` : told;
+    this.element.hidden = !length && !this.narrow;
   }
 
   /** Show the events and the control program of a machine; its film lasts `duration` seconds. */
@@ -19,9 +35,7 @@ export class Timeline {
     const share = (time) => `${(100 * time) / (duration || 1)}%`;
     this.ticks.replaceChildren(...events.map((event) => tick(event, share)));
     this.list.replaceChildren(...events.map((event) => entry(event, this.seek)));
-    const broke = events.filter(({ kind }) => kind === "broke").length;
-    this.counted.textContent = `${events.length} event${events.length === 1 ? "" : "s"}${broke ? `, ${broke} broke` : ""}`;
-    this.element.hidden = !events.length;
+    this.count();
     this.lanes.replaceChildren(...(lanes ?? []).map((item) => lane(item, (time) => share(Math.min(time, duration)))));
   }
 }

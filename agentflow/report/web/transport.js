@@ -16,9 +16,9 @@ export class Transport {
       ...SPEEDS.map((speed) => el("option", { value: speed, selected: speed === 1 ? "" : null }, `${speed}×`)));
     this.loads = el("button", { "aria-pressed": "false", title: "Colour by load (L)", click: () => player.setLoads(!player.byLoad) }, "Loads");
     this.wide = el("button", { "aria-pressed": "false", title: "Show the whole course (W)", click: () => player.setWide(!player.view.eye.wide) }, "Wide");
-    this.element = el("div", { class: "transport" }, this.button,
-      el("div", { class: "track" }, this.slider, ticks), this.clock, this.speeds, this.loads, this.wide,
+    this.extras = el("div", { class: "extras" }, this.speeds, this.loads, this.wide,
       el("button", { title: "Reset the view (R)", click: () => player.resetView() }, "Reset"));
+    this.element = el("div", { class: "transport" }, this.button, el("div", { class: "track" }, this.slider, ticks), this.clock, this.extras);
   }
 
   setDuration(duration) {

@@ -1,5 +1,5 @@
 // The search tree: one dot per machine, to the right of its parent; refused edits
-// are crosses; first machines that nobody edited stand side by side below. Works with the pointer and, as an ARIA tree, with arrow keys.
+// are crosses; machines that nobody edited stand side by side if there are many. Works with the pointer and, as an ARIA tree, with arrow keys.
 
 import { formatNumber, svg } from "./dom.js";
 
@@ -7,6 +7,8 @@ const ROW = 22;
 const TOP = 34; // above the first row: what columns are
 const EDGE = 14;
 const APART = 54; // of machines side by side
+const FEW = 3; // machines from one that have a row each although nobody edited them
+const BELOW = 9; // the line to machines side by side, below them
 
 export class Tree {
   /** @param nodes in order of creation; `parent` is an id or null
@@ -34,42 +36,54 @@ export class Tree {
     }
   }
 
-  /** Give every node its row and depth; `across` machines fit side by side. */
+  /** Give every node its depth, and columns their width: together they take all of it. */
+  measure(width) {
+    const measure = (node, depth) => {
+      node.depth = depth;
+      return Math.max(depth, ...node.children.map((child) => measure(child, depth + 1)));
+    };
+    this.deepest = Math.max(0, ...this.roots.map((root) => measure(root, 0)));
+    this.column = (width - 2 * EDGE) / (this.deepest + 1);
+  }
+
+  /** Give every node its row; `across` machines fit side by side, fewer in a column. */
   arrange(across) {
     let row = 0;
-    this.deepest = 0;
-    const visit = (node, depth) => {
-      node.depth = depth;
+    const inside = Math.floor(this.column / APART);
+    const visit = (node) => {
       node.row = row;
-      this.deepest = Math.max(this.deepest, depth);
       const made = node.children.filter((child) => child.kind !== "refused");
       const refused = node.children.filter((child) => child.kind === "refused");
-      made.forEach((child, index) => {
+      const ends = made.filter(({ children }) => !children.length);
+      const packed = inside > 1 && ends.length > FEW ? ends : [];
+      const others = made.filter((child) => !packed.includes(child));
+      others.forEach((child, index) => {
         if (index) row += 1;
-        visit(child, depth + 1);
+        visit(child);
+      });
+      packed.forEach((child, index) => {
+        if (index ? index % inside === 0 : others.length) row += 1;
+        Object.assign(child, { row, beside: index % inside, packed: true });
       });
       if (refused.length && made.length) row += 1;
-      refused.forEach((child, place) => {
-        Object.assign(child, { depth: depth + 1, row, place });
-        this.deepest = Math.max(this.deepest, depth + 1);
-      });
+      refused.forEach((child, place) => Object.assign(child, { row, place }));
     };
     for (const root of this.roots.filter(({ children }) => children.length)) {
-      visit(root, 0);
+      visit(root);
       row += 1;
     }
     const single = this.roots.filter(({ children }) => !children.length);
     if (row && single.length) this.singles = row++; // a row for their heading
-    single.forEach((root, index) => Object.assign(root, { depth: 0, row: row + Math.floor(index / across), beside: index % across }));
+    single.forEach((root, index) => Object.assign(root, { row: row + Math.floor(index / across), beside: index % across }));
     this.rows = row + Math.ceil(single.length / across);
   }
 
-  draw() {
-    const width = this.element.clientWidth;
+  draw(width = this.element.clientWidth) {
     if (!width || width === this.width) return;
     this.width = width;
+    this.nodes.forEach((node) => Object.assign(node, { beside: 0, packed: false }));
+    this.measure(width);
     this.arrange(Math.max(1, Math.floor((width - 2 * EDGE) / APART)));
-    this.column = Math.min(160, (width - 2 * EDGE - 44) / Math.max(this.deepest, 1));
     const height = TOP + this.rows * ROW;
     this.element.setAttribute("height", height);
     this.element.setAttribute("viewBox", `0 0 ${width} ${height}`);
@@ -98,7 +112,7 @@ export class Tree {
     if (!parent || node.place) return null;
     const [x0, y0, x1, y1] = [this.x(parent), this.y(parent), this.x(node), this.y(node)];
     const bend = Math.min(10, (x1 - x0) / 2);
-    const way = y0 === y1
+    const way = node.packed ? `M${x0} ${y0}V${y1 + BELOW}H${x1}V${y1}` : y0 === y1
       ? `M${x0} ${y0}H${x1}`
       : `M${x0} ${y0}V${y1 - bend}Q${x0} ${y1} ${x0 + bend} ${y1}H${x1}`;
     return svg("path", { d: way, class: node.lead ? "lead" : "" });

@@ -7,6 +7,8 @@ import { traceColor } from "./materials.js";
 import { Picture } from "./scene.js";
 import { Sharpness } from "./sharpness.js";
 
+export const PAGE = [720, 480]; // size of a picture on paper, CSS pixels
+
 export class View {
   /** @param over elements at the top of the view
    *  @param ask requests a frame */
@@ -14,11 +16,9 @@ export class View {
     this.canvas = el("canvas", { tabindex: "0", role: "img", "aria-label": "3D view; space plays, arrow keys step and tilt, a and d turn, plus and minus zoom" });
     this.keys = el("span", { class: "keys" });
     this.nothing = el("p", { class: "nothing" }, "No machine to show.");
-    this.element = el("div", { class: "view" }, this.canvas,
-      el("div", { class: "over" }, ...over),
-      el("p", { class: "under" }, this.keys,
-        el("span", { class: "legend" }, el("span", {}, "no load"), el("i", {}), el("span", {}, "breaks"))),
-      this.nothing);
+    this.under = el("p", { class: "under" }, this.keys,
+      el("span", { class: "legend" }, el("span", {}, "no load"), el("i", {}), el("span", {}, "breaks")));
+    this.element = el("div", { class: "view" }, this.canvas, el("div", { class: "over" }, ...over), this.under, this.nothing);
     this.open(ask);
   }
 
@@ -31,10 +31,30 @@ export class View {
       return;
     }
     this.eye = new Eye(this.picture, this.canvas, ask);
-    const dress = () => { this.picture.dress(getComputedStyle(document.documentElement)); ask(); };
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", dress);
-    dress();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.dress(); ask(); });
+    this.dress();
     this.sharpness = new Sharpness(this.picture, this.canvas, ask);
+  }
+
+  /** Take the colours of the page. */
+  dress() {
+    this.picture.dress(getComputedStyle(document.documentElement));
+    if (this.shown) this.picture.show(...this.shown); // labels have them too
+  }
+
+  /** Copy a moment to another canvas as for paper: light and of one shape, whatever the window is. */
+  print(paper, film, time, byLoad) {
+    const { classList } = document.documentElement;
+    classList.add("light");
+    this.dress();
+    this.picture.resize(...PAGE, 2 / Math.min(devicePixelRatio, 2));
+    this.draw(film, time, byLoad);
+    [paper.width, paper.height] = [this.canvas.width, this.canvas.height];
+    paper.getContext("2d").drawImage(this.canvas, 0, 0);
+    classList.remove("light");
+    this.dress();
+    this.sharpness.share = null;
+    this.sharpness.rest();
   }
 
   /** Give the memory of the picture back. */
@@ -44,7 +64,8 @@ export class View {
 
   /** Take another machine and its film. */
   show(machine, shapes, film) {
-    this.picture.show(machine, shapes, film);
+    this.shown = [machine, shapes, film];
+    this.picture.show(...this.shown);
     this.eye.begin(film, machine, shapes);
     this.keys.replaceChildren(...legend(machine, this.picture.traces));
   }

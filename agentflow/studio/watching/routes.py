@@ -163,8 +163,9 @@ class Watching:
         comparison = await asyncio.to_thread(Comparison.of, (str(paths[0]), str(paths[1])))
         played = await comparison.play(await self._simulations.pool())
         data = comparison.page_data(played)
-        for machine, name in zip(data["machines"], (given.a, given.b), strict=True):
+        for machine, path, name in zip(data["machines"], paths, (given.a, given.b), strict=True):
             machine["source"] = name
+            data["notes"] = [note.replace(str(path), name) for note in data["notes"]]
         return data
 
     async def designs(self, _given: Nothing) -> list[dict[str, Any]]:

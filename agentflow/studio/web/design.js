@@ -47,7 +47,7 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     el("details", { class: "wide" }, el("summary", {}, "Advanced"), el("div", { class: "form" },
       Object.assign(field("workflow", "Workflow", workflows), { className: "wide" }),
       field("seed", "Seed", number("0", 0), "Makes random choices repeatable"),
-      field("trajectories", "Trajectories", number("8"), "Independent attempts"),
+      field("trajectories", "Trajectories", number("8"), "Independent attempts; some searches begin more of them on the same budget"),
       field("rounds", "Search rounds", number("5", 0), "How often each edits a machine"),
       field("calls", "Max calls", number("no limit")),
       field("tokens", "Max tokens", number("no limit"), "Parts of words"))),

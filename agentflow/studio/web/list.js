@@ -150,7 +150,7 @@ export class RunList {
   open() {
     const names = [...this.chosen].filter((name) => this.rows.has(name));
     const [a, b] = names;
-    const whole = names.every((name) => this.rows.get(name).state === "done"); // else the machine still changes
+    const whole = names.every((name) => this.rows.get(name).state !== "running" && this.rows.get(name).state !== "open"); // else the machine still changes
     location.hash = names.length === 2 && whole ? address("pair", { a, b }) : address("curves", { runs: JSON.stringify(names) });
   }
 }

@@ -93,8 +93,8 @@ class Live {
     this.again = el("span", {});
     this.told = el("p", { class: "problem", role: "alert" });
     this.waiting = el("p", { class: "waiting", role: "status" });
-    this.element = el("div", { class: "live" }, el("p", { role: "status" }, this.state, this.stage, this.spent),
-      this.clock, this.following, this.stop, this.resume, this.again, this.meter, this.waiting, this.told);
+    this.element = el("div", { class: "live" }, el("p", { role: "status" }, this.state, this.stage), this.stop, this.resume, this.following, this.again,
+      el("p", {}, this.spent, this.clock), this.meter, this.waiting, this.told);
     this.timer = setInterval(() => this.tick(), 1000);
   }
 
@@ -131,9 +131,11 @@ class Live {
     if (retries.count > (this.tried?.count ?? 0)) this.tried = { count: retries.count, calls };
     this.waiting.textContent = this.tried?.calls === calls && state === "running" ? `Waiting for the endpoint: ${retries.last}` : "";
     const of = (count, about, name) => `${formatNumber(count)}${state !== "done" && about > count ? ` of about ${formatNumber(about)}` : ""} ${name}`;
-    this.stage.textContent = stage && planned.simulations && state !== "done" && state !== "gone" ? `stage: ${stage}` : "";
+    const stopped = state === "stopped";
+    if (stopped) this.state.textContent = `Stopped after ${of(simulations, planned.simulations, "simulations")}; ${news.machine ? "the best machine is not verified" : "there is no machine yet"}`;
+    this.stage.textContent = stage && !stopped && planned.simulations && state !== "done" && state !== "gone" ? `stage: ${stage}` : "";
     if (state === "gone") this.view.main.querySelectorAll(".score, .actions").forEach((item) => item.remove());
-    this.spent.textContent = [state === "open" ? "" : of(calls, planned.calls, "calls"), refused ? `${formatNumber(refused)} rejected and asked again` : "", retries.count ? `${formatNumber(retries.count)} tried again` : "", of(simulations, planned.simulations, simulations === 1 ? "simulation" : "simulations")].filter(Boolean).join(" · ");
+    this.spent.textContent = [state === "open" ? "" : of(calls, planned.calls, "calls"), refused ? `${formatNumber(refused)} rejected and asked again` : "", retries.count ? `${formatNumber(retries.count)} tried again` : "", stopped ? "" : of(simulations, planned.simulations, simulations === 1 ? "simulation" : "simulations")].filter(Boolean).join(" · ");
     this.meter.hidden = state === "done" || !planned.simulations;
     Object.assign(this.meter, { max: planned.simulations || 1, value: Math.min(simulations, planned.simulations || 1) });
     const left = state === "running" && simulations >= FEW ? news.seconds * (planned.simulations / simulations - 1) : 0;

@@ -28,7 +28,7 @@ export async function curvesPage({ runs }) {
   const card = (item) => el("a", { class: "card", href: address("run", { run: item.run }) }, item.machine ? pictureOf(item, 320, 240, "card") : el("span", { class: "blank" }, "no machine"),
     el("b", {}, `${item.label} · ${withUnit(item.score, unit)}`), el("span", { title: item.run }, shortName(item.run)), el("small", {}, [item.workflow, item.model].join(" · ")));
   const rows = items.map((item) => [`${item.label} · ${item.workflow}`, item.score, item.verified, item.verification ? `${item.verification.holds} of ${item.verification.scores.length}` : "–", item.progress.length, item.calls]);
-  const [best, next] = items.filter(({ machine, state }) => machine && state === "done").sort((a, b) => b.score - a.score);
+  const [best, next] = items.filter(({ machine, state }) => machine && state !== "running" && state !== "open").sort((a, b) => b.score - a.score);
   const measure = unit ? `, ${unit}` : "";
   return { elements: [el("main", { class: "alone wall" }, el("p", { class: "quiet" }, el("a", { href: "#runs" }, "Runs"), ` / ${formatNumber(names.length)} runs`),
     el("header", {}, el("h1", {}, `${formatNumber(names.length)} runs compared at ${task}`), el("p", { class: "lede" }, found[0].task.objective)),

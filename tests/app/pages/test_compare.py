@@ -91,6 +91,17 @@ def test_a_run_brings_its_task_and_a_page_shows_both_films(capsys: Captured) -> 
     assert data["machines"] == found["machines"]
 
 
+def test_of_an_unfinished_run_the_best_machine_so_far_is_compared(capsys: Captured) -> None:
+    shutil.copytree(RECORDED, "stopped")
+    Path("stopped/result.json").unlink()
+    found = compared(capsys, "stopped", str(RECORDED), "--set", "window=1", "--task", "throwing")
+    assert found["only"] == [[], []]
+    assert found["notes"] == ["stopped is unfinished: this is its best machine so far"]
+    Path("stopped/events.jsonl").write_text("")
+    assert main(["compare", "stopped", "car.json"]) == 2
+    assert "no machine of it has a score yet" in capsys.readouterr().err
+
+
 def test_wrong_comparisons_are_refused(capsys: Captured) -> None:
     shutil.copytree(RECORDED, "other")
     document = read_document(Path("other"))
