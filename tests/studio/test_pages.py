@@ -360,6 +360,26 @@ def test_each_benchmark_has_a_leaderboard_that_leads_to_runs(
         assert complaints(browser) == []
 
 
+def test_cards_of_the_gallery_say_what_scores_are_worth(
+    browser: webdriver.Chrome, served: Served
+) -> None:
+    open_page(browser, served, "gallery")
+    assert "Good from 45 m · record 179.67 m." in find(browser, "main section > p").text
+    for width, columns in ((1440, 5), (820, 3)):
+        with on_phone(browser, width, 900, dark=False):
+            cards = browser.execute_script(
+                "return getComputedStyle(document.querySelector('.cards')).gridTemplateColumns"
+            )
+            assert len(cards.split()) == columns
+    told = "6 % of 179.67 m, the record of throwing on pybullet 3.2.7"
+    assert find(browser, ".card span ~ small").text == told
+    open_page(browser, served, "runs")
+    until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, "td.share"))
+    title = str(find(browser, "td.share").get_attribute("title"))
+    assert title.replace("\u00a0", " ") == told
+    assert complaints(browser) == []
+
+
 def test_all_tasks_are_shown_and_one_leads_to_a_machine_or_a_design(
     browser: webdriver.Chrome, served: Served
 ) -> None:

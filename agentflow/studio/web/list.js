@@ -1,6 +1,7 @@
 // The list of runs: one line each, filters that the address holds, and sweeps folded into one line.
 
 import { el, formatNumber, svg, verifiedText, withUnit } from "../../report/web/dom.js";
+import { shareText } from "../../report/web/text.js";
 import { address } from "./api.js";
 
 const MOST = 200; // rows shown at first
@@ -130,7 +131,7 @@ export class RunList {
     const before = this.lines.get(row.run);
     if (before?.row === row) return before.line;
     const tick = before?.line.querySelector("input") ?? el("input", { type: "checkbox", "aria-label": `Compare ${row.run}`, change: () => { if (tick.checked) this.chosen.add(row.run); else this.chosen.delete(row.run); this.draw(); } });
-    const number = (value, name) => el("td", { class: `number ${name}` }, value);
+    const number = (value, name, title) => el("td", { class: `number ${name}`, title }, value);
     const text = (value, name) => el("td", { class: name, title: value }, value || "–");
     const picture = row.machine ? pictureOf(row, 56, 42, "line") : "";
     const bare = row.problem && !row.curve.length;
@@ -139,7 +140,7 @@ export class RunList {
       el("td", { class: "run", title: row.run }, el("a", { href: address("run", { run: row.run }) }, shortName(row.run))),
       el("td", { title: row.problem, class: "where", colspan: bare ? 2 : null }, el("span", { class: `state ${row.state}` }, row.state), row.problem ? el("small", { class: "why" }, row.problem) : ""),
       bare ? null : el("td", { class: "over-time" }, curve(row)), number(withUnit(row.score, row.unit), "reached"),
-      number(verifiedText(row.verified, row.fragile, row.unit), "verified"), number(row.share === null || row.share === undefined ? "–" : `${formatNumber(100 * row.share, 0)} %`, "share"),
+      number(verifiedText(row.verified, row.fragile, row.unit), "verified"), number(row.share === null || row.share === undefined ? "–" : `${formatNumber(100 * row.share, 0)} %`, "share", shareText(row.record, row.task, row.unit)),
       text(row.task, "task"), text(row.workflow, "workflow"), text(row.model, "model"), number(formatNumber(row.calls), "calls"),
       number(started(row.begun), "begun"));
     this.lines.set(row.run, { row, line });
