@@ -297,15 +297,25 @@ def test_charts_are_logarithmic_and_saved_as_numbers_and_pictures(
     assert complaints(opened) == []
 
 
-def test_equal_scores_have_the_strongest_colour(browser: webdriver.Chrome, tmp_path: Path) -> None:
+def test_equal_scores_have_the_strongest_colour_and_only_zeros_a_reason(
+    browser: webdriver.Chrome, tmp_path: Path
+) -> None:
     _, data = run_data(RECORDED)
     nodes = [{**node, "score": 5.0} for node in data["nodes"]]
-    bare = {**data, "nodes": nodes, "machines": {}, "shapes": [], "files": ""}
+    first = {**nodes[0], "parent": nodes[0]["id"], "lead": False, "best": False}
+    nodes += [{**first, "id": f"leaf-{number}"} for number in range(9)]  # nobody edits these
+    nothing = [{**point, "score": 0.0} for point in data["progress"]]
+    bare = {**data, "nodes": nodes, "progress": nothing, "machines": {}, "shapes": [], "files": ""}
     (tmp_path / "run.html").write_text(whole_page("run", bare), encoding="utf-8")
     browser.get((tmp_path / "run.html").as_uri())
     until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".node circle"))
     circles = browser.find_elements(By.CSS_SELECTOR, ".node circle")
     assert {circle.get_attribute("style") for circle in circles} == {"--share: 100%;"}
+    leaves = browser.find_elements(By.CSS_SELECTOR, "[data-node^=leaf] circle")
+    assert len({leaf.get_attribute("cy") for leaf in leaves}) < 9
+    assert find(browser, ".worth").text.startswith("Good from 45 m · record ")
+    reason = "All 8 machines score 0. Most frequent failure: breakage, in 6 machines ("
+    assert find(browser, ".failing").text.startswith(reason)
 
 
 def test_a_refused_edit_says_why_and_has_no_film(opened: webdriver.Chrome) -> None:

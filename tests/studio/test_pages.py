@@ -19,6 +19,7 @@ from agentflow.app.inspect.overview import run_list
 from agentflow.app.pages.tasks import SMALL
 from agentflow.env.tasks.registry import task_names
 from agentflow.study.session import Action, Pause, StudioTest, read_session
+from tests.report.accessibility import violations
 from tests.report.browser import complaints, on_phone
 from tests.studio.pages import (
     NASTY,
@@ -200,6 +201,7 @@ def test_a_design_is_started_watched_and_stopped(
     ended = r"Stopped after [\d,]+ of about [\d,]+ simulations; the best machine is not verified"
     until(browser, lambda: re.fullmatch(ended, find(browser, ".live .state").text))
     until(browser, resume.is_displayed)
+    assert violations(browser) == []
     assert find(browser, ".live .problem").text == ""
     [row] = [row for row in run_list(runs) if row["seed"] == 5]
     assert (row["task"], row["state"]) == ("throwing", "stopped")

@@ -9,7 +9,7 @@ const PLURAL = { reply: "replies", machine: "machines" };
 export function header(data) {
   const { run } = data;
   const budget = run.trajectories === 1 ? "1 trajectory" : `${run.trajectories} trajectories`;
-  const attempts = !run.trajectories ? "" : run.begun > run.trajectories ? ` · ${run.begun} attempts on the budget of ${budget}` : ` · ${budget}`;
+  const attempts = !run.trajectories ? "" : run.begun > run.trajectories ? ` · ${run.begun} trajectories on the budget of ${run.trajectories}` : ` · ${budget}`;
   return el("header", {},
     el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}${attempts}`),
     el("h1", {}, run.task),

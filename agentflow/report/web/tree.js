@@ -6,7 +6,8 @@ import { formatNumber, svg } from "./dom.js";
 const ROW = 22;
 const TOP = 34; // above the first row: what columns are
 const EDGE = 14;
-const APART = 54; // of machines side by side
+const APART = 54; // of first machines side by side
+const CLOSE = 40; // of machines side by side in a column
 const FEW = 3; // machines from one that have a row each although nobody edited them
 const BELOW = 9; // the line to machines side by side, below them
 
@@ -49,7 +50,7 @@ export class Tree {
   /** Give every node its row; `across` machines fit side by side, fewer in a column. */
   arrange(across) {
     let row = 0;
-    const inside = Math.floor(this.column / APART);
+    const inside = Math.floor(this.column / CLOSE);
     const visit = (node) => {
       node.row = row;
       const made = node.children.filter((child) => child.kind !== "refused");
@@ -100,7 +101,7 @@ export class Tree {
   }
 
   x(node) {
-    return EDGE + node.depth * this.column + (node.beside ?? 0) * APART + (node.place ?? 0) * Math.min(11, this.column / 4);
+    return EDGE + node.depth * this.column + (node.beside ?? 0) * (node.packed ? CLOSE : APART) + (node.place ?? 0) * Math.min(11, this.column / 4);
   }
 
   y(node) {
