@@ -2,7 +2,7 @@
 
 import { el } from "../../report/web/dom.js";
 
-// What each kind of law asks for, and what it begins with; other keys are fields only where they are set.
+// What each kind of law asks for, and what it begins with; other keys have fields where they are set.
 export const LAWS = {
   constant: { level: 1 },
   schedule: { points: [[0, 1], [2, 0]] },
@@ -30,7 +30,7 @@ export function controlFields(editor, data, changed) {
   const labelled = (key, input, wide = false) => el("label", { class: wide ? "wide" : null }, UNITS[key] ?? key, input);
   const choice = (key, values, value, pick, again = false) => {
     const select = el("select", { change: () => { pick(select.value); changed(again); } }, ...[...new Set([value, ...values])].filter((item) => item !== undefined).map((item) => el("option", { value: item, selected: item === value ? "" : null }, item)));
-    return labelled(key, select);
+    return labelled(key, select, key === "law");
   };
   const text = (key, value, read, wide) => {
     const input = el("input", { value, spellcheck: "false", input: () => {
@@ -44,11 +44,15 @@ export function controlFields(editor, data, changed) {
     } });
     return labelled(key, input, wide);
   };
-  const own = (object, key) => {
+  const own = (object, key, usual = object[key]) => {
     const value = object[key];
     if (key === "sensor" || key === "law") return choice(key, names(`${key}s`), value, (name) => { object[key] = name; });
-    if (typeof value !== "number") return text(key, JSON.stringify(value), (words) => { object[key] = JSON.parse(words); }, true);
-    const input = el("input", { type: "number", step: "any", value, input: () => { if (Number.isFinite(input.valueAsNumber)) { object[key] = input.valueAsNumber; changed(); } } });
+    if (typeof usual !== "number") return text(key, JSON.stringify(value), (words) => { object[key] = JSON.parse(words); }, true);
+    const input = el("input", { type: "number", step: "any", value, input: () => {
+      if (Number.isFinite(input.valueAsNumber)) object[key] = input.valueAsNumber;
+      else delete object[key]; // the check says whether it is missing
+      changed();
+    } });
     return labelled(key, input);
   };
   const drives = (object) => text("drives blocks, or a group", object.group ?? (object.blocks ?? []).join(", "), (words) => {
@@ -67,7 +71,7 @@ export function controlFields(editor, data, changed) {
   const law = ([name, made]) => box(`Law ${name}`, () => delete held.laws[name], choice("kind", Object.keys(LAWS), made.kind, (kind) => {
     const { sensor: before = names("sensors")[0] ?? "" } = made;
     held.laws[name] = { kind, ...structuredClone(LAWS[kind]), ...("sensor" in LAWS[kind] ? { sensor: before } : {}) };
-  }, true), ...Object.keys(made).filter((key) => key !== "kind").map((key) => own(made, key)));
+  }, true), ...Object.entries({ ...LAWS[made.kind], ...made }).filter(([key]) => key !== "kind").map(([key, usual]) => own(made, key, usual)));
   const at = (list, index) => () => list.splice(index, 1);
   return [
     ...(data.controls ?? []).map((item, index) => box(`Control ${index + 1}`, at(data.controls, index), drives(item), ...["at", "for", "level"].filter((key) => key in item).map((key) => own(item, key)))),
