@@ -76,7 +76,8 @@ def level_of(machine: Machine) -> str:
 
 def run(machine: Machine, engine: Engine, level: str = "", rate: float | None = None) -> Rollout:
     """Simulate a machine on its level, or on this one."""
-    return simulate(machine, get_task(level or level_of(machine)), engine=engine, rate=rate)
+    task = get_task(level or level_of(machine), engine=engine.identity.name)
+    return simulate(machine, task, engine=engine, rate=rate)
 
 
 def reach(rollout: Rollout) -> float:

@@ -45,7 +45,7 @@ class Loads:
     """
 
     def __init__(
-        self, joints: Sequence[Joint], window: float, step: float, usual: float = 0.0
+        self, joints: Sequence[Joint], window: float, step: float, usual: float = 0, count: int = 0
     ) -> None:
         """Start with nothing loaded.
 
@@ -54,6 +54,7 @@ class Loads:
             window: Time constant of the filter, s; not 0.
             step: Time between readings, s.
             usual: The same at the default rate; longer steps keep their own weight.
+            count: Of parts, if more than these joints connect.
         """
         self._joints = joints
         strength = [
@@ -83,7 +84,7 @@ class Loads:
         self._broken = np.zeros(len(joints), dtype=bool)
         self.connections = [i for i, joint in enumerate(joints) if joint.strength]
         """Joint index of each connection."""
-        self._parts = 1 + max((max(joint.a, joint.b) for joint in joints), default=0)
+        self._parts = max(count, *(1 + max(joint.a, joint.b) for joint in joints), 1)
         self._plan = self._make_plan()
 
     def _make_plan(self) -> _Plan:

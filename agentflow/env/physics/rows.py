@@ -47,6 +47,8 @@ def centre_of(row: Row, arm: Vec3) -> Vec3:
     """Centre of a block, game frame, from the row of its cluster and its place there at rest,
     engine frame: `rotate_vector` and `swap`, written out for referees and sensors."""
     px, py, pz, x, y, z, w, _, _, _, _, _, _ = row
+    if not any(arm):
+        return px + 0.0, pz + 0.0, py + 0.0
     a, b, c = arm
     u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
     a, b, c = a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u

@@ -289,4 +289,4 @@ def sum_touches(points: Iterable[tuple[Pair | None, float, Sequence[float]]]) ->
         if force > most:
             most, place = force, point
         found[pair] = total + force, most, place
-    return [Touch(*pair, swap(place), total) for pair, (total, _, place) in found.items()]
+    return [Touch(a, b, (x, z, y), total) for (a, b), (total, _, (x, y, z)) in found.items()]

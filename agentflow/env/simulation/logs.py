@@ -57,11 +57,16 @@ class LoadHistory:
 
     def steps_until(self, times: Array | Sequence[float]) -> NDArray[np.intp]:
         """Steps from the first one that was kept, which is t = 0, to each of some times, s."""
-        return np.searchsorted(np.array(self._times), np.array(times) + 1e-9, side="right") - 1
+        return np.searchsorted(self._clock, np.array(times) + 1e-9, side="right") - 1
 
     def times_until(self, time: float) -> list[float]:
         """The times of these steps, s, the first of which is 0."""
         return self._times[: bisect(self._times, time + 1e-9)]
+
+    @cached_property
+    def _clock(self) -> Array:
+        """The times of all steps, s, once the rollout is over."""
+        return np.array(self._times)
 
     @cached_property
     def shares(self) -> Array:
@@ -72,7 +77,7 @@ class LoadHistory:
 
     def greatest(self, times: Array) -> Array:
         """(T, E) greatest load over strength since the time before, of increasing `times`, s."""
-        ends = np.searchsorted(np.array(self._times), times + 1e-9, side="right")
+        ends = np.searchsorted(self._clock, times + 1e-9, side="right")
         starts = np.minimum(np.concatenate([[0], ends[:-1]]), len(self.shares) - 1)
         found: Array = np.maximum.reduceat(self.shares, starts)
         return found
@@ -103,7 +108,7 @@ class LoadHistory:
 
     def drawn(self, works: Array) -> Drawn:
         """What was drawn; `works` (S, 3) are as `World.works`, of the steps that are kept."""
-        times, work = np.array(self._times), works[:, 0] + works[:, 1]
+        times, work = self._clock, works[:, 0] + works[:, 1]
         ends = np.append(np.arange(0.0, times[-1], MEAN), times[-1])
         given = np.maximum(np.diff(np.interp(ends, times, work)), 0.0)
         if not given.size:
@@ -123,7 +128,7 @@ class LoadHistory:
 
     def greatest_peak(self) -> Peak | None:
         """The greatest load of all that held, where nothing was disturbed; None without any."""
-        times, shares = np.array(self._times), self.shares.copy()
+        times, shares = self._clock, self.shares.copy()
         for begin in self._disturbed:
             shares[(times > begin) & (times <= begin + DISTURBED)] = 0.0
         if not shares.any():

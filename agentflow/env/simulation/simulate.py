@@ -72,7 +72,7 @@ def simulate(
         raise UsageError(f"the rate is {rate:g} Hz; it must be from {low} to {high} Hz")
     if not interval > 0:
         raise UsageError(f"the interval is {interval:g} s; it must be above 0 s")
-    if engine is not None:
+    if engine is not None and task.engine != engine.identity.name:
         task = replace(task, engine=engine.identity.name)
     later = LATER_RULES if recorded else frozenset()
     brief = task.brief

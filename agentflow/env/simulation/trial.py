@@ -82,7 +82,8 @@ class Trial:
         self._scene = task.scene(machine)
         self._world = engine.build(self._assembly, self._scene, rate)
         joints = [variation.vary_strength(joint) for joint in self._assembly.joints]
-        self._loads = Loads(joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"])
+        window, usual = physics["load_window"], 1.0 / physics["step_rate"]
+        self._loads = Loads(joints, window, 1.0 / rate, usual, len(self._assembly.parts))
         self._every = max(1, round(rate / RATE))
         """Steps between calls of the pilot."""
         self._pilot = self._make_pilot(variation) if machine.controllers and power else None
@@ -261,14 +262,14 @@ class Trial:
             broken = loads.update(world.reactions, divisions)
             if not loads.finite:
                 return "diverged"
-            self._to_split = tuple(broken)
+            self._to_split = tuple(broken) if broken else ()
             if settled:
                 self._view.time = seconds = (self._time - self._start_step) / self._rate
                 self._history.add(seconds)
             if loads.near or broken:
                 self._note_loads(broken)
-            if settled and not self._over:
-                self._over = bool(self._referee.watch(self._view))
+            if settled and not self._over and self._referee.watch(self._view):
+                self._over = True
         self._steps += 1
         if settled:
             speeds = world.speeds(thorough=False) if thorough else self._speeds

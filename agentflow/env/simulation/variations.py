@@ -75,7 +75,9 @@ class Variation:
     def vary_strength(self, joint: Joint) -> Joint:
         """A connection that bears another load; one that cannot break stays."""
         own, by = joint.strength, self.strength
-        return replace(joint, strength=own and Strength(own.force * by, own.torque * by))
+        if own is None or by == 1.0:
+            return joint
+        return replace(joint, strength=Strength(own.force * by, own.torque * by))
 
     @property
     def key(self) -> dict[str, str | float]:

@@ -36,11 +36,11 @@ class DragForce:
             inertia: (P, 3) principal moments, engine frame.
         """
         laws: dict[int, list[float]] = {}
-        for i, part in enumerate(parts):
-            law = laws.setdefault(int(locations.row[i]), [0.0] * 10)
-            x, y, z = locations.offset[i].tolist()
+        for i, (part, moments) in enumerate(zip(parts, inertia.tolist(), strict=True)):
+            row, (x, y, z) = locations.locate(i)
+            law = laws.setdefault(row, [0.0] * 10)
             loss = part.mass * part.linear_drag
-            spin = [moment * part.angular_drag for moment in inertia[i].tolist()]
+            spin = [moment * part.angular_drag for moment in moments]
             terms = (
                 loss,
                 loss * x,

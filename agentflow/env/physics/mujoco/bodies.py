@@ -44,6 +44,7 @@ _ROW = (
     mujoco.mjtSensor.mjSENS_FRAMELINVEL,
     mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
 )
+_BORNE = mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE
 CHANGED = (
     *("body_mass", "body_subtreemass", "body_inertia", "body_invweight0", "dof_invweight0"),
     *("dof_frictionloss", "eq_obj2id", "eq_data"),
@@ -151,7 +152,8 @@ def _braking(step: float) -> tuple[float, float]:
 
 
 class _Builder:
-    """Fills one MuJoCo specification."""
+    """Fills one MuJoCo specification. It sets most attributes one by one: MuJoCo takes longer to
+    read arguments."""
 
     def __init__(
         self, physics: Constants, assembly: Assembly, plan: Skeleton, scene: Scene, step: float
@@ -195,16 +197,13 @@ class _Builder:
             add_grip(spec, _name(grip.part), self._step)
         links = (*self._plan.links, *self._plan.loops)
         for link in links:
-            for kind in (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE):
-                name = str(link.joint)
-                spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=name)
-        moving = [*map(_name, layout.leading), *map(_name, layout.objects)]
-        for name in moving:
-            for kind in _ROW:
-                spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_BODY, objname=name)
+            self._sense(_BORNE, mujoco.mjtObj.mjOBJ_SITE, str(link.joint))
+        for name in (*map(_name, layout.leading), *map(_name, layout.objects)):
+            self._sense(_ROW, mujoco.mjtObj.mjOBJ_BODY, name)
         model = spec.compile()
 
-        order = [int(model.geom(i).name) for i in range(model.ngeom)]
+        shapes = self._shapes.shapes
+        order = sorted(range(model.ngeom), key=lambda i: shapes[i][0].id)
 
         def address(joint: Any) -> JointAddress:
             return JointAddress(int(model.jnt_qposadr[joint.id]), int(model.jnt_dofadr[joint.id]))
@@ -219,7 +218,7 @@ class _Builder:
             loose={name: address(joint) for name, (_, joint) in self._objects.items()},
             links=links,
             joints={joint: address(made) for joint, made in self._joints.items()},
-            owners=tuple(self._shapes.owners[i] for i in order),
+            owners=tuple(shapes[i][1] for i in order),
             lively=tuple(self._surfaces.lively[i] for i in order),
             grips={
                 grip.part: model.equality(_name(grip.part)).id
@@ -227,6 +226,12 @@ class _Builder:
             },
             fresh={name: getattr(model, name).copy() for name in CHANGED},
         )
+
+    def _sense(self, kinds: Sequence[Any], of: Any, name: str) -> None:
+        """Sensors of a body or site."""
+        for kind in kinds:
+            sensor = self._spec.add_sensor()
+            sensor.type, sensor.objtype, sensor.objname = kind, of, name
 
     def _item(self, item: SceneObject, cluster: int) -> None:
         body, at, rotation = self._spec.worldbody, item.position, item.rotation
@@ -262,8 +267,9 @@ class _Builder:
         """A body without mass on a joint of its parent."""
         joint = self._assembly.joints[link.joint]
         arm = swap(subtract(joint.pivot, frames[link.parent]))
-        body = self._parts[link.parent].add_body(name=name, pos=arm)
-        body.add_site(name=str(link.joint))
+        body = self._parts[link.parent].add_body()
+        body.name, body.pos = name, arm
+        body.add_site().name = str(link.joint)
         if joint.kind != "fixed" and not link.rigid:
             self._joints[link.joint] = self._joint(body, joint, link)
             self._apart.add((_name(link.parent), _name(link.part)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -21,6 +22,7 @@ from agentflow.env.scene import Body
 
 ROW_ORDER = np.array([0, 1, 2, 4, 5, 6, 3, 7, 8, 9, 10, 11, 12])
 """Where each number of a row is among MuJoCo's, whose quaternions begin with w."""
+_ORDER, _SIGNS = WRENCH_ORDER.tolist(), WRENCH_SIGNS.tolist()
 
 Found = tuple[Any, Array, Array]
 """Of C contacts: (C, 2) shapes, (C,) normal forces (N) and (C, 3) places."""
@@ -80,33 +82,30 @@ class Reactions:
 
     def __init__(self, built: CompiledModel, joints: tuple[Joint, ...]) -> None:
         self._sensed = built.data.sensordata
-        self.source = np.zeros((len(joints), 6), dtype=np.intp)
-        """Where among the sensors each number of the reactions is."""
-        self.share = np.zeros((len(joints), 6))
-        """What it is multiplied with; 0 for joints in no tree."""
+        source, share = ([[0] * 6] * len(joints) for _ in range(2))
         self._oblique: list[tuple[int, Array]] = []
         """Joints whose free axis is none of the coordinate axes, and that axis (6,)."""
         for row, link in enumerate(built.links):
-            sign = -1.0 if link.reversed else 1.0
-            self.source[link.joint] = 6 * row + WRENCH_ORDER
-            self.share[link.joint] = sign * WRENCH_SIGNS * self._borne(joints[link.joint], link)
+            sign, borne = -1.0 if link.reversed else 1.0, self._borne(joints[link.joint], link)
+            source[link.joint] = [6 * row + i for i in _ORDER]
+            share[link.joint] = [sign * one * some for one, some in zip(_SIGNS, borne, strict=True)]
+        self.source = np.array(source, dtype=np.intp).reshape(-1, 6)
+        """Where among the sensors each number of the reactions is."""
+        self.share: Array = np.array(share, dtype=np.float64).reshape(-1, 6)
+        """What it is multiplied with; 0 for joints in no tree."""
 
-    def _borne(self, joint: Joint, link: Link) -> Array:
-        """(6,) 1 for what counts as borne, 0 along coordinate axes that are free."""
-        borne = np.ones(6)
+    def _borne(self, joint: Joint, link: Link) -> Sequence[float]:
+        """Six numbers: 1 for what counts as borne, 0 along coordinate axes that are free."""
         if joint.kind == "fixed" or link.rigid or link.parallel:
-            return borne
+            return (1.0,) * 6
         if joint.kind == "spherical":
-            borne[3:] = 0.0
-            return borne
-        axis = np.zeros(6)
-        axis[:3] = joint.axis if joint.kind == "prismatic" else 0.0
-        axis[3:] = joint.axis if joint.kind == "revolute" else 0.0
-        if np.count_nonzero(axis) == 1:
-            borne[axis != 0.0] = 0.0
-        else:
-            self._oblique.append((link.joint, axis))
-        return borne
+            return (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+        x, y, z = joint.axis
+        axis = (x, y, z, 0.0, 0.0, 0.0) if joint.kind == "prismatic" else (0.0, 0.0, 0.0, x, y, z)
+        if sum(map(bool, axis)) == 1:
+            return [0.0 if along else 1.0 for along in axis]
+        self._oblique.append((link.joint, np.array(axis)))
+        return (1.0,) * 6
 
     def read(self, reactions: Array) -> None:
         """Write the reactions of all joints, (J, 6), game frame; 0 for joints in no tree."""

@@ -24,8 +24,8 @@ class ShapeWriter:
 
     def __init__(self, spec: Any, surfaces: Surfaces) -> None:
         self._spec, self._surfaces = spec, surfaces
-        self.owners: list[Body] = []
-        """Block or object that each shape belongs to."""
+        self.shapes: list[tuple[Any, Body]] = []
+        """Each shape, and the block or object that it belongs to."""
 
     def add_ground(self, surface: Surface, cluster: int) -> None:
         """The plane y = 0."""
@@ -73,8 +73,9 @@ class ShapeWriter:
         return geom
 
     def _add(self, body: Any, owner: Body, surface: Surface, cluster: int) -> Any:
-        self.owners.append(owner)
-        geom = body.add_geom(name=str(len(self.owners) - 1), mass=0.0)
+        geom = body.add_geom()
+        geom.name, geom.mass = str(len(self.shapes)), 0.0
+        self.shapes.append((geom, owner))
         self._surfaces.cover(geom, surface, cluster)
         return geom
 

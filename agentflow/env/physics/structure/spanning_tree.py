@@ -92,6 +92,10 @@ class Skeleton:
         return (other for link in (*self.links, *self.loops) for other in link.parallel)
 
 
+_last: tuple[object, Skeleton] = (), Skeleton((), (), (), (), ())
+"""The skeleton that was asked for last: a world asks for it, then its loads do, or vice versa."""
+
+
 def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) -> Skeleton:
     """Spanning trees over the parts, from the joints that are not broken.
 
@@ -100,6 +104,15 @@ def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) 
         joints: All joints; earlier ones are preferred among those of equal `preference`.
         broken: Indices of joints that broke or were released.
     """
+    global _last
+    of = count, tuple(joints), frozenset(broken)
+    known = _last
+    if known[0] != of:
+        known = _last = of, _grow(*of)
+    return known[1]
+
+
+def _grow(count: int, joints: Sequence[Joint], broken: Collection[int]) -> Skeleton:
     sets = Sets()
     whole = [i for i in range(len(joints)) if i not in broken]
     used: list[int] = []

@@ -148,8 +148,8 @@ class Throwing(Family):
             *release,
         )
         data["boulder"] = boulder
-        landing = terms["landing"]
-        told = trace.even[trace.even.times < AFTER + (inf if landing is None else float(landing))]
+        even, landing = trace.even, terms["landing"]
+        told = even[even.times < AFTER + (inf if landing is None else float(landing))]
         path = series("Boulder position", told.times, told.centre[:, boulder])
         return compose(machine, trace, broken, verdict, self.unit, lines, data, (path,))
 
