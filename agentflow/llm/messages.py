@@ -54,12 +54,15 @@ class Recorded(_Frozen):
 
 
 class Tool(_Frozen):
-    """A tool that a model may call."""
+    """A tool that a model may call.
+
+    Attributes:
+        parameters: JSON schema of its arguments, which are an object.
+    """
 
     name: str
     description: str
     parameters: Mapping[str, Any]
-    """JSON schema of its arguments, which are an object."""
 
 
 class NamedTool(_Frozen):
@@ -69,39 +72,45 @@ class NamedTool(_Frozen):
 
 
 class ToolCall(Recorded):
-    """A tool call as a model wrote it: data that may be anything."""
+    """A tool call as a model wrote it: data that may be anything.
+
+    Attributes:
+        id: Not empty, and different from those of the other calls of the reply.
+        arguments: The text that the model wrote: a JSON object if it kept to the schema.
+        extra_content: JSON that some endpoints add and want back with the call, such as a
+            signature.
+    """
 
     optional_fields = frozenset({"extra_content"})
 
     id: Text
-    """Not empty, and different from those of the other calls of the reply."""
     name: Text
     arguments: Text
-    """The text that the model wrote: a JSON object if it kept to the schema."""
     extra_content: Text = ""
-    """JSON that some endpoints add and want back with the call, such as a signature."""
 
 
 class Message(Recorded):
     """One message of a conversation.
 
     A reply with tool calls is followed by one `tool` message for each of them, in their order.
+
+    Attributes:
+        role: Who speaks: `tool` answers a tool call.
+        text: What is said.
+        images: PNG data URLs, of user and tool messages.
+        tool_calls: The tools that an assistant message calls.
+        tool_call_id: The call that a tool message answers.
+        extra: Other fields that the endpoint wants back with an assistant message that calls tools.
     """
 
     optional_fields = frozenset({"tool_calls", "tool_call_id", "extra"})
 
     role: Literal["system", "user", "assistant", "tool"]
-    """Who speaks: `tool` answers a tool call."""
     text: Text
-    """What is said."""
     images: tuple[str, ...] = ()
-    """PNG data URLs, of user and tool messages."""
     tool_calls: tuple[ToolCall, ...] = ()
-    """The tools that an assistant message calls."""
     tool_call_id: Text = ""
-    """The call that a tool message answers."""
     extra: Mapping[str, str] = {}
-    """Other fields that the endpoint wants back with an assistant message that calls tools."""
 
 
 class JsonSchema(_Frozen):
@@ -142,27 +151,29 @@ class Request(Recorded):
     `label` identifies the call within the run ("refiner/traj-3/node-12/attempt-2"). Two calls with
     the same messages but different labels are separate samples. Which reply a call gets never
     depends on what runs at the same time.
+
+    Attributes:
+        role: Role that asks.
+        label: What distinguishes the call from all others of the run.
+        messages: The conversation so far.
+        sampling: How the reply is sampled.
+        tools: Tools that the reply may call.
+        tool_choice: `auto`: the reply may call tools; `none`: it must not; `required`: it must; or
+            the tool to call.
+        run: Name of the run directory, for functions in place of models; not recorded.
+        run_seed: Random seed of the run, for functions in place of models; not recorded.
     """
 
     optional_fields = frozenset({"tools", "tool_choice"})
 
     role: str
-    """Role that asks."""
     label: str
-    """What distinguishes the call from all others of the run."""
     messages: tuple[Message, ...]
-    """The conversation so far."""
     sampling: Sampling = Sampling()
-    """How the reply is sampled."""
     tools: tuple[Tool, ...] = ()
-    """Tools that the reply may call."""
     tool_choice: Literal["auto", "none", "required"] | NamedTool = "auto"
-    """`auto`: the reply may call tools; `none`: it must not; `required`: it must; or the
-    tool to call."""
     run: str = Field("", exclude=True)
-    """Name of the run directory, for functions in place of models; not recorded."""
     run_seed: int | None = Field(None, exclude=True)
-    """Random seed of the run, for functions in place of models; not recorded."""
 
     @property
     def estimated_tokens(self) -> int:
@@ -174,16 +185,19 @@ class Request(Recorded):
 
 
 class Usage(_Frozen):
-    """Token counts as the endpoint reports them; 0 where it reports none."""
+    """Token counts as the endpoint reports them; 0 where it reports none.
+
+    Attributes:
+        prompt: Tokens of the prompt, including cached ones.
+        completion: Tokens of the reply, including reasoning.
+        reasoning: Tokens of the reasoning.
+        cached: Tokens of the prompt that the endpoint had cached.
+    """
 
     prompt: int = 0
-    """Tokens of the prompt, including cached ones."""
     completion: int = 0
-    """Tokens of the reply, including reasoning."""
     reasoning: int = 0
-    """Tokens of the reasoning."""
     cached: int = 0
-    """Tokens of the prompt that the endpoint had cached."""
 
     @property
     def total(self) -> int:
@@ -196,28 +210,32 @@ class Usage(_Frozen):
 
 
 class Reply(Recorded):
-    """One reply. Roles parse `text`; reasoning is kept separately."""
+    """One reply. Roles parse `text`; reasoning is kept separately.
+
+    Attributes:
+        text: The text of the reply, without reasoning.
+        finish: Why the reply ended.
+        reasoning: The reasoning, if the endpoint sends it.
+        usage: Tokens that the call took.
+        model: Model name reported by the endpoint.
+        latency_s: Seconds from the request to the end of the reply.
+        retries: Attempts that failed before this one.
+        tool_calls: Calls of the request's tools, perhaps beside a text.
+        reasoning_field: Field in which reasoning came beside tool calls; some endpoints want it
+            back there.
+    """
 
     optional_fields = frozenset({"tool_calls", "reasoning_field"})
 
     text: str
-    """The text of the reply, without reasoning."""
     finish: Finish = "stop"
-    """Why the reply ended."""
     reasoning: str = ""
-    """The reasoning, if the endpoint sends it."""
     usage: Usage = Usage()
-    """Tokens that the call took."""
     model: str = ""
-    """Model name reported by the endpoint."""
     latency_s: float = 0.0
-    """Seconds from the request to the end of the reply."""
     retries: int = 0
-    """Attempts that failed before this one."""
     tool_calls: tuple[ToolCall, ...] = ()
-    """Calls of the request's tools, perhaps beside a text."""
     reasoning_field: str = ""
-    """Field in which reasoning came beside tool calls; some endpoints want it back there."""
 
     @property
     def message(self) -> Message:
