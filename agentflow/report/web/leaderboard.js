@@ -11,6 +11,8 @@ const OUTCOMES = {
   unverified: "Not verified", stopped: "Budget used up", missing: "Missing",
 };
 
+const WIDE = 900; // CSS pixels of a window that fits a column for each family
+
 export function leaderboardPage(data) {
   return [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, "Leaderboard"), el("p", { class: "lede" }, `${data.about}.`)), ...leaderboardParts(data))];
 }
@@ -23,7 +25,7 @@ export function leaderboardParts(data, actions = () => [], players = []) {
   const lines = cards.filter(({ course }) => course.length).map(({ model, course }) => ({ name: model, points: course }));
   return [
     section("Ranking", data.pars ? el("p", {}, "A share of 100 % is as good as a long search of the built-in designer or a known machine, 0 % no better than random machines.") : "", shareChart("Mean share over all items, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts, words))), ...all.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
-    section("Families", heatMap("Mean shares by family", "family", Object.keys(cards[0].families), cards, ({ families }, name) => familyCell(families[name], parts), isNarrow()),
+    section("Families", heatMap("Mean shares by family", "family", Object.keys(cards[0].families), cards, ({ families }, name) => familyCell(families[name], parts), isNarrow() || (innerWidth < WIDE && cards.length < Object.keys(cards[0].families).length)),
       el("p", { class: "quiet" }, `${parts[1] ? `Large: ${words[parts[0]]}; small: ${words[parts[1]]}. ` : ""}Stronger colour means a greater share.`)),
     machinesSection(data, actions, players),
     lines.length ? section("Share over simulations", lineChart("Mean share of the best machine so far, by plain score", "", "simulations", lines)) : null,
