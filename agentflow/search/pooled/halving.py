@@ -54,13 +54,15 @@ class Halving(PooledStrategy):
         """A new branch, or a child of the best node of a branch that goes on."""
         opening = None if pool.is_full else Choice(_opener(pool, rng))
         lines = sorted((line for line in pool.branches if line.tree), key=_reward, reverse=True)
+        if lines and pool.arms and pool.is_small:
+            opening = None  # one branch is improved
         if not lines or not pool.arms or (opening and self._begins(pool, lines)):
             return opening
         if self._beginning is None:
             self._beginning = pool.used
         climbed = max(0.0, pool.used - self._beginning) / (1 - self._beginning)
         going_on = lines[: self.kept[int(climbed * len(self.kept))]]
-        return self._next(pool, going_on, rng) or opening
+        return self._next(pool, going_on, opening, rng)
 
     def _begins(self, pool: Pool[Any], lines: Sequence[Branch[Any]]) -> bool:
         """Whether all choices are new branches: no children have been made yet, and not too many
@@ -69,8 +71,14 @@ class Halving(PooledStrategy):
         most = min(self.most_begun, 2 * different + SPARE)
         return self._beginning is None and pool.used < BEGINNING and begun < most
 
-    def _next(self, pool: Pool[Any], going_on: Sequence[Branch[Any]], rng: Random) -> Choice | None:
-        """The next child; None for a new branch.
+    def _next(
+        self,
+        pool: Pool[Any],
+        going_on: Sequence[Branch[Any]],
+        opening: Choice | None,
+        rng: Random,
+    ) -> Choice:
+        """The next child, or the opening of a new branch, unless that is None.
 
         Each is worth its chance of an improvement times what this gains over the best of all, or
         over its parent, if that is drawn evenly. How likely children improve their parents is drawn
@@ -79,11 +87,11 @@ class Halving(PooledStrategy):
         evenly = rng.random() < EVENLY
         considered = [rng.choice(going_on)] if evenly else going_on
         gains, record, best = pool.gains(), tail(pool), _reward(going_on[0])
-        drawn: list[tuple[float, float, float, Choice | None]] = []
-        if not pool.is_full:
+        drawn: list[tuple[float, float, float, Choice]] = []
+        if opening:
             first = max(worth(_root(line)) for line in pool.branches if line.tree)
             value = _draw(rng, 1, len(pool.branches)) * _beyond(record, best - first)
-            drawn.append((value, rng.random(), 0.0, None))
+            drawn.append((value, rng.random(), 0.0, opening))
         every = [gain for made in gains.values() for gain in made if gain > 0]
         usual = (sum(every) + GAIN * record) / (len(every) + 1)
         for arm in pool.arms:
@@ -106,7 +114,13 @@ class HalfAndHalf(Halving):
     kept = (1,)
     most_begun = math.inf
 
-    def _next(self, pool: Pool[Any], going_on: Sequence[Branch[Any]], rng: Random) -> Choice | None:
+    def _next(
+        self,
+        pool: Pool[Any],
+        going_on: Sequence[Branch[Any]],
+        opening: Choice | None,  # noqa: ARG002
+        rng: Random,
+    ) -> Choice:
         return Choice(rng.choice(pool.arms), going_on[0].number, _best(going_on[0]).id)
 
 

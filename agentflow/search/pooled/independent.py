@@ -11,6 +11,8 @@ from agentflow.search.pooled.pool import Choice, Pool, PooledStrategy
 class Independent(PooledStrategy):
     """Always a new first candidate; nothing is refined."""
 
+    learns = False
+
     def choose(self, pool: Pool[Any], rng: Random) -> Choice | None:
         """A new branch; several openers are equally likely."""
         return None if pool.is_full else Choice(rng.choice(pool.openers))

@@ -21,6 +21,11 @@ from agentflow.search.tree import Growth, SearchTree
 
 PATIENCE = 10
 """Rounds in a row that evaluate nothing new, after which a search ends."""
+FEW = 8
+"""So few evaluations are too few to compare branches, or who makes children."""
+ROUNDS = 8
+"""Fewest rounds of a search, unless each makes only one choice: what a round shows guides the
+next."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,9 @@ class Branch(Generic[C]):
 
 class PooledStrategy(ABC):
     """Decides what is made next."""
+
+    learns = True
+    """Whether its choices depend on what was made before."""
 
     @abstractmethod
     def choose(self, pool: Pool[Any], rng: Random) -> Choice | None:
@@ -84,6 +92,8 @@ class Pool(Generic[C]):
         self.used = 0.0
         """Share of the budget that was used before this round, from 0 to 1: that of evaluations or
         of questions, whichever is greater; of evaluations once no question is left."""
+        self.total: float = math.inf
+        """Evaluations or questions at the start, whichever were fewer."""
         self.evaluations: float = math.inf
         """How many are left."""
         self.questions: float = math.inf
@@ -91,13 +101,19 @@ class Pool(Generic[C]):
 
     @property
     def arms(self) -> tuple[str, ...]:
-        """Who can make children now: without questions, who asks none; with as many questions as
-        evaluations, only who asks, as questions would be left over."""
+        """Who can make children now: without questions, who asks none; only who asks, if questions
+        would be left over otherwise, or if there are few evaluations."""
         if self.questions < 1:
             return self.free
-        if math.isfinite(self.questions) and self.questions >= self.evaluations:
+        spare = math.isfinite(self.questions) and self.questions >= self.evaluations
+        if spare or self.is_small:
             return tuple(arm for arm in self._every if arm not in self.free) or self._every
         return self._every
+
+    @property
+    def is_small(self) -> bool:
+        """Whether all evaluations are few."""
+        return self.total <= FEW
 
     @property
     def nodes(self) -> list[tuple[Branch[C], Node[C]]]:
@@ -175,7 +191,7 @@ async def search_pool(
         open_branch: Makes a first candidate.
         expand: Makes children.
         left: How many more candidates may be evaluated.
-        width: Choices per round.
+        width: Most choices per round.
         rng: What the strategy draws from.
         opening_cost: Most evaluations that a first candidate takes.
         preparing: Given a choice of a child and what is left besides it, how many more evaluations
@@ -184,6 +200,9 @@ async def search_pool(
     """
     round_ = idle = 0
     total, most = left(), questions()
+    pool.total = min(total, most)
+    if strategy.learns:
+        width = max(1, min(width, int(pool.total) // ROUNDS))
     while (before := left()) > 0 and idle < PATIENCE and not pool.is_over:
         rest = before
         pool.questions = questions()

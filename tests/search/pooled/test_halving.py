@@ -268,3 +268,10 @@ async def test_independent_sampling_ends_with_the_questions() -> None:
     world = Numbers(uniform, {}, 64, questions=24)
     await world.search(Independent())
     assert world.asked == len(world.tried) == 24
+
+
+async def test_few_evaluations_improve_one_branch_and_ask_each_time() -> None:
+    for seed in range(5):
+        world = Numbers(uniform, {"refiner": small_step, "edit": small_step}, 8, free=["edit"])
+        await world.search(Halving(), seed)
+        assert [arm for arm, _ in world.tried] == ["new", *["refiner"] * 7]
