@@ -76,7 +76,7 @@ def sweep_data(
     shown = [
         table_data(replace(table, title=table.title.removeprefix(f"{title}: ")), shared)
         for table in tables
-        if table.columns
+        if table.columns and any(value is not None for row in table.rows for value in row.values)
     ]
     return {
         "kind": "sweep",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -52,7 +52,24 @@ def sweep_page_data(
             del views[name]
     tables = [layout_table(result, published=bool(result.sweep.table.published)), *views.values()]
     spreads = {key: _spread(result, runs, pictures) for key, runs in _groups(result).items()}
-    return sweep_data(result.sweep.title, result.sweep.about, spreads, tables, _runs(result))
+    data = sweep_data(result.sweep.title, result.sweep.about, spreads, tables, _runs(result))
+    return {**data, "warning": _says_nothing(result, data["spreads"])}
+
+
+def _says_nothing(result: SweepResult, spreads: Sequence[Mapping[str, Any]]) -> str:
+    """Why the conditions cannot be told apart, if they cannot; else ""."""
+    labels = [each for axis in result.sweep.axes.values() for each in axis.values()]
+    if any(key.startswith("settings.search.") for each in labels for key in each) and not any(
+        run.numbers.record.steps for run in result.finished
+    ):
+        return (
+            "No search round was made in any run, so this says nothing about the strategies: "
+            "raise settings.max_simulations."
+        )
+    tasks = {each["task"]: each["values"] for each in spreads}
+    if len(spreads) > len(tasks) and all(tasks[s["task"]] == s["values"] for s in spreads):
+        return "All conditions have the same scores, so this says nothing about their differences."
+    return ""
 
 
 def _spread(result: SweepResult, runs: Sequence[FinishedRun], pictures: bool) -> Spread:

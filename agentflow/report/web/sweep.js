@@ -9,6 +9,7 @@ import { shareText, worthText } from "./text.js";
 export function sweepPage(data, linked = (name, ...parts) => (parts.length ? el("div", { class: "card" }, ...parts) : name), still = ({ picture }) => picture && el("img", { src: picture, alt: "", width: 320, height: 240 })) {
   const main = el("main", { class: "alone" },
       el("header", {}, el("p", { class: "kind" }, "agentflow sweep"), el("h1", {}, data.title), el("p", { class: "lede" }, data.about),
+        data.warning ? el("p", { class: "problem" }, data.warning) : null,
         ...data.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
       data.spreads.length ? scoreDistributions(data.spreads, (run) => openRun(main, run)) : null,
       bestMachines(data.spreads.filter(({ best }) => best), linked, still),
@@ -34,11 +35,15 @@ function unitOf({ scored }, spreads) {
   return scored && units.size === 1 ? [...units][0] : "";
 }
 
-/** The best machine of each variant. */
+/** The best machine of each variant; the same machine of several once. */
 function bestMachines(rows, linked, still) {
   if (!rows.length) return null;
-  return section("Best machines", el("p", { class: "quiet" }, "The highest score of all stages. Verified scores, where there are any, count more."), el("div", { class: "cards" }, ...rows.map(({ task, name, unit, best, level, record }) =>
-    linked(best.run, still(best) || null, el("b", {}, withUnit(best.score, unit)), el("span", {}, [task, name].filter(Boolean).join(", ")), el("small", {}, shareText(record, level, unit))))));
+  const same = [...Map.groupBy(rows, ({ task, best }) => `${task} ${best.machine ?? best.run}`).values()];
+  return section("Best machines", el("p", { class: "quiet" }, "The highest score of all stages. Verified scores, where there are any, count more."), el("div", { class: "cards" }, ...same.map((found) => {
+    const [{ task, unit, best, level, record }] = found;
+    const names = listed(found.map(({ name }) => name).filter(Boolean));
+    return linked(best.run, still(best) || null, el("b", {}, withUnit(best.score, unit)), el("span", {}, [task, names].filter(Boolean).join(", ")), el("small", {}, shareText(record, level, unit)));
+  })));
 }
 
 /** One chart per task, because each task has its own unit. */
