@@ -408,7 +408,8 @@ def test_control_is_edited_checked_and_shown_as_curves_under_the_film(
     assert not browser.find_elements(By.CSS_SELECTOR, ".facts-panel .warned")
     find(browser, ".control button").click()  # an example with what this machine has
     until(browser, apply.is_enabled)
-    assert '"at":0,"for":2,"level":1}' in str(text.get_property("value"))
+    looks = '"ahead_2": {"kind":"distance","block":1,"axis":"z+"}'
+    assert looks in str(text.get_property("value"))
     find(browser, ".control .play + button").click()
 
     def write(content: str) -> None:
@@ -422,6 +423,9 @@ def test_control_is_edited_checked_and_shown_as_curves_under_the_film(
     write(written.replace(',"p":-0.1', ""))
     until(browser, lambda: told() == ["controllers: laws.approach.p is missing Show"])
     assert not apply.is_enabled()
+    find(browser, ".test").click()
+    said(browser, "cannot be applied: controllers: laws.approach.p is missing")
+    assert not browser.find_elements(By.CSS_SELECTOR, ".strip li")
     find(browser, ".control li button").click()
     marked = (
         "return arguments[0].value.slice(arguments[0].selectionStart, arguments[0].selectionEnd)"
@@ -444,11 +448,9 @@ def test_control_is_edited_checked_and_shown_as_curves_under_the_film(
     for part in ('"tilt": {"kind":"tilt","block":0,"axis":"z"}', '"p":-0.25'):
         assert part in str(text.get_property("value"))
     until(browser, apply.is_enabled)
-    apply.click()
-    said(browser, "The machine has this control now")
-    assert not apply.is_enabled()
-    find(browser, ".test").click()
+    find(browser, ".test").click()  # with what is written
     said(browser, "Test 1: score")
+    assert not apply.is_enabled()
     until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".player .lanes li")) == 3)
     lanes = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".player .lanes li span")]
     assert lanes[-1].startswith("law approach (target 2)")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import json
-from typing import Any
+from typing import Any, get_args
 
 from agentflow.machine import Brief, Machine, check
-from agentflow.machine.controllers.model import QUANTITIES
+from agentflow.machine.controllers.model import QUANTITIES, Law
+from agentflow.machine.controllers.reading import LAW_KINDS
 from agentflow.machine.formats.detect import read_for
 
 OWN = ("controls", "controllers")
@@ -14,7 +16,7 @@ OWN = ("controls", "controllers")
 
 def control_parts(brief: Brief) -> dict[str, Any]:
     """Whether machines of a task bring controls of their own, also those that sense, and what
-    there is to sense."""
+    there is to sense and which laws there are."""
     limits = brief.limits
     return {
         "designed": limits.controls is not None,
@@ -22,6 +24,10 @@ def control_parts(brief: Brief) -> dict[str, Any]:
         "sensors": {
             kind: {"axes": quantity.axes, "text": quantity.text, "unit": quantity.unit}
             for kind, quantity in QUANTITIES.items()
+        },
+        "laws": {
+            kind: inspect.getdoc(law)
+            for kind, law in zip(LAW_KINDS, get_args(get_args(Law)[0]), strict=True)
         },
     }
 

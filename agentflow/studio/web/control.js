@@ -6,19 +6,19 @@ import { controlFields, free, LAWS } from "./fields.js";
 
 const WAIT = 400; // milliseconds after the last key until it is checked
 export function controlEditor(editor) {
-  const { designed, senses, sensors } = editor.start;
+  const { designed, senses, sensors, laws } = editor.start;
   const text = el("textarea", { class: "json", rows: 12, spellcheck: "false", "aria-label": "Control as JSON", input: () => { changed(); draw(); } });
   const fields = el("div", { class: "fields" });
   const json = el("details", {}, el("summary", {}, "As JSON"), text);
   const problems = el("ul", { class: "problems", "aria-live": "polite" });
-  const apply = el("button", { class: "play", disabled: "", click: () => take() }, "Apply");
+  const apply = el("button", { class: "play", disabled: "", click: take }, "Apply");
   const back = el("button", { disabled: "", click: () => show() }, "Discard");
-  const option = (value, words, title) => el("option", { value, title }, words);
+  const option = (value, words) => el("option", { value }, words);
   const parts = el("select", { "aria-label": "Insert", change: () => insert(parts.value) }, option("", "Insert …"),
-    ...(senses ? [el("optgroup", { label: "Sensor" }, ...Object.entries(sensors).map(([kind, { text: about, unit }]) => option(`sensors ${kind}`, kind, `${about}${unit ? `, ${unit}` : ""}`))),
-      el("optgroup", { label: "Law" }, ...Object.keys(LAWS).map((kind) => option(`laws ${kind}`, kind))),
-      el("optgroup", { label: "Output" }, option("outputs blocks", "blocks that follow a law"), option("outputs group", "a group that follows a law"))] : []),
-    option("controls", "a level from one time to another"));
+    ...(senses ? [el("optgroup", { label: "Sensor" }, ...Object.entries(sensors).map(([kind, { text: about, unit }]) => option(`sensors ${kind}`, `${kind}: ${about}${unit ? `, ${unit}` : ""}`))),
+      el("optgroup", { label: "Law" }, ...Object.entries(laws).map(([kind, about]) => option(`laws ${kind}`, `${kind}: ${about}`))),
+      el("optgroup", { label: "Output" }, option("outputs blocks", "blocks: the selected block follows a law"), option("outputs group", "group: all blocks of a kind, such as motors, follow a law"))] : []),
+    option("controls", "control: the selected block runs at a level from one time to another"));
   const element = el("details", { class: "control", open: designed ? "" : null }, el("summary", {}, "Control"),
     el("p", { class: "quiet" }, designed ? "Machines of this task bring their own control: what runs when, and at which level. Example writes one for what this machine has."
       : "This task switches all blocks by its own schedule; machines of it bring no control."),
@@ -56,6 +56,12 @@ export function controlEditor(editor) {
     timer = setTimeout(check, WAIT);
   }
   async function check() {
+    const unread = fields.querySelector(":invalid");
+    if (unread) {
+      const problems = [`${unread.parentElement.firstChild.textContent}: what is written there cannot be read`];
+      tell(problems);
+      return { problems };
+    }
     const asked = text.value;
     try {
       const found = await send("/api/build/control", { ...editor.given, text: asked });
@@ -63,7 +69,7 @@ export function controlEditor(editor) {
       return found;
     } catch (error) {
       tell([error.message]);
-      return {};
+      return { problems: [error.message] };
     }
   }
   function tell(found) {
@@ -85,6 +91,17 @@ export function controlEditor(editor) {
     text.setSelectionRange(begin, end);
     text.scrollTop = text.scrollHeight * (text.value.slice(0, begin).split("\n").length / text.value.split("\n").length) - text.clientHeight / 2;
   }
+  /** Motors that turn more slowly the nearer something ahead is; what turns itself does not look ahead. */
+  function approach(data) {
+    const { blocks } = editor.state;
+    const turns = ({ group, name, parents }) => Boolean(group) || /wheel|hinge|joint|cog|propeller|axle/i.test(name) || parents.some((id) => id >= 0 && turns(blocks[id]));
+    const [{ id }] = blocks.filter((block) => !turns(block)).sort((a, b) => b.position[2] - a.position[2]);
+    const { sensors, laws, outputs } = Object.assign(data, { controllers: { sensors: {}, laws: {}, outputs: [], ...data.controllers } }).controllers;
+    const [sensor, law] = [free("ahead", sensors), free("approach", laws)];
+    sensors[sensor] = { kind: "distance", block: id, axis: "z+" };
+    laws[law] = { kind: "pd", sensor, target: 2, p: -0.1 };
+    outputs.push({ group: "motors", law });
+  }
   function insert(what) {
     parts.value = "";
     let data;
@@ -98,7 +115,8 @@ export function controlEditor(editor) {
     if (place === "example") {
       const driven = editor.state.blocks.filter(({ group }) => group);
       if (!driven.length) return tell(["Nothing to control: add a motor or a thruster."]);
-      (data.controls ??= []).push(...[...Map.groupBy(driven, ({ group }) => group)].map(([group, blocks], at) => ({ blocks: blocks.map(({ id }) => id), at, for: 2, level: +(group !== "grabbers") })));
+      if (senses && driven.some(({ group }) => group === "motors")) approach(data);
+      else (data.controls ??= []).push(...[...Map.groupBy(driven, ({ group }) => group)].map(([group, blocks], at) => ({ blocks: blocks.map(({ id }) => id), at, for: 2, level: +(group !== "grabbers") })));
     } else if (place === "controls") (data.controls ??= []).push({ blocks: [chosen], at: 0, for: 1, level: 1 });
     else {
       const held = (data.controllers ??= { sensors: {}, laws: {}, outputs: [] });
@@ -116,15 +134,21 @@ export function controlEditor(editor) {
     changed();
     fields.querySelector("fieldset:last-of-type :is(input, select)")?.focus();
   }
-  function take() {
-    return editor.queue(async () => {
-      const { state } = await check();
-      if (!state) return;
+  /** Give the machine the control that is written; false, and said why, if it does not fit. */
+  async function take() {
+    if (back.disabled) return true;
+    let taken = false;
+    await editor.queue(async () => {
+      const { state, problems: found } = await check();
+      if (!state) return editor.say(`The control cannot be applied: ${found[0]}`, true);
       await editor.take(state, "control", editor.chosen);
       show();
-      editor.say("The machine has this control now; undo brings the one before back.");
+      taken = true;
+      return editor.say("The machine has this control now; undo brings the one before back.");
     });
+    return taken;
   }
+  if (designed) editor.settle = take;
   if (designed) editor.on(["state"], () => { if (back.disabled) show(); else check(); });
   return element;
 }

@@ -24,6 +24,7 @@ export class Editor extends EventTarget {
     this.wrong = new Set(); // blocks that a problem is about, while it is shown
     this.working = Promise.resolve();
     this.left = 0;
+    this.settle = async () => true; // applies what is written beside the machine; false if it does not fit
   }
 
   /** Whether something is still being done. */

@@ -37,10 +37,10 @@ export function controlFields(editor, data, changed) {
       try {
         read(input.value);
         input.setCustomValidity("");
-        changed();
       } catch {
         input.setCustomValidity("This cannot be read yet.");
       }
+      changed();
     } });
     return labelled(key, input, wide);
   };

@@ -24,6 +24,7 @@ export class Trials {
   async test() {
     const { editor } = this;
     await editor.working;
+    if (!(await editor.settle())) return null;
     const { state, given } = editor;
     if (!state.valid) return editor.say(state.problems[0]?.message ?? "The machine is not complete.", true);
     editor.say("Simulating …");
@@ -110,6 +111,7 @@ export class Trials {
       "aria-current": trial === this.shown ? "true" : null, class: trial.score === best && this.list.length > 1 ? "best" : null, title: trial.feedback, click: () => this.open(trial),
     }, el("small", {}, `#${trial.number} · ${trial.state.count} blocks`), el("span", {}, el("b", {}, trial.score === null ? trial.status : withUnit(trial.score, this.editor.start.unit)))))));
     this.run.replaceChildren(...(this.name ? ["Recorded in ", el("a", { href: address("run", { run: this.name }) }, this.name), " ", el("button", { title: "Complete the run with its best machine as the result; the next test begins another run", click: () => this.finish() }, "Finish this run")]
+      : this.ended ? ["Complete: ", el("a", { href: address("run", { run: this.ended }) }, this.ended), ". The next test begins another run."]
       : ["Choose Test (P) to simulate this machine. Each test stays here, and in a run of the list."]));
   }
 
@@ -118,6 +120,7 @@ export class Trials {
     try {
       const { run, score } = await send("/api/build/finish", { run: this.name });
       this.name = "";
+      this.ended = run;
       this.draw();
       this.editor.tell("trials");
       this.editor.say(`${run} is complete${score === null ? "" : `: its best score is ${withUnit(score, this.editor.start.unit)}`}.`);
