@@ -318,6 +318,28 @@ def test_equal_scores_have_the_strongest_colour_and_only_zeros_a_reason(
     assert find(browser, ".failing").text.startswith(reason)
 
 
+def test_the_score_at_the_top_is_the_verified_one_and_its_fall_is_told(
+    browser: webdriver.Chrome, tmp_path: Path
+) -> None:
+    _, data = run_data(RECORDED)
+    verified = {**data["run"]["verified"], "score": 9.0}
+    bare = {"machines": {}, "shapes": [], "files": ""}
+    for score, warned in ((9.5, []), (12, ["Its score of 12 m falls to 9 m when verified"])):
+        told_run = {**data["run"], "score": score, "verified": verified}
+        page = whole_page("run", {**data, **bare, "run": told_run})
+        (tmp_path / "run.html").write_text(page, encoding="utf-8")
+        browser.get((tmp_path / "run.html").as_uri())
+        until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".score b"))
+        assert find(browser, ".score").text.startswith("9 m (verified) by the best machine")
+        reached = browser.execute_script(
+            "return document.querySelector('.reached').style.getPropertyValue('--at')"
+        )
+        most = data["task"]["record"]["verified"]
+        assert float(reached[:-1]) == pytest.approx(100 * 9 / most)
+        told = [each.text for each in browser.find_elements(By.CSS_SELECTOR, ".failing")]
+        assert [text.partition(":")[0] for text in told] == warned
+
+
 def test_a_refused_edit_says_why_and_has_no_film(opened: webdriver.Chrome) -> None:
     node(opened, "env_feedback/traj-1/round-1/node-0/try-2").click()
     until(opened, lambda: "refused because of <script>" in find(opened, ".chosen .problem").text)

@@ -4,18 +4,22 @@ import { barChart, lineChart, named, scoreChart } from "./charts.js";
 import { capitalize, el, section, formatNumber, table, withUnit } from "./dom.js";
 import { taskDetails, callDetails, toolDetails, scoreTable, worthText } from "./text.js";
 
+const FALL = 0.9; // share of its score below which a machine is warned of when verified
 const PLURAL = { reply: "replies", machine: "machines" };
 
 export function header(data) {
   const { run } = data;
+  const trusted = run.verified?.score ?? null;
+  const shown = trusted ?? run.score;
   const budget = run.trajectories === 1 ? "1 trajectory" : `${run.trajectories} trajectories`;
   const attempts = !run.trajectories ? "" : run.begun > run.trajectories ? ` · ${run.begun} trajectories on the budget of ${run.trajectories}` : ` · ${budget}`;
   return el("header", {},
     el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}${attempts}`),
     el("h1", {}, run.task),
     el("p", { class: "kind" }, data.task.title),
-    el("p", { class: "score" }, run.score === null ? "no score" : el("b", {}, withUnit(run.score, data.task.unit), data.task.greatest ? ` of ${data.task.greatest}` : ""), " ", run.sentence),
-    worth(data),
+    el("p", { class: "score" }, shown === null ? "no score" : el("b", {}, withUnit(shown, data.task.unit), data.task.greatest ? ` of ${data.task.greatest}` : ""), trusted === null ? " " : " (verified) ", run.sentence),
+    worth(data, shown),
+    trusted < FALL * run.score ? el("p", { class: "failing" }, `Its score of ${withUnit(run.score, data.task.unit)} falls to ${withUnit(trusted, data.task.unit)} when verified: small changes of physics cost this machine as much.`) : null,
     failing(data),
     run.verified ? verification(run.verified, data.task.unit) : null,
     el("p", { class: "lede" }, run.about),
@@ -23,7 +27,7 @@ export function header(data) {
 }
 
 /** What the score is worth: from where on one is good, the record, and how much of it is reached. */
-function worth({ run, task }) {
+function worth({ task }, shown) {
   const { good, record } = task;
   const share = Number.isFinite(record?.share) && `this is ${formatNumber(100 * record.share, 0)}\u00a0% of the ${record.of}`;
   const told = [worthText(task), share].filter(Boolean).join(" · ");
@@ -33,7 +37,7 @@ function worth({ run, task }) {
     item.style.setProperty("--at", `${Math.min(100, (100 * Math.max(0, value)) / Math.max(record?.verified ?? 0, good ?? 0))}%`);
     return item;
   };
-  return el("div", { class: "worth" }, el("div", { "aria-hidden": "true" }, mark("reached", run.score ?? 0), good ? mark("mark", good) : null), el("p", { class: "quiet" }, capitalize(told)));
+  return el("div", { class: "worth" }, el("div", { "aria-hidden": "true" }, mark("reached", shown ?? 0), good ? mark("mark", good) : null), el("p", { class: "quiet" }, capitalize(told)));
 }
 
 /** Why no machine scored, if none did: the most frequent failure. */
@@ -49,7 +53,7 @@ function failing({ progress, failures: kinds }) {
 /** The verified score, in how many simulations it holds, and the scores that it is the median of. */
 function verification({ score, low, high, holds, fails, fragile, scores }, unit) {
   const summary = score === null ? "No verified score: some simulations failed"
-    : `Verified score ${withUnit(score, unit)}, from simulations that scored ${formatNumber(low)} to ${formatNumber(high)}; `
+    : `The median of ${scores.length} simulations that scored ${formatNumber(low)} to ${formatNumber(high)}; `
       + `${fragile ? "fragile, " : ""}holds in ${holds} of ${scores.length}`;
   return el("details", {}, el("summary", {}, summary),
     el("p", { class: "quiet" }, "The best machine was simulated again with a finer time step, and with slightly different masses, friction and drives. The verified score is the median. It holds where a score is above 0 and at least half of it."),
