@@ -86,7 +86,7 @@ def test_the_best_known_bridges_do_not_carry_the_whole_load(level: str) -> None:
     record, task = record_of(get_task(level)), get_task(level)
     assert record is not None
     assert task.brief.greatest is not None
-    assert record.score < 0.75 * task.brief.greatest
+    assert record.score < 0.8 * task.brief.greatest
 
 
 def keeps(record: MachineRecord, then: list[float], now: list[float | None]) -> None:
