@@ -59,9 +59,8 @@ def sweep_page_data(
 def _says_nothing(result: SweepResult, spreads: Sequence[Mapping[str, Any]]) -> str:
     """Why the conditions cannot be told apart, if they cannot; else ""."""
     labels = [each for axis in result.sweep.axes.values() for each in axis.values()]
-    if any(key.startswith("settings.search.") for each in labels for key in each) and not any(
-        run.numbers.record.steps for run in result.finished
-    ):
+    strategies = any("search.strategy" in key for each in labels for key in each)
+    if strategies and not any(run.numbers.record.steps for run in result.finished):
         return (
             "No search round was made in any run, so this says nothing about the strategies: "
             "raise settings.max_simulations."

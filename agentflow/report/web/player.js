@@ -23,7 +23,11 @@ export class Player {
     this.element = this.built();
     this.print = () => {
       this.element.dispatchEvent(new CustomEvent("paper"));
-      if (this.film) this.view.print(this.paper, this.film, this.clock.time, this.byLoad);
+      if (!this.film) return;
+      const time = this.clock.time || this.scored; // with the whole way to it, unless a moment was chosen
+      this.title.dataset.moment = this.film.samples > 1 ? ` · at ${time.toFixed(2)} s` : "";
+      document.documentElement.style.setProperty("--printed", JSON.stringify(new Date().toLocaleDateString("en-GB", { dateStyle: "long" })));
+      this.view.print(this.paper, this.film, time, this.byLoad, !this.clock.time);
     };
     addEventListener("beforeprint", this.print);
     new ResizeObserver(() => this.fold(this.element.clientWidth <= NARROW)).observe(this.element);
@@ -65,6 +69,7 @@ export class Player {
     this.film = film;
     this.view.show(machine, this.shapes, film);
     this.clock.duration = film.duration;
+    this.scored = Math.min(machine.flag?.time ?? film.duration, film.duration);
     this.transport.setDuration(film.duration);
     this.element.classList.toggle("still", film.samples < 2);
     this.timeline.show(machine, film.duration);

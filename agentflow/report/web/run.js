@@ -135,7 +135,7 @@ async function describe(place, node, title, machine, calls, actions) {
     actions.length ? el("p", { class: "actions" }, ...actions) : "",
     node.problem ? problem(node.problem) : "",
     node.edit ? el("div", { class: "edit" }, el("h3", {}, "Edit"), plain(node.told), node.told === node.edit ? null : el("details", {}, el("summary", {}, "As commands"), plain(node.edit))) : "",
-    machine?.feedback ? el("details", {}, el("summary", {}, "Simulation feedback"), plain(machine.feedback)) : "",
+    machine?.feedback ? el("details", { class: "printed" }, el("summary", {}, "Simulation feedback"), plain(machine.feedback)) : "",
     talk);
   explain(place);
   const known = node.calls.length ? await calls() : new Map();

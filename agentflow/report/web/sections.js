@@ -55,7 +55,7 @@ function verification({ score, low, high, holds, fails, fragile, scores }, unit)
   const summary = score === null ? "No verified score: some simulations failed"
     : `The median of ${scores.length} simulations that scored ${formatNumber(low)} to ${formatNumber(high)}; `
       + `${fragile ? "fragile, " : ""}holds in ${holds} of ${scores.length}`;
-  return el("details", {}, el("summary", {}, summary),
+  return el("details", { class: "printed" }, el("summary", {}, summary),
     el("p", { class: "quiet" }, "The best machine was simulated again with a finer time step, and with slightly different masses, friction and drives. The verified score is the median. It holds where a score is above 0 and at least half of it."),
     scoreTable("Scores of the best machine", "Simulation", scores.map((item) => (fails?.includes(item.variation) ? { ...item, variation: `${item.variation}: fails` } : item))));
 }

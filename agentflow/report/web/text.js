@@ -23,7 +23,7 @@ export const list = (sentences) => el("ul", {}, ...sentences.map((sentence) => e
 
 /** Objective, score, scene and schedule of a task from the report's data. */
 export function taskDetails({ objective, score, scene }) {
-  return el("details", { class: "task" }, el("summary", {}, objective, " ", el("small", {}, score[0] ?? "")),
+  return el("details", { class: "task printed" }, el("summary", {}, objective, " ", el("small", {}, score[0] ?? "")),
     list(score.slice(1)), el("h2", {}, "Scene and schedule"), list(scene));
 }
 

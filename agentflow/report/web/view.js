@@ -42,15 +42,18 @@ export class View {
     if (this.shown) this.picture.show(...this.shown); // labels have them too
   }
 
-  /** Copy a moment to another canvas as for paper: light and of one shape, whatever the window is. */
-  print(paper, film, time, byLoad) {
+  /** Copy a moment to another canvas as for paper: light and of one shape, whatever the window is; the whole course if `wide`. */
+  print(paper, film, time, byLoad, wide) {
     const { classList } = document.documentElement;
+    const { wide: before, zoom, shift } = this.eye;
+    if (wide) this.eye.setWide(true);
     classList.add("light");
     this.dress();
     this.picture.resize(...PAGE, 2 / Math.min(devicePixelRatio, 2));
     this.draw(film, time, byLoad);
     [paper.width, paper.height] = [this.canvas.width, this.canvas.height];
     paper.getContext("2d").drawImage(this.canvas, 0, 0);
+    Object.assign(this.eye, { wide: before, zoom, shift });
     classList.remove("light");
     this.dress();
     this.sharpness.share = null;
