@@ -198,9 +198,12 @@ def test_a_design_is_started_watched_and_stopped(
     until(browser, stop.is_displayed)
     browser.execute_script("scrollTo(0, 0)")  # from below the bar
     stop.click()
+    stopping = "return document.querySelector('.score').textContent.endsWith('is stopping')"
+    assert browser.execute_script(stopping)
     ended = r"Stopped after [\d,]+ of about [\d,]+ simulations; the best machine is not verified"
     until(browser, lambda: re.fullmatch(ended, find(browser, ".live .state").text))
     until(browser, resume.is_displayed)
+    until(browser, lambda: "is unfinished" in find(browser, ".score").text)
     assert violations(browser) == []
     assert find(browser, ".live .problem").text == ""
     [row] = [row for row in run_list(runs) if row["seed"] == 5]

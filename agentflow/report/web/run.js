@@ -73,8 +73,9 @@ export class RunView {
   put(name, key, place, make) {
     const text = JSON.stringify(key);
     const before = this.parts.get(name);
-    if (before?.text === text || before?.element.querySelector("details[open]")) return;
+    if (before?.text === text || before?.element.querySelector("details[open]:not(.task)")) return;
     const element = explain(el("div", {}, make() || ""));
+    if (before?.element.querySelector(".task[open]")) element.querySelector(".task").open = true;
     if (before) before.element.replaceWith(element);
     else place.append(element);
     this.parts.set(name, { text, element });

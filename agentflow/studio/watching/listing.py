@@ -336,7 +336,7 @@ async def follow_run(path: Path, name: str, designs: Designs) -> AsyncIterator[N
             "stage": stage and stage_words(stage, model or ""),
             "calls": record.calls,
             "refused": record.calls - record.valid_calls,
-            "simulations": record.evaluations,
+            "simulations": len(record.machines),
             "retries": designs.retries(name),
             "seconds": follower.at,
             "planned": {} if model == PERSON else planned,

@@ -26,6 +26,7 @@ from agentflow.errors import AgentflowError, UsageError
 from agentflow.machine import Machine
 from agentflow.metrics.machines import recorded_machine
 from agentflow.runs import read_document
+from agentflow.runs.reading import RESULT
 from agentflow.studio.answers import Arguments, Hash, Name, Nothing, OneRun, get, post
 from agentflow.studio.building.person_runs import PERSON
 from agentflow.studio.building.routes import OnTask
@@ -137,12 +138,13 @@ class Watching:
     async def run(self, given: OneRun) -> dict[str, Any]:
         """The data of a run's page, without machines."""
         path = self._folder.run(given.run)
+        ended = (path / RESULT).exists()  # first: else the data may be older
         _, data = await asyncio.to_thread(run_data, path)
         if data["run"]["author"] == PERSON:
             data["run"]["workflow"], data["tools"] = BY_HAND, []
             data["run"]["sentence"] = data["run"]["sentence"].partition(": the run is ")[0]
             data["facts"] = [fact for fact in data["facts"] if fact[0] != "Resume"]
-        return {**data, "name": given.run}
+        return {**data, "name": given.run, "ended": ended}
 
     async def machine(self, given: OneMachine) -> dict[str, Any]:
         """A machine with its film: the shapes and files that it uses are in the answer."""

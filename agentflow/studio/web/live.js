@@ -35,13 +35,12 @@ export async function livePage({ run }) {
   view.level = levelPicture(data.run.task);
   const live = new Live(run, view);
   view.main.prepend(live.element);
-  view.update(data);
+  live.show(data);
   let reading = null;
   const read = () => (reading ??= new Promise((done) => setTimeout(done, PAUSE)).then(async () => {
     reading = null;
-    view.update(await ask("/api/run", { run }));
+    live.show(data = await ask("/api/run", { run }));
   }).catch((error) => live.fail(error.message)));
-  let first = true;
   const stop = follow({ run }, async (news) => {
     if (news.ended && news.state === "failed") { // nothing is left to show
       view.growing = false;
@@ -51,8 +50,7 @@ export async function livePage({ run }) {
     }
     live.hear(news);
     if (!news.state) return;
-    if (!news.ended || (!first && news.state === "done")) read();
-    first = false;
+    if (!data.ended) read(); // it may have ended since
   });
   return {
     elements: [el("aside", {}, view.player.element), view.main],
@@ -98,16 +96,25 @@ class Live {
     this.timer = setInterval(() => this.tick(), 1000);
   }
 
+  /** Show the data of the run; one that is being stopped goes on for a while. */
+  show(data = this.data) {
+    const { run } = (this.data = data);
+    this.view.update(this.stop.disabled ? { ...data, run: { ...run, sentence: run.sentence.replace("in progress", "stopping") } } : data);
+  }
+
   /** A button that asks the server to do something with the run. */
   action(text, what, doing) {
     const button = el("button", { hidden: "", click: async () => {
       button.disabled = true;
       button.textContent = this.state.textContent = doing; // the news may come before the answer
+      this.show();
       try {
         await send(`/api/designs/${what}`, { run: this.run });
         button.hidden = true;
       } catch (error) {
         this.state.textContent = this.was;
+        button.disabled = false;
+        this.show();
         this.fail(error.message);
       }
       button.disabled = false;
@@ -123,7 +130,7 @@ class Live {
     this.view.growing = state === "running" || state === "open";
     this.was = state;
     if (!this.view.picked) this.view.update(this.view.data);
-    this.state.textContent = state === "open" ? "open: tests in Build join it" : state;
+    if (state !== "running" || !this.stop.disabled) this.state.textContent = state === "open" ? "open: tests in Build join it" : state;
     this.state.className = `state ${state}`;
     this.fail(why ? (state === "failed" ? `Failed: ${why}` : why) : "");
     if (news.calls === undefined) return null;
