@@ -466,6 +466,7 @@ def test_a_comparison_plays_both_films(browser: webdriver.Chrome, tmp_path: Path
     find(browser, ".both").click()
     clocks = browser.find_elements(By.CSS_SELECTOR, "output")
     until(browser, lambda: all(float(c.text.removesuffix(" s")) > 0.3 for c in clocks))
+    find(browser, "details:has(table) summary").click()
     heads = [cell.text for cell in browser.find_elements(By.CSS_SELECTOR, "caption")]
     assert heads == ["Both machines", "Only in A"]
     assert browser.execute_script("return window.owned ?? null") is None

@@ -236,7 +236,7 @@ def test_two_runs_are_shown_side_by_side_in_step(
     until(browser, lambda: len({clock.text for clock in clocks}) == 1)
     differ = browser.find_element(By.XPATH, "//button[text()='Mark differences']")
     assert differ.get_attribute("aria-pressed") == "true"
-    assert "Verified: A " in find(browser, "main.compare").text
+    assert "Verified, m" in find(browser, "main.compare").text
     assert browser.title == "throwing · agentflow studio"
     views = [view.size for view in browser.find_elements(By.CSS_SELECTOR, ".view")]
     assert views[0] == views[1], "both films have one scale"

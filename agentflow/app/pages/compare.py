@@ -27,7 +27,7 @@ from agentflow.machine.geometry.pose import Placed
 from agentflow.metrics.machines import recorded_machine
 from agentflow.progress import Progress, counter
 from agentflow.report.page import require_writable, write_page
-from agentflow.runs import read_document
+from agentflow.runs import read_document, read_result
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.reading import RESULT
 from agentflow.runs.record import RunRecord
@@ -173,6 +173,7 @@ class Comparison:
             "kind": "compare",
             **self.found(played),
             "films": films,
+            "runs": [_run_facts(Path(source)) for source in self.sources],
             **shapes.data,
             "asked": {**task_wording(brief), "unit": self.level.unit},
         }
@@ -215,6 +216,25 @@ def _common_task(tasks: Sequence[Task]) -> Task | None:
         names = " and ".join(task.name for task in tasks)
         raise UsageError(f"the runs are of different tasks ({names}); name one with --task")
     return tasks[0] if tasks else None
+
+
+def _run_facts(path: Path) -> dict[str, Any] | None:
+    """What a run asked for, spent and reached; None for a machine file."""
+    if not path.is_dir():
+        return None
+    config = build_config(read_document(path).get("config"))
+    record = RunRecord.of(read_typed_events(path))
+    found = record.verification
+    return {
+        "workflow": config.workflow,
+        "model": record.start and record.start.model,
+        "calls": record.calls,
+        "simulations": record.evaluations,
+        "seed": config.seed,
+        "score": read_result(path).score if (path / RESULT).exists() else record.best,
+        "verified": found and found.score,
+        "fragile": bool(found and found.holding and found.holding.fragile),
+    }
 
 
 def _facts(source: str, machine: Machine, rollout: Rollout | None) -> dict[str, Any]:

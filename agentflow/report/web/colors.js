@@ -3,8 +3,8 @@
 const BROKEN = [0.85, 0.1, 0.1];
 const UNLOADED = [0.62, 0.64, 0.66]; // blocks without a connection
 const LOADS = [[0.6, 0.66, 0.7], [0.55, 0.72, 0.6], [0.93, 0.77, 0.3], [0.88, 0.42, 0.16]]; // from no load to breaking
-const MARKED = [0.93, 0.55, 0.12];
-const FADED = [0.62, 0.64, 0.66];
+export const MARKED = [0.93, 0.55, 0.12];
+export const FADED = [0.62, 0.64, 0.66];
 const FADING = 0.65; // how far the colours of other blocks fade beside marked ones
 
 /** The colour of any solid at a time.

@@ -19,6 +19,7 @@ export class Player {
     this.timeline = new Timeline((time) => this.seek(time));
     this.transport = new Transport(this, this.timeline.ticks);
     this.byLoad = false;
+    this.span = 0; // least length of the slider, seconds
     this.making = []; // buttons that write further files of the machine
     this.element = this.built();
     this.print = () => {
@@ -68,11 +69,11 @@ export class Player {
     if (this.asked !== asked) return false;
     this.film = film;
     this.view.show(machine, this.shapes, film);
-    this.clock.duration = film.duration;
+    const span = (this.clock.duration = Math.max(film.duration, this.span));
     this.scored = Math.min(machine.flag?.time ?? film.duration, film.duration);
-    this.transport.setDuration(film.duration);
+    this.transport.setDuration(span);
     this.element.classList.toggle("still", film.samples < 2);
-    this.timeline.show(machine, film.duration);
+    this.timeline.show(machine, span);
     this.seek(0);
     return true;
   }

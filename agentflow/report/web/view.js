@@ -93,7 +93,7 @@ function legend({ traces, given, wind }, drawn) {
 }
 
 /** An entry of the legend: a mark in its colour, and its name. */
-function entry(kind, color, name) {
+export function entry(kind, color, name) {
   const mark = el("i", { class: kind });
   mark.style.color = `rgb(${color.map((part) => Math.round(255 * part)).join(" ")})`;
   return el("span", {}, mark, name);

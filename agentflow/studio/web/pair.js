@@ -1,7 +1,7 @@
 // The pages that compare runs: two machines side by side and in step, and the best scores of several runs.
 
 import { comparePage } from "../../report/web/compare.js";
-import { el, formatNumber, section, table, verifiedText, withUnit } from "../../report/web/dom.js";
+import { el, formatNumber, section, table, withUnit } from "../../report/web/dom.js";
 import { bestCharts } from "../../report/web/sections.js";
 import { address, ask } from "./api.js";
 import { pictureOf, shortName } from "./list.js";
@@ -9,11 +9,11 @@ import { pictureOf, shortName } from "./list.js";
 export async function pairPage({ a, b }) {
   const [data, ...runs] = await Promise.all([ask("/api/pair", { a, b }), ask("/api/run", { run: a }), ask("/api/run", { run: b })]);
   const players = [];
-  const told = ({ run: { verified } }) => (verified?.score ?? null) === null ? "none" : verifiedText(verified.score, verified.fragile, runs[0].task.unit);
-  if (runs.some(({ run }) => run.verified)) data.verified = runs.map(told);
+  const [one, other] = [a, b].map(shortName);
+  data.machines.forEach((machine) => { if (one !== other) machine.source = shortName(machine.source); });
   const [main] = comparePage(data, players);
   main.prepend(el("p", { class: "quiet" }, el("a", { href: "#runs" }, "Runs"), " / ",
-    el("a", { href: address("run", { run: a }) }, `A: ${a}`), " / ", el("a", { href: address("run", { run: b }) }, `B: ${b}`)));
+    el("a", { href: address("run", { run: a }) }, `A: ${data.machines[0].source}`), " / ", el("a", { href: address("run", { run: b }) }, `B: ${data.machines[1].source}`)));
   const chart = bestCharts("Best score over time", runs.map(({ progress }, side) => ({ name: "AB"[side], label: "AB"[side], progress })), runs[0].task.unit);
   if (chart) main.append(chart);
   return { elements: [main], close: () => players.forEach((player) => player.close()) };
