@@ -2,6 +2,8 @@
 
 import { el, section, formatNumber, revealHidden, withUnit } from "./dom.js";
 
+const EMPTY = 0.05; // share of cells below which an archive is nearly empty
+
 /** The section; `choose` is called with the content hash of a machine. Null if there is only one kind. */
 export function kindsSection({ archive, classes = [], task: { unit } }, choose) {
   if (!archive && classes.length < 2) return null;
@@ -17,33 +19,28 @@ function archiveParts({ axes, cells, size, coverage, qd_score }, unit, choose) {
     .filter(([, found]) => found.length);
   return [
     el("p", {}, `${cells.length} of ${size} cells have a machine (${formatNumber(100 * coverage, 1)} %). The sum of their scores, the QD score, is ${formatNumber(qd_score)}.`),
+    coverage < EMPTY ? el("p", {}, "So the archive is nearly empty. Each cell takes at least one simulation, and most machines are of a kind that is there already: in measured runs, 100 simulations filled 5 to 20 % of the cells. Raise settings.max_simulations.") : null,
     el("div", { class: "heats" }, ...shown.map(([title, found]) => heatMap(title, axes, found, best, unit, choose))),
     el("p", { class: "quiet" }, "Each coloured cell is the best machine of its kind; stronger colour means a higher score. ",
-      `In a cell, large: the score${unit && ` in ${unit}`} of that machine; small: how many machines fell into the cell. At the axes: lower bounds, or single whole numbers. Cells farther out are empty. Select a cell to see its machine.`,
+      `In a cell, large: the score${unit && ` in ${unit}`} of that machine; small: how many machines fell into the cell. At the axes: lower bounds, or single whole numbers. Select a cell to see its machine.`,
       shown.length < panels.length ? ` Grids without a machine are left out: ${panels.length - shown.length} of ${panels.length}.` : ""),
   ];
 }
 
-/** One grid: the first axis across, the second upwards (a single row without one), as far as there are machines. */
+/** One grid: the first axis across, the second upwards (a single row without one). */
 function heatMap(title, [across, up], cells, best, unit, choose) {
   const found = new Map(cells.map((item) => [item.cell.slice(0, 2).join(), item]));
-  const [columns, rows] = [shownCells(across, cells, 0), up ? shownCells(up, cells, 1).reverse() : [["", undefined]]];
+  const columns = across.cells;
+  const rows = up ? up.cells.map((name, y) => [name, y]).reverse() : [["", undefined]];
   return el("table", { class: "heat", "aria-label": revealHidden(title) || "Archive" },
     el("caption", {}, title),
     el("tbody", {}, ...rows.map(([name, y], index) => el("tr", {},
       index || !up ? null : el("th", { class: "upwards", rowspan: rows.length }, up.name),
       el("th", { scope: "row" }, name),
-      ...columns.map(([, x]) => heatCell(found.get(y === undefined ? `${x}` : `${x},${y}`), best, unit, choose))))),
+      ...columns.map((_, x) => heatCell(found.get(y === undefined ? `${x}` : `${x},${y}`), best, unit, choose))))),
     el("tfoot", {},
-      el("tr", {}, el("td", { colspan: up ? 2 : 1 }), ...columns.map(([name]) => el("th", { scope: "col" }, name))),
+      el("tr", {}, el("td", { colspan: up ? 2 : 1 }), ...columns.map((name) => el("th", { scope: "col" }, name))),
       el("tr", {}, el("td", { colspan: up ? 2 : 1 }), el("td", { colspan: columns.length }, across.name))));
-}
-
-/** The names and numbers of an axis's cells from the first that has a machine to one after the last. */
-function shownCells({ cells: names }, cells, axis) {
-  const used = cells.map(({ cell }) => cell[axis]);
-  const [first, last] = [Math.max(0, Math.min(...used) - 1), Math.max(...used, Math.min(...used) + 3) + 1];
-  return names.map((name, index) => [name, index]).slice(first, last + 1);
 }
 
 function heatCell(item, best, unit, choose) {
