@@ -56,8 +56,15 @@ def test_runs_are_listed_filtered_and_opened_and_names_stay_text(
     assert browser.current_url.endswith("#runs?words=onerror")
     browser.refresh()
     until(browser, lambda: listed(browser) == [NASTY])
-    find(browser, "input[type=search]").send_keys(Keys.BACKSPACE * 20, "hierarchical throwing")
+    find(browser, "input[type=search]").send_keys(" nothing")
+    until(browser, lambda: "No run fits" in find(browser, ".lines tbody").text)
+    find(browser, ".lines tbody button").click()
+    until(browser, lambda: {"throwing", NASTY} <= set(listed(browser)))
+    find(browser, "input[type=search]").send_keys("hierarchical throwing")
     until(browser, lambda: sorted(listed(browser)) == [NASTY, "throwing"])
+    with on_phone(browser, 390, 844, dark=False):
+        assert find(browser, "tr[data-run=throwing] .task").text == "throwing"
+        assert find(browser, "tr[data-run=throwing] .model").text.startswith("procedural")
     find(browser, "tr[data-run=throwing] a").click()
     until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "run")
     until(browser, lambda: find(browser, ".live .state").text.endswith("done"))

@@ -45,5 +45,8 @@ export function follow(fields, hear) {
   return () => stream.close();
 }
 
+/** What tells of a key; nothing where people touch the screen. */
+export const byKey = (key) => (matchMedia("(pointer: coarse)").matches ? "" : ` (${key})`);
+
 /** The address of a page with these fields. */
 export const address = (page, fields) => `#${page}?${new URLSearchParams(fields)}`;

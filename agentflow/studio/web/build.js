@@ -3,7 +3,7 @@
 import { el, verifiedText, withUnit } from "../../report/web/dom.js";
 import { downloads } from "../../report/web/downloads.js";
 import { taskDetails } from "../../report/web/text.js";
-import { address, ask, follow, send } from "./api.js";
+import { address, ask, byKey, follow, send } from "./api.js";
 import { controlEditor } from "./control.js";
 import { designForm } from "./design.js";
 import { Draft, draftsOf, lastTask } from "./drafts.js";
@@ -58,7 +58,7 @@ class BuildPage {
 
   /** Switch between film and machine, as a person does. */
   switch(film = !this.view.classList.contains("filming")) {
-    if (film && !this.trials.shown) return this.editor.say("There is no film yet: test the machine (P).");
+    if (film && !this.trials.shown) return this.editor.say(`There is no film yet: test the machine${byKey("P")}.`);
     this.turnTo(film);
     return film && this.editor.record("watch");
   }
@@ -158,7 +158,7 @@ class BuildPage {
       editor.start.designed ? "" : controlEditor(editor),
       el("details", {}, el("summary", {}, "Open and save"), file, saved, el("p", { class: "quiet" }, "Or start from a machine of any run: open the ", el("a", { href: "#runs" }, "run"), " and choose Edit in Build. ", ...links())),
       refine ? el("details", {}, el("summary", {}, "Refine this"), el("p", { class: "quiet" }, "Let a model improve this machine, and use the result."), form, told) : "",
-      el("details", {}, el("summary", {}, "Keys"), el("p", { class: "quiet" }, "B blocks · F faces · T tree · V view · arrows and digits move in lists · Enter chooses · Esc ends · P tests · E film or machine · ",
+      !byKey("?") ? "" : el("details", {}, el("summary", {}, "Keys"), el("p", { class: "quiet" }, "B blocks · F faces · T tree · V view · arrows and digits move in lists · Enter chooses · Esc ends · P tests · E film or machine · ",
         Object.keys(this.actions).map((name) => name.split("|").reverse().join(" ").toLowerCase()).join(" · "))));
   }
 

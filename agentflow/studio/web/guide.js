@@ -2,6 +2,7 @@
 // until then, only the faces that it means are marked, and the camera turns if none of them is in sight.
 
 import { el, formatNumber } from "../../report/web/dom.js";
+import { byKey } from "./api.js";
 
 const [BLOCK, WHEEL] = [1, 2]; // types
 const NEAR = 0.1; // m
@@ -23,7 +24,7 @@ const STEPS = [
   bodyStep("z-", "Attach a second Wooden Block to the back (z-), opposite the first: the body is done."),
   wheelStep("z+", "Choose Powered Wheel and click one side of the front block, then the mark opposite."),
   wheelStep("z-", "Put two more wheels on both sides of the back block."),
-  { text: "Choose Test (P). Physics decides how far the car drives in 5 s.", belongs: () => true, done: () => false },
+  { text: `Choose Test${byKey("P")}. Physics decides how far the car drives in 5 s.`, belongs: () => true, done: () => false },
 ];
 
 /** @param look turns the camera so that it sees faces with one of these directions */

@@ -72,6 +72,11 @@ export class RunList {
     this.draw();
   }
 
+  clear() {
+    for (const filter of [this.words, ...Object.values(this.pickers)]) filter.value = "";
+    this.changed();
+  }
+
   get found() {
     const words = this.words.value.toLowerCase().split(/\s+/).filter(Boolean);
     const fits = (row) => Object.entries(this.pickers).every(([key, { value }]) => !value || row[key] === value)
@@ -93,7 +98,7 @@ export class RunList {
     if (lines.length < all.length) this.rest = setTimeout(() => this.draw());
     lines.forEach((line, index) => line === this.body.children[index] || this.body.insertBefore(line, this.body.children[index] ?? null));
     while (this.body.children.length > lines.length) this.body.lastChild.remove();
-    if (!lines.length) this.body.replaceChildren(el("tr", {}, el("td", { colspan: COLUMNS.length + 1, class: "quiet" }, "No run fits these filters.")));
+    if (!lines.length) this.body.replaceChildren(el("tr", {}, el("td", { colspan: COLUMNS.length + 1, class: "quiet" }, "No run fits these filters. ", el("button", { click: () => this.clear() }, "Clear filters"))));
     if (focused?.isConnected && focused !== document.body) focused.focus(); // lines that move lose it
     this.more.hidden = found.length <= this.most;
     const runs = this.rows.size === 1 ? "1 run" : `${this.rows.size} runs`;

@@ -1,6 +1,7 @@
 // Beside the 3D view: blocks to choose from, faces that fit, the tree, problems, size and balance.
 
 import { el, formatNumber } from "../../report/web/dom.js";
+import { byKey } from "./api.js";
 import { Listbox } from "./listbox.js";
 
 const NARROW = 600; // CSS pixels of a phone, where the list of faces is far below what was chosen
@@ -15,7 +16,7 @@ export function blockPalette(editor) {
     return { text: el("span", { class: "block-kind" }, el("img", { src: picture, alt: "", width: 28, height: 28 }), el("span", {}, el("span", { class: "kind-id" }, `${type} `), name, required ? el("small", {}, ` ${there} of ${required}`) : null)), key: type, disabled: there === required, group: category };
   }, { active: card, pick: aim });
   const about = el("div", { class: "about-block", "aria-live": "polite" });
-  const words = el("input", { type: "search", placeholder: "Find a block (B)", "aria-label": "Find a block", input: () => draw(), keydown: (event) => {
+  const words = el("input", { type: "search", placeholder: `Find a block${byKey("B")}`, "aria-label": "Find a block", input: () => draw(), keydown: (event) => {
     if (event.key === "Enter" && list.items.length) aim((list.items[list.at] ?? list.items[0]).item);
     else if (event.key === "ArrowDown" || event.key === "ArrowUp") list.move(list.at + (event.key === "ArrowDown" ? 1 : -1));
     else return;

@@ -2,7 +2,7 @@
 
 import { el, formatNumber, withUnit } from "../../report/web/dom.js";
 import { Player } from "../../report/web/player.js";
-import { address, send } from "./api.js";
+import { address, byKey, send } from "./api.js";
 
 const signed = (change) => `${change < 0 ? "−" : "+"}${formatNumber(Math.abs(change))}`;
 
@@ -112,7 +112,7 @@ export class Trials {
     }, el("small", {}, `#${trial.number} · ${trial.state.count} blocks`), el("span", {}, el("b", {}, trial.score === null ? trial.status : withUnit(trial.score, this.editor.start.unit)))))));
     this.run.replaceChildren(...(this.name ? ["Recorded in ", el("a", { href: address("run", { run: this.name }) }, this.name), " ", el("button", { title: "Complete the run with its best machine as the result; the next test begins another run", click: () => this.finish() }, "Finish this run")]
       : this.ended ? ["Complete: ", el("a", { href: address("run", { run: this.ended }) }, this.ended), ". The next test begins another run."]
-      : ["Choose Test (P) to simulate this machine. Each test stays here, and in a run of the list."]));
+      : [`Choose Test${byKey("P")} to simulate this machine. Each test stays here, and in a run of the list.`]));
   }
 
   /** Complete the run; the next test begins another one. */
