@@ -38,6 +38,7 @@ def leaderboard_data(cards: Sequence[Scorecard], told: Sequence[str] = ()) -> di
     return {
         "kind": "leaderboard",
         "title": tables[0].title,
+        "engine": cards[0].conditions["engine"],
         "about": f"{counted(len(cards), 'model')} on {counted(items, 'item')}, {each:g} per family",
         "pars": "pars" in cards[0].conditions,
         "tables": [table_data(table, words={**PLAIN, **PARTS}, zeros=True) for table in tables],

@@ -57,7 +57,7 @@ def sweep_page_data(
 
 
 def _says_nothing(result: SweepResult, spreads: Sequence[Mapping[str, Any]]) -> str:
-    """Why the conditions cannot be told apart, if they cannot; else ""."""
+    """Why the sweep says nothing about its conditions, if so; else ""."""
     labels = [each for axis in result.sweep.axes.values() for each in axis.values()]
     strategies = any("search.strategy" in key for each in labels for key in each)
     if strategies and not any(run.numbers.record.steps for run in result.finished):

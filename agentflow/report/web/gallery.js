@@ -12,7 +12,7 @@ export function galleryPage(data) {
     el("button", { class: "card", click: () => choose(card) },
       card.picture ? el("img", { src: card.picture, alt: "", width: 320, height: 240 }) : el("span", { class: "blank" }, "no machine"),
       el("b", {}, card.score === null ? "no score" : withUnit(card.verified ?? card.score, card.asked.unit),
-        card.score === null ? "" : el("small", {}, card.verified === null ? " not verified" : card.fragile ? " verified, fragile" : " verified")),
+        card.score === null ? "" : el("small", { class: card.verified === null ? "unverified" : null }, card.verified === null ? " not verified" : card.fragile ? " verified, fragile" : " verified")),
       el("small", {}, shareText(card.record, card.task, card.asked.unit)),
       el("small", {}, card.about)));
   const tasks = [...Map.groupBy(data.cards, ({ task }) => task)].map(([task, found]) =>

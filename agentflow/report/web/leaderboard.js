@@ -24,7 +24,7 @@ export function leaderboardParts(data, actions = () => [], players = []) {
   const [all, ...others] = tables;
   const lines = cards.filter(({ course }) => course.length).map(({ model, course }) => ({ name: model, points: course }));
   return [
-    section("Ranking", data.pars ? el("p", {}, "A share of 100 % is as good as a long search of the built-in designer or a known machine, 0 % no better than random machines.") : "", shareChart("Mean share over all items, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts, words))), ...all.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
+    section("Ranking", el("p", {}, verdict(cards, parts[0], words), ` All machines are simulated on ${data.engine}${data.engine.startsWith("pybullet") ? "" : "; records on other pages are mostly of PyBullet, and scores of two engines do not compare"}.`), data.pars ? el("p", {}, "A share of 100 % is as good as a long search of the built-in designer or a known machine, 0 % no better than random machines.") : "", shareChart("Mean share over all items, with 95 % intervals", cards.map((card, index) => ranked(card, index, parts, words))), ...all.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
     section("Families", heatMap("Mean shares by family", "family", Object.keys(cards[0].families), cards, ({ families }, name) => familyCell(families[name], parts), isNarrow() || (innerWidth < WIDE && cards.length < Object.keys(cards[0].families).length)),
       el("p", { class: "quiet" }, `${parts[1] ? `Large: ${words[parts[0]]}; small: ${words[parts[1]]}. ` : ""}Stronger colour means a greater share.`)),
     machinesSection(data, actions, players),
@@ -33,6 +33,15 @@ export function leaderboardParts(data, actions = () => [], players = []) {
     tableSection({ ...all, notes: [] }, "All numbers"), ...others.map((item) => el("details", {}, el("summary", {}, item.title), compactTable(item.title, "", item.heads, item.columns, item.rows))),
     el("p", { class: "quiet" }, `${data.title}.`),
   ].filter(Boolean);
+}
+
+/** Which model is first, and whether its interval is apart from that of the next. */
+function verdict([first, next], part, words) {
+  const told = ({ model, total }) => `${model} with a mean share of ${percent(total[part].mean)}`;
+  if (!next) return `By ${words[part]}: ${told(first)}.`;
+  const [own, other] = [first, next].map(({ total }) => total[part].interval);
+  const apart = own && other && own[0] > other[1];
+  return `By ${words[part]}, ${told(first)} comes before ${told(next)}; ${apart ? "their intervals are apart" : own && other ? "their intervals overlap, so the order may be chance" : "without intervals, the order may be chance"}.`;
 }
 
 /** The machines that count, by item and model: a share opens its machine. */

@@ -11,24 +11,27 @@ import { pictureOf, shortName } from "./list.js";
 const CARD = "card.json"; // the name of a scorecard
 const FIRST = 7; // cards of a task that are shown at once
 
-/** The best runs of each task, best verified score first. */
+/** The best runs of each task, best verified score first; tasks by the share of the record that is reached. */
 export async function galleryPage() {
   const [rows, { tasks: known }] = await Promise.all([ask("/api/runs"), ask("/api/start")]);
   const levels = new Map(known.map((level) => [level.name, level]));
   const worth = ({ verified, score }) => verified ?? score;
   const scored = rows.filter((row) => row.machine && worth(row) > 0);
-  const tasks = [...Map.groupBy(scored, ({ task }) => task)].sort(([a], [b]) => a.localeCompare(b));
+  const reached = ([, found]) => Math.max(...found.map(({ share }) => share ?? 0));
+  const tasks = [...Map.groupBy(scored, ({ task }) => task)].sort((a, b) => reached(b) - reached(a) || a[0].localeCompare(b[0]));
   const card = (row) => el("a", { class: "card", href: address("run", { run: row.run }) }, pictureOf(row, 320, 240, "card"),
-    el("b", {}, withUnit(worth(row), row.unit), el("small", {}, row.verified === null ? " not verified" : row.fragile ? " verified, fragile" : " verified")),
+    el("b", {}, withUnit(worth(row), row.unit), el("small", { class: row.verified === null ? "unverified" : null }, row.verified === null ? " not verified" : row.fragile ? " verified, fragile" : " verified")),
     el("span", { title: row.run }, shortName(row.run)), el("small", {}, shareText(row.record, row.task, row.unit)), el("small", {}, [row.workflow, row.model].filter(Boolean).join(" · ")));
   const part = ([task, rows]) => {
     const best = [...new Map(rows.sort((a, b) => worth(a) - worth(b)).map((row) => [row.machine, row])).values()].reverse();
     const cards = el("div", { class: "cards" }, ...best.slice(0, FIRST).map(card));
     const more = best.length > FIRST ? el("button", { click: () => { cards.append(...best.slice(FIRST).map(card)); more.remove(); } }, `Show all ${best.length}`) : "";
     const level = levels.get(task);
-    return el("section", {}, el("h2", {}, level ? `${task} · ${level.title}` : task), level ? el("p", { class: "quiet" }, `${level.objective} `, goodFrom(level)) : "", cards, more);
+    const whole = el("section", {}, el("h2", {}, level ? `${task} · ${level.title}` : task), level ? el("p", { class: "quiet" }, `${level.objective} `, goodFrom(level)) : "", cards, more);
+    whole.style.setProperty("--cards", cards.children.length);
+    return whole;
   };
-  return { elements: [el("main", { class: "alone wall" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task. Those that score 0 are left out. Open one to see its film and how it was found.")),
+  return { elements: [el("main", { class: "alone wall gallery" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task, those nearest to a record first. Those that score 0 are left out. Open one to see its film and how it was found.")),
     ...(tasks.length ? tasks.map(part) : [el("p", {}, "No run has a machine that scores above 0 yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
 }
 
