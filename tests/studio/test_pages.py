@@ -17,7 +17,8 @@ from selenium.webdriver.support.ui import Select
 
 from agentflow.app.inspect.overview import run_list
 from agentflow.app.pages.tasks import SMALL
-from agentflow.env.tasks.registry import task_names
+from agentflow.env.tasks.records import record_of
+from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.study.session import Action, Pause, StudioTest, read_session
 from tests.report.accessibility import violations
 from tests.report.browser import complaints, on_phone
@@ -409,6 +410,11 @@ def test_all_tasks_are_shown_and_one_leads_to_a_machine_or_a_design(
     browser.find_element(By.LINK_TEXT, "Let a model design one").click()
     until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "runs")
     assert find(browser, ".design select[name=task]").get_attribute("value") == "throwing/4"
+    record = record_of(get_task("throwing/4"))
+    assert record
+    browser.get(str(links["Open the machine of the record"]))
+    until(browser, lambda: "machine of the record" in find(browser, ".said").text)
+    assert len(tree(browser)) == record.size
     open_page(browser, served, "build?task=jumping")
     assert "middle at z = 12 m: 0.5 m high" in find(browser, ".task-card").text
     assert complaints(browser) == []

@@ -65,7 +65,8 @@ def level_data(name: str) -> dict[str, Any]:
         sheet, pen = replace(placed, top=0.0), SvgPen(f"plan-{number}")
         draw_plans([sheet], task.scene().wind, pen)
         drawings.append(pen.to_svg(sheet, f"{task.name} {placed.plan.title}"))
-    shown = {"drawings": drawings, "machine": _shown_machine(task)[1]}
+    machine, about = _shown_machine(task)
+    shown = {"drawings": drawings, "machine": about, "recorded": machine != task.brief.given}
     return {**task_json(name), "unit": task.unit, **shown}
 
 

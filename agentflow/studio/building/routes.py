@@ -18,6 +18,7 @@ from agentflow.app.pages.films import solid_row
 from agentflow.app.pages.runs import FINE, ReportedMachine, task_wording
 from agentflow.app.tasks import find_task, task_info
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.records import record_machine, record_of
 from agentflow.env.tasks.registry import task_names
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.machine import Machine, check
@@ -145,6 +146,7 @@ class Building:
             get("/api/build/blocks", OnTask, self.blocks),
             get("/api/build/new", OnTask, self.new),
             get("/api/build/from", Recorded, self.recorded),
+            get("/api/build/record", OnTask, self.record),
             post("/api/build/state", MachineForTask, self.state),
             post("/api/build/spots", Asked, self.spots),
             post("/api/build/ghost", AtFace, self.ghost),
@@ -186,6 +188,18 @@ class Building:
         known = given.machine
         machine = recorded_machine(path, known) if known else read_one(str(path))
         return {"task": task_of_run(path, read_document(path)).name, "machine": machine.to_json()}
+
+    async def record(self, given: OnTask) -> dict[str, Any]:
+        """The machine of a task's record.
+
+        Raises:
+            UsageError: There is none, or the repository is not at hand.
+        """
+        found = record_of(given.level)
+        machine = record_machine(found.name) if found else None
+        if machine is None:
+            raise UsageError(f"the machine of the record of {given.task} is not at hand")
+        return {"task": given.task, "machine": machine.to_json()}
 
     async def state(self, given: MachineForTask) -> dict[str, Any]:
         """Everything about a machine."""

@@ -78,5 +78,5 @@ export async function tasksPage({ task }) {
   const level = pictured(await ask("/api/level", { task }), "page");
   const lead = (page, fields, words, kind = "button") => el("a", { class: kind, href: address(page, fields) }, words);
   return { elements: [el("main", { class: "alone" }, el("p", { class: "quiet" }, el("a", { href: "#tasks" }, "Tasks"), ` / ${task}`),
-    ...levelParts(level, [lead("build", { task }, "Build a machine", "button play"), lead("runs", { design: task }, "Let a model design one"), lead("runs", { task }, "Runs on it")]))] };
+    ...levelParts(level, [lead("build", { task }, "Build a machine", "button play"), lead("runs", { design: task }, "Let a model design one"), lead("runs", { task }, "Runs on it"), ...(level.recorded ? [lead("build", { task, record: "yes" }, "Open the machine of the record")] : [])]))] };
 }

@@ -19,14 +19,15 @@ import { Trials } from "./trials.js";
 
 const FIRST = "movement"; // the task of those who name none
 
-export async function buildPage({ task, run, machine, example, guide }) {
+export async function buildPage({ task, run, machine, record, example, guide }) {
   const [session, start] = await Promise.all([ask("/api/session"), ask("/api/start")]);
-  const given = session ?? (run ? await ask("/api/build/from", machine ? { run, machine } : { run }) : example ? EXAMPLE : null);
+  const given = session ?? (run ? await ask("/api/build/from", machine ? { run, machine } : { run }) : record ? await ask("/api/build/record", { task }) : example ? EXAMPLE : null);
   const wanted = given?.task ?? task ?? lastTask(start.tasks.map(({ name }) => name)) ?? FIRST;
   const [editor, library] = await Promise.all([Editor.of(wanted), ask("/api/build/blocks", { task: wanted })]);
   editor.library = library;
   if (given) editor.take(await send("/api/build/state", { task: editor.task, machine: given.machine }), "open");
   const page = new BuildPage(editor, start, session);
+  if (record && !session) editor.say("This is the machine of the record: Test plays its film.");
   if (guide) page.view.append(carGuide(editor, (sides) => page.stage.lookFor(sides)));
   return page;
 }
