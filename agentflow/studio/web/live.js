@@ -6,10 +6,11 @@ import { problem } from "../../report/web/text.js";
 import { address, ask, follow, send } from "./api.js";
 import { levelPicture } from "./boards.js";
 import { spell } from "./design.js";
-import { pictureOf } from "./list.js";
+import { pictureOf, shortName } from "./list.js";
 import { making } from "./making.js";
 
 const FEW = 5; // simulations after which the pace tells how long the others take
+const PERSON = "a person in the studio"; // the author of a run by hand
 const PAUSE = 1500; // least milliseconds between two readings of the record
 
 export async function livePage({ run }) {
@@ -88,7 +89,7 @@ class Live {
     view.following = true;
     this.stop = this.action("Stop", "stop", "Stopping …");
     this.resume = this.action("Resume", "resume", "Resuming …");
-    this.again = el("span", {});
+    this.again = el("span", { class: "actions" });
     this.told = el("p", { class: "problem", role: "alert" });
     this.waiting = el("p", { class: "waiting", role: "status" });
     this.element = el("div", { class: "live" }, el("p", { role: "status" }, this.state, this.stage), this.stop, this.resume, this.following, this.again,
@@ -157,7 +158,17 @@ class Live {
     this.stop.hidden = !(state === "running" && own?.running);
     this.resume.hidden = state !== "stopped" && state !== "failed";
     this.following.hidden = state !== "running";
-    this.again.replaceChildren(state === "failed" ? retry(own) : "");
+    this.again.replaceChildren(state === "failed" ? retry(own) : "", ...(state === "done" ? await this.next() : []));
+  }
+
+  /** What can follow on a finished run. */
+  async next() {
+    const { run, view: { data: { run: { task, author } } } } = this;
+    const lead = (page, fields, words) => el("a", { class: "button", href: address(page, fields) }, words);
+    const others = (await ask("/api/runs").catch(() => [])).filter((row) => row.task === task && row.run !== run && row.state === "done" && row.machine);
+    const worth = ({ verified, score }) => verified ?? score;
+    const [best] = others.sort((a, b) => worth(b) - worth(a));
+    return [author === PERSON ? "" : lead("runs", { again: run }, "Run again"), best ? lead("pair", { a: run, b: best.run }, `Compare with ${shortName(best.run)}`) : "", el("button", { click: () => print() }, "Print or save as PDF")];
   }
 
   /** Show the time that the run has worked. */

@@ -6,10 +6,17 @@ import { designForm } from "./design.js";
 import { firstVisit, links } from "./first.js";
 import { RunList } from "./list.js";
 
-/** @param design the task of a new design, whose form is then open */
+/** The form of a run that this studio has not started, with the next seed; the model is chosen anew. */
+async function formOf(run) {
+  const { run: { task, workflow, seed } } = await ask("/api/run", { run });
+  return { task, workflow, seed: seed + 1 };
+}
+
+/** @param design the task of a new design, whose form is then open
+ *  @param again a run, with which the form is filled in */
 export async function runsPage({ again, design: task, ...fields }) {
   const [start, designs] = await Promise.all([ask("/api/start"), again ? ask("/api/designs") : []]);
-  const before = designs.find(({ run }) => run === again)?.form ?? (task ? { task } : {});
+  const before = designs.find(({ run }) => run === again)?.form ?? (again ? await formOf(again) : task ? { task } : {});
   const list = new RunList(fields);
   const first = firstVisit();
   const form = designForm(start, () => (before.machine ? { machine: before.machine } : {}), undefined, before);
