@@ -165,7 +165,7 @@ def _pointer(group: Group, listed: Group) -> str:
 
 def meanings(model: type[BaseModel]) -> dict[str, str]:
     """What the docstrings of a model and of its bases say of its fields, under `Attributes:`."""
-    found = {}
+    found: dict[str, str] = {}
     for kind in reversed(model.__mro__):
         if kind not in BaseModel.__mro__:
             found |= split_docstring(inspect.cleandoc(kind.__doc__ or ""))[1]
