@@ -172,6 +172,7 @@ TOUCHED: Mapping[str, tuple[str, ...]] = {
     "Task family": (
         "env/tasks/families/strolling.py",
         "env/tasks/registry.py",
+        "env/tasks/templates/strolling.j2",
         "env/tasks/levels/strolling-1.yaml",
         "llm/procedural/mechanisms.yaml",
     ),

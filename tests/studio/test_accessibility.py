@@ -58,7 +58,7 @@ HEADS = {
     "runs": ("Runs", "Language models design machines from blocks; physics scores them."),
     "run": ("agentflow run · hierarchical · seed 0", "throwing", "walled arena", "11.63 m"),
     "pair": ("agentflow comparison · both simulated with seed 0 on ", "throwing"),
-    "gallery": ("Gallery", "The best machines of each task."),
+    "gallery": ("Gallery", "The best machines of each task, those nearest to a record first."),
     "leaderboard": ("Models side by side", "Leaderboard", "2 models on 33 items, 3 per family."),
     "curves": ("2 runs compared at throwing", "Build a machine that throws"),
     "tasks": ("agentflow tasks", "Tasks", "What machines are built for: "),

@@ -111,7 +111,7 @@ def test_a_design_whose_endpoint_hangs_shows_how_long_it_waits_and_is_stopped(
         stop = browser.find_element(By.XPATH, "//div[@class='live']/button[text()='Stop']")
         until(browser, stop.is_displayed)
         stop.click()
-        until(browser, lambda: find(browser, ".live .state").text.endswith("stopped"))
+        until(browser, lambda: find(browser, ".live .state").text.startswith("Stopped after"))
     assert complaints(browser) == []
 
 
@@ -141,7 +141,7 @@ def test_a_run_that_is_deleted_while_it_is_watched_says_so(
     shutil.copytree(RECORDED, runs / "brief")
     (runs / "brief" / "result.json").unlink()
     open_page(browser, served, "run?run=brief")
-    until(browser, lambda: find(browser, ".live .state").text.endswith("stopped"))
+    until(browser, lambda: find(browser, ".live .state").text.startswith("Stopped after"))
     shutil.rmtree(runs / "brief")
     until(browser, lambda: "was deleted" in find(browser, ".live .problem").text)
     assert find(browser, ".live .state").text == "gone"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from agentflow.env.tasks.families.movement import Movement
+from agentflow.env.tasks.family import sentences
 from agentflow.machine.brief import Brief
 
 
@@ -17,4 +18,5 @@ class Strolling(Movement):
 
     @property
     def brief(self) -> Brief:
-        return replace(super().brief, objective="Build a machine that strolls along z+.")
+        [objective] = sentences("strolling")["objective"]
+        return replace(super().brief, objective=objective)
