@@ -378,15 +378,17 @@ def test_cards_of_the_gallery_say_what_scores_are_worth(
 ) -> None:
     open_page(browser, served, "gallery")
     assert "Good from 45 m · record 179.67 m." in find(browser, "main section > p").text
-    for width, widest in ((1440, 352), (820, 352), (390, 366)):  # room for others beside it
+    for width in (1440, 820, 390):
         with on_phone(browser, width, 900, dark=False):
-            assert find(browser, "main section").rect["width"] <= widest
-    told = "6 % of 179.67 m, the record of throwing on pybullet 3.2.7"
-    assert find(browser, ".card span ~ small").text == told
+            cards = len(find(browser, "main section").find_elements(By.CSS_SELECTOR, ".card"))
+            room = min(cards * 352, width - 24)  # so that others have room beside it
+            assert 0 < find(browser, "main section").rect["width"] <= room
+    told = r"\d+ % of 179\.67 m, the record of throwing on pybullet 3\.2\.7"
+    assert re.fullmatch(told, find(browser, ".card span ~ small").text)
     open_page(browser, served, "runs")
     until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, "td.share"))
     title = str(find(browser, "td.share").get_attribute("title"))
-    assert title.replace("\u00a0", " ") == told
+    assert re.fullmatch(told, title.replace("\u00a0", " "))
     assert complaints(browser) == []
 
 
