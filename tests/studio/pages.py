@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from selenium import webdriver
+from selenium.common.exceptions import NoSuchElementException, StaleElementReferenceException
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
@@ -20,8 +21,12 @@ NASTY = "<img src=x onerror=window.owned=1>"
 """A name that would run as a script if it were read as HTML."""
 
 
+REDRAWN = (NoSuchElementException, StaleElementReferenceException)
+"""What happens while a page is drawn again."""
+
+
 def until(driver: webdriver.Chrome, met: Any) -> None:
-    WebDriverWait(driver, PATIENCE, 0.05).until(lambda _: met())
+    WebDriverWait(driver, PATIENCE, 0.05, REDRAWN).until(lambda _: met())
 
 
 def find(driver: webdriver.Chrome, selector: str) -> WebElement:
