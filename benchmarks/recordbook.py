@@ -152,10 +152,8 @@ def recorded_machines(folders: Iterable[Path], known: Sequence[Known]) -> Iterat
             run = json.loads(file.read_text(encoding="utf-8"))
             who = re.sub(LARGE, "strong language model (recorded)", run["model"])
             how = f"{who}, {run['workflow']} on {run['task']}"
-            config = yaml.safe_load((file.parent / "run.yaml").read_text(encoding="utf-8"))[
-                "config"
-            ]
-            if start := config["settings"].get("start"):
+            asked = yaml.safe_load((file.parent / "run.yaml").read_text(encoding="utf-8"))
+            if start := asked["config"]["settings"].get("start"):
                 begun = {item.machine: item.how for item in known}
                 origin = begun.get(Machine.from_json(start), "another machine")
                 how = f"{how}, {run['rollouts']:,} simulations, from {origin}"

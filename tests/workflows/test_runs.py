@@ -336,6 +336,14 @@ async def test_edits_use_the_simulations_that_no_call_is_left_for(strategy: str)
     assert len(simulated) == 12
 
 
+async def test_calls_that_are_used_up_before_the_first_design_are_told() -> None:
+    run = Run(Author(refused=0.0), {"search": {"strategy": "halving"}}, budget=1)
+    result = await run("hierarchical")  # the meta-designer takes the call
+    assert (result.best, result.stopped) == (None, "budget")
+    assert result.reason.startswith("no valid machine: ")
+    assert result.reason.endswith("the budget ran out before an answer")
+
+
 async def test_what_the_simulation_refuses_is_told() -> None:
     class Refusing(Shelf):
         async def evaluate(self, found: Machine, label: str) -> Evaluation:

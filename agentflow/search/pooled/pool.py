@@ -145,9 +145,10 @@ class Pool(Generic[C]):
 
     @property
     def is_full(self) -> bool:
-        """Whether no new branch may begin."""
+        """Whether no new branch may begin. Without questions, the first still may, so that the
+        result has a reason."""
         full = self.most_branches is not None and len(self.branches) >= self.most_branches
-        return full or self.questions < 1
+        return full or (self.questions < 1 and bool(self.branches))
 
     @property
     def is_over(self) -> bool:
