@@ -20,6 +20,7 @@ from agentflow.machine.edits.moves import Kinds, Move, faces_of, free_faces, wit
 from agentflow.machine.edits.random import draw_legal, kinds_of_moves
 from agentflow.machine.problems import RefusedEdit
 from agentflow.machine.tree import Machine, Step, renumber
+from agentflow.machine.validity import budget_problems
 
 MAX_MISSES = 5
 """Edits of one kind that may be drawn in vain."""
@@ -117,6 +118,8 @@ def _add_pair(
     face: End,
     rng: Random,  # noqa: ARG001
 ) -> Machine | None:
+    if budget_problems(len(machine) + 2, brief):
+        return None
     draft = Draft(machine, brief)
     try:
         add_images(draft, draft.attach(kind, [face]).id)
