@@ -7,6 +7,7 @@ import re
 import shutil
 from contextlib import suppress
 from pathlib import Path
+from statistics import mean
 
 import pytest
 from selenium import webdriver
@@ -19,6 +20,7 @@ from agentflow.app.inspect.overview import run_list
 from agentflow.app.pages.tasks import SMALL
 from agentflow.env.tasks.records import record_of
 from agentflow.env.tasks.registry import get_task, task_names
+from agentflow.runs import read_calls
 from agentflow.study.session import Action, Pause, StudioTest, read_session
 from tests.report.accessibility import violations
 from tests.report.browser import complaints, on_phone
@@ -216,6 +218,34 @@ def test_a_design_is_started_watched_and_stopped(
     assert find(browser, ".live .problem").text == ""
     [row] = [row for row in run_list(runs) if row["seed"] == 5]
     assert (row["task"], row["state"]) == ("throwing", "stopped")
+    assert complaints(browser) == []
+
+
+def test_a_new_design_tells_what_it_will_take_by_the_last_run_of_its_model(
+    browser: webdriver.Chrome, served: Served, runs: Path
+) -> None:
+    path = shutil.copytree(RECORDED.parent / "language-model-throwing", runs / "by-a-model")
+    open_page(browser, served, "runs")
+    until(browser, lambda: "by-a-model" in listed(browser))
+    find(browser, ".design summary").click()
+    form = find(browser, ".design form")
+    groups = [item.get_attribute("label") for item in form.find_elements(By.TAG_NAME, "optgroup")]
+    assert groups == [name.capitalize() for name in task_names() if "/" not in name]
+    told = find(browser, ".design [role=status].wide")
+    Select(find(browser, ".design .who select")).select_by_visible_text("Another endpoint")
+    fill(form, model="new", base_url="https://models.example.org/v1")
+    until(browser, lambda: "on this computer, plus the model's time. Its price is not" in told.text)
+    assert re.match(r"About [\d,]+ simulations and [\d,]+ model calls: about [\d.]+ ", told.text)
+    form.find_element(By.NAME, "model").clear()
+    calls = list(read_calls(path))
+    fill(form, model=calls[0]["model"])
+    took = f"took {mean(call['reply']['latency_s'] for call in calls):.1f} s a call in its last run"
+    until(browser, lambda: took in told.text)
+    with on_phone(browser, 1440, 900, dark=False):
+        picture, task = find(browser, ".asked img").rect, form.find_element(By.NAME, "task").rect
+        assert picture["x"] > task["x"] + task["width"]
+        assert picture["y"] < task["y"]
+    shutil.rmtree(path)
     assert complaints(browser) == []
 
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
+from statistics import mean
 from typing import Any
 
 import httpx
@@ -23,7 +24,7 @@ from agentflow.app.design.plan import RunPlan
 from agentflow.app.inspect.overview import run_details, run_list
 from agentflow.app.pages.sweeps import sweep_page_data
 from agentflow.cli import main
-from agentflow.runs import RunDirectory, read_events, state_of
+from agentflow.runs import RunDirectory, read_calls, read_events, state_of
 from agentflow.runs.reading import document_text
 from agentflow.studio.folder import RunFolder
 from agentflow.studio.watching.listing import CORES, START_S, Listing, usual_seconds
@@ -205,6 +206,24 @@ def test_without_designs_the_pace_is_that_of_a_busy_computer(
         assert listing.pace("throwing") == pace
     idle = usual_seconds(RunPlan.of(load_config(None, (), {"task": "throwing"})))
     assert idle == pytest.approx(START_S + 42.4 / min(2, CORES))
+
+
+def test_a_call_of_a_model_takes_and_costs_what_it_did_in_its_last_run(tmp_path: Path) -> None:
+    path = shutil.copytree(RECORDED.parent / "language-model-throwing", tmp_path / "one")
+    document = yaml.safe_load((path / "run.yaml").read_text())
+    del document["seal"]
+    calls = list(read_calls(path))
+    model, times = calls[0]["model"], [call["reply"]["latency_s"] for call in calls]
+    listing = Listing(RunFolder(tmp_path))
+    listing.rows()
+    seconds = pytest.approx(mean(times))
+    assert listing.call_costs(model) == {"call_seconds": seconds, "call_money": None}
+    assert listing.call_costs("other") == {"call_seconds": None, "call_money": None}
+    document["config"]["model"]["prices"] = {model: {"input": 0.0, "output": 1e6}}
+    (path / "run.yaml").write_text(document_text(document))
+    spent = mean(call["reply"]["usage"]["completion"] for call in calls)
+    found = {"call_seconds": seconds, "call_money": pytest.approx(spent)}
+    assert listing.call_costs(model) == found
 
 
 def test_a_page_of_a_sweep_is_made_again_only_when_a_run_ends(tmp_path: Path) -> None:

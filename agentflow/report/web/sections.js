@@ -12,7 +12,7 @@ export function header(data) {
   const trusted = run.verified?.score ?? null;
   const shown = trusted ?? run.score;
   const budget = run.trajectories === 1 ? "1 trajectory" : `${run.trajectories} trajectories`;
-  const attempts = !run.trajectories ? "" : run.begun > run.trajectories ? ` · ${run.begun} trajectories on the budget of ${run.trajectories}` : ` · ${budget}`;
+  const attempts = !run.trajectories ? "" : run.begun > run.trajectories ? ` · ${run.begun} trajectories begun, with calls and simulations for ${run.trajectories}` : ` · ${budget}`;
   return el("header", {},
     el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}${attempts}`),
     el("h1", {}, run.task),

@@ -17,7 +17,7 @@ from time import monotonic, time
 from typing import Any
 
 from agentflow.app.design.plan import RunPlan, task_of_run
-from agentflow.app.inspect.overview import run_row
+from agentflow.app.inspect.overview import run_details, run_row
 from agentflow.app.pages.sweeps import sweep_page_data
 from agentflow.app.sweeps.estimates import estimate
 from agentflow.app.sweeps.folder import LOG, NAME, RUNS, is_sweep
@@ -169,6 +169,20 @@ class Listing:
                 found.append(known.row["seconds"] / usual)
         load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
         return median(found) if found else 1 + load / CORES
+
+    def call_costs(self, model: str) -> dict[str, float | None]:
+        """Mean `call_seconds` and `call_money` of a model in its last run; None if not known."""
+        runs = [
+            (known.begun or 0.0, path)
+            for path, known in list(self._known.items())
+            if known.row["model"] == model and known.row["calls"]
+        ]
+        seconds = money = None
+        with suppress(AgentflowError, ValueError):  # of max: without runs
+            spent = run_details(max(runs)[1])["spent"]["total"]
+            seconds = spent["seconds"] / spent["calls"]
+            money = None if spent["money"] is None else spent["money"] / spent["calls"]
+        return {"call_seconds": seconds, "call_money": money}
 
     def record(self, path: Path) -> RunRecord:
         """The record of a finished run: the list's, if it has read all events and none replaces

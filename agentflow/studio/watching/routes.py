@@ -184,7 +184,13 @@ class Watching:
         found = estimate(plan)
         pace = await asyncio.to_thread(self._listing.pace, form.task)
         seconds = usual_seconds(plan) * pace
-        return {"calls": found.calls, "simulations": found.rollouts, "seconds": round(seconds)}
+        last = await asyncio.to_thread(self._listing.call_costs, plan.config.model.name)
+        return {
+            "calls": found.calls,
+            "simulations": found.rollouts,
+            "seconds": round(seconds),
+            **last,
+        }
 
     async def connect(self, form: NewDesign) -> dict[str, Any]:
         """Ask the model of a design for one small machine, and say what came of it."""

@@ -35,6 +35,10 @@ export async function galleryPage() {
     ...(tasks.length ? tasks.map(part) : [el("p", {}, "No run has a machine that scores above 0 yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
 }
 
+/** What a list of levels offers: by family, each with its title. */
+export const taskOptions = (tasks, chosen) => [...Map.groupBy(tasks, ({ family }) => family)].map(([family, levels]) => el("optgroup", { label: capitalize(family) },
+  ...levels.map(({ name, title }) => el("option", { value: name, selected: name === chosen ? "" : null }, `${name} · ${title}`))));
+
 const levelAddress = (task, on = "card") => `/api/level/picture?${new URLSearchParams({ task, on })}`;
 
 /** The level in 3D. */

@@ -4,6 +4,7 @@ import { el, verifiedText, withUnit } from "../../report/web/dom.js";
 import { downloads } from "../../report/web/downloads.js";
 import { taskDetails } from "../../report/web/text.js";
 import { address, ask, byKey, follow, send } from "./api.js";
+import { taskOptions } from "./boards.js";
 import { controlEditor } from "./control.js";
 import { designForm } from "./design.js";
 import { Draft, draftsOf, lastTask } from "./drafts.js";
@@ -112,7 +113,7 @@ class BuildPage {
     const { editor } = this;
     const button = (text, key, act) => el("button", { title: `${text} (${key})`, click: act }, text);
     const tasks = el("select", { "aria-label": "Task", disabled: this.recorder ? "" : null, change: () => { location.hash = address("build", { task: tasks.value }); } },
-      ...start.tasks.map(({ name, title }) => el("option", { value: name, selected: name === editor.task ? "" : null }, `${name} · ${title}`)));
+      ...taskOptions(start.tasks, editor.task));
     this.tabs = ["Machine", "Film"].map((name, index) => el("button", { class: "tab", role: "tab", title: `${name} (E)`, click: () => this.switch(Boolean(index)) }, name));
     this.actions = {
       "Undo|Ctrl+Z": () => editor.undo(), "Redo|Ctrl+Y": () => editor.redo(),

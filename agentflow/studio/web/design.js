@@ -2,7 +2,7 @@
 
 import { el, formatNumber } from "../../report/web/dom.js";
 import { address, send } from "./api.js";
-import { goodFrom, levelPicture } from "./boards.js";
+import { goodFrom, levelPicture, taskOptions } from "./boards.js";
 
 const WAIT = 400; // milliseconds after the last change until the estimate is asked for
 // Programs that serve models on this computer, with the address that each uses by itself.
@@ -28,8 +28,8 @@ const option = (value, text, chosen) => el("option", { value, selected: chosen ?
  *  @param before the fields of an earlier design, which fill the form */
 export function designForm(start, fixed = () => ({}), begun = (run) => { location.hash = address("run", { run }); }, before = {}) {
   const given = fixed();
-  const tasks = el("select", {}, ...start.tasks.map(({ name, title }) => option(name, `${name} · ${title}`, name === "throwing")));
-  const asked = el("div", { class: "asked wide" });
+  const tasks = el("select", {}, ...taskOptions(start.tasks, "throwing"));
+  const asked = el("div", { class: "asked" });
   const workflows = el("select", {});
   const ask = () => {
     const level = start.tasks.find(({ name }) => name === tasks.value);
@@ -43,14 +43,14 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
   const button = el("button", { type: "submit", class: "play" }, given.machine ? "Refine this" : "Start");
   const form = el("form", { class: "form", autocomplete: "off", submit: (event) => { event.preventDefault(); begin(); }, input: () => later() },
     ...modelFields(start, before, () => ({ task: tasks.value, ...read(form), ...fixed() })),
-    ...(given.task ? [] : [field("task", "Task", tasks), asked]),
+    ...(given.task ? [] : [Object.assign(field("task", "Task", tasks), { className: "who" }), asked]),
     el("details", { class: "wide" }, el("summary", {}, "Advanced"), el("div", { class: "form" },
-      Object.assign(field("workflow", "Workflow", workflows), { className: "wide" }),
+      Object.assign(field("workflow", "Workflow", workflows, "The steps from the task to a machine"), { className: "wide" }),
       field("seed", "Seed", number("0", 0), "Makes random choices repeatable"),
-      field("trajectories", "Trajectories", number("8"), "Independent attempts; some searches begin more of them on the same budget"),
-      field("rounds", "Search rounds", number("5", 0), "How often each edits a machine"),
-      field("calls", "Max calls", number("no limit")),
-      field("tokens", "Max tokens", number("no limit"), "Parts of words"))),
+      field("trajectories", "Attempts", number("8"), "Independent of each other; the best machine of all is the result"),
+      field("rounds", "Search rounds", number("5", 0), "How often each attempt edits its machine"),
+      field("calls", "Most model calls", number("no limit"), "The run ends when they are used up"),
+      field("tokens", "Most tokens", number("no limit"), "Parts of words that models read and write; the run ends when they are used up"))),
     needs, el("p", { class: "wide" }, button), told);
   if (before.task ?? given.task) tasks.value = before.task ?? given.task;
   ask();
@@ -68,11 +68,9 @@ export function designForm(start, fixed = () => ({}), begun = (run) => { locatio
     const wrong = form.querySelector("input:invalid");
     if (wrong) return void (needs.textContent = `${wrong.labels[0].firstChild.textContent}: ${wrong.min ? `a whole number of ${wrong.min} or more` : wrong.validationMessage}`);
     try {
-      const { calls, simulations, seconds } = await send("/api/designs/estimate", { ...read(form), ...fixed() });
-      if (!form.checkValidity()) return;
-      const work = `Up to ${formatNumber(simulations)} simulations: ${spell(seconds)} on this computer.`;
-      needs.textContent = !calls || (read(form).model ?? start.model) === BUILT_IN ? work
-        : `${work} About ${formatNumber(calls)} calls of the model come on top, each as long as it takes to answer.${read(form).calls ? "" : " Each call may cost money: Max calls, under Advanced, sets a limit."}`;
+      const filled = { ...read(form), ...fixed() };
+      const found = await send("/api/designs/estimate", filled);
+      if (form.checkValidity()) needs.textContent = foretell(found, (filled.model ?? start.model) === BUILT_IN, filled);
     } catch (error) {
       needs.textContent = error.message;
     }
@@ -112,7 +110,7 @@ function modelFields(start, before, asked) {
   const url = el("input", { placeholder: "http://127.0.0.1:8000/v1", maxlength: 400 });
   const said = el("p", { class: "quiet", role: "status" });
   const test = el("button", { type: "button", click: () => connect() }, "Test connection");
-  const parts = [field("model", "Model", model), field("base_url", "Base URL", url),
+  const parts = [field("model", "Model", model, "As the endpoint names it"), field("base_url", "Base URL", url, "Address of the endpoint, mostly up to /v1"),
     el("div", { class: "connect wide" }, test, said, el("small", {}, `The key of an endpoint is read from ${start.key_variable}, where the studio was started.`))];
   const choose = () => {
     const served = presets.value in SERVERS;
@@ -151,6 +149,15 @@ function modelFields(start, before, asked) {
   }
   choose();
   return [el("label", { class: "who" }, el("span", {}, "Who designs"), presets), ...parts];
+}
+
+/** What a design will take; for a model, by its last run here, if there is one. */
+function foretell({ calls, simulations, seconds, call_seconds: pause, call_money: price }, builtIn, { base_url: url = "", calls: most }) {
+  const work = `About ${formatNumber(simulations)} simulations`;
+  if (!calls || builtIn) return `${work}: ${spell(seconds)} on this computer. No language model is asked, so it costs nothing.`;
+  const time = pause === null ? "plus the model's time" : `and ${spell(calls * pause)} for the model, which took ${formatNumber(pause, 1)} s a call in its last run here; less where calls overlap`;
+  const limit = most || /\/\/(127\.0\.0\.1|localhost)\b/.test(url) ? "" : " Its price is not known here: Most model calls, under Advanced, sets a limit.";
+  return `${work} and ${formatNumber(calls)} model calls: ${spell(seconds)} on this computer, ${time}.${price === null ? limit : ` Cost: about ${formatNumber(calls * price)}, at the prices of that run.`}`;
 }
 
 /** A time in words, to two figures. */

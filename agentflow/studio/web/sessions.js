@@ -3,6 +3,7 @@
 import { el, formatNumber, section, table, withUnit } from "../../report/web/dom.js";
 import { problem } from "../../report/web/text.js";
 import { address, ask, send } from "./api.js";
+import { taskOptions } from "./boards.js";
 import { field } from "./design.js";
 
 const CONSENT = "agentflow consent text"; // what the browser keeps the last one under
@@ -21,7 +22,7 @@ export async function sessionsPage() {
 }
 
 function form(start) {
-  const tasks = el("select", {}, ...start.tasks.map(({ name, title }) => el("option", { value: name, selected: name === "movement" ? "" : null }, `${name} · ${title}`)));
+  const tasks = el("select", {}, ...taskOptions(start.tasks, "movement"));
   const minutes = el("input", { type: "number", min: 1, max: 1440, step: 1, placeholder: "no limit" });
   const mode = el("select", { change: () => (words.parentElement.hidden = mode.value === "free") }, el("option", { value: "free" }, "free: without advice"), el("option", { value: "guided" }, "guided: with a rationale"));
   const words = el("textarea", { rows: 4, maxlength: 20000 });
