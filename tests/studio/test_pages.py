@@ -249,6 +249,32 @@ def test_a_new_design_tells_what_it_will_take_by_the_last_run_of_its_model(
     assert complaints(browser) == []
 
 
+def test_a_run_from_elsewhere_fills_the_form_and_what_is_left_out_is_named(
+    browser: webdriver.Chrome, served: Served, runs: Path
+) -> None:
+    path = shutil.copytree(RECORDED.parent / "language-model-throwing", runs / "by-a-model")
+    open_page(browser, served, "run?run=by-a-model")
+    until(browser, lambda: find(browser, ".live .actions a").text == "Run again")
+    find(browser, ".live .actions a").click()
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "runs")
+    values = """return Object.fromEntries([...document.querySelectorAll(".design [name]")]
+        .filter(({ value }) => value).map(({ name, value }) => [name, value]))"""
+    assert browser.execute_script(values) == {
+        "task": "throwing/2",
+        "workflow": "iterative",
+        "seed": "1",
+        "model": "large language model (recorded)",
+        "base_url": "http://127.0.0.1:8144/v1",
+        "trajectories": "1",
+        "rounds": "2",
+    }
+    told = find(browser, ".design [role=note]").text
+    assert 'search.strategy = "mcts", search.width = 2.' in told
+    assert told.endswith(f"agentflow design --config '{path}/run.yaml' --seed 1")
+    shutil.rmtree(path)
+    assert complaints(browser) == []
+
+
 def test_two_runs_are_shown_side_by_side_in_step(
     browser: webdriver.Chrome, served: Served, runs: Path
 ) -> None:

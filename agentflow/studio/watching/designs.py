@@ -10,7 +10,7 @@ import signal
 import sys
 import tempfile
 from asyncio.subprocess import DEVNULL, PIPE, Process
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -20,12 +20,12 @@ from time import time
 from typing import Any
 from urllib.parse import urlsplit
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from agentflow.app.design.config import load_config, urls_with_credentials
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.trust import unnamed
-from agentflow.config.run import KEY_VARIABLE, build_config
+from agentflow.config.run import KEY_VARIABLE, build_config, changed_keys
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.interpreter import python_command, python_environment
@@ -51,6 +51,15 @@ KEPT = 4000
 """Characters of a process's last words that are kept."""
 THIS_COMPUTER = ("127.0.0.1", "localhost", "::1")
 """Hosts that may get the key although only the form names them."""
+KEYS = {
+    "model": "model.name",
+    "base_url": "model.base_url",
+    "rounds": "search.rounds",
+    "calls": "model.budget.calls",
+    "tokens": "model.budget.tokens",
+    "machine": "start",
+}
+"""Field of the form -> configuration key, where they are named differently."""
 _PROGRAM = "import sys; from agentflow.cli import main; sys.exit(main())"
 
 
@@ -75,15 +84,8 @@ class NewDesign(Arguments):
     @property
     def options(self) -> dict[str, Any]:
         """The configuration keys that are given."""
-        given = {
-            **self.model_dump(include={"task", "workflow", "seed", "trajectories"}),
-            "model.name": self.model or None,
-            "model.base_url": self.base_url or None,
-            "search.rounds": self.rounds,
-            "model.budget.calls": self.calls,
-            "model.budget.tokens": self.tokens,
-        }
-        return {key: value for key, value in given.items() if value is not None}
+        fields = self.model_dump(exclude={"machine"}).items()
+        return {KEYS.get(name, name): value for name, value in fields if value not in (None, "")}
 
 
 def workflow_names() -> list[str]:
@@ -114,12 +116,7 @@ def require_possible(form: NewDesign) -> RunPlan:
         raise UnknownNameError("task", form.task, task_names())
     if form.workflow not in workflow_names():
         raise UnknownNameError("workflow", form.workflow, workflow_names())
-    name = form.model
-    if (
-        name.startswith(PATH_STARTS)
-        or Path(name or "-").is_absolute()
-        or Path(name or "-").is_dir()
-    ):
+    if _is_folder(form.model):
         raise UsageError("the studio cannot start models in folders; use agentflow design --model")
     start = {} if form.machine is None else {"settings.start": form.machine}
     config = load_config(None, (), {**form.options, **start})
@@ -135,6 +132,40 @@ def require_possible(form: NewDesign) -> RunPlan:
     plan = RunPlan.of(config)
     plan.require_workflow()
     return plan
+
+
+def _is_folder(model: str) -> bool:
+    path = Path(model or "-")
+    return model.startswith(PATH_STARTS) or path.is_absolute() or path.is_dir()
+
+
+def form_of(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The `form` that repeats a run with the next seed, from its run.yaml, and what is `left`: the
+    keys and values that the form cannot hold."""
+    config = build_config(document.get("config"))
+    left = changed_keys(config)
+    if config.engine != RunPlan.of(load_config(None, (), {})).config.engine:
+        left["engine"] = config.engine
+    form: dict[str, Any] = {
+        "task": config.task,
+        "workflow": config.workflow,
+        "model": config.model.name,
+        "base_url": config.model.base_url,
+        "seed": config.seed + 1,
+    }
+    for name in NewDesign.model_fields:
+        if (key := KEYS.get(name, name)) in left:
+            form[name] = left.pop(key)
+    unfit = {"task": config.task not in task_names(), "model": _is_folder(config.model.name)}
+    unfit["workflow"] = config.workflow not in workflow_names()
+    form = {name: value for name, value in form.items() if value is not None}
+    try:
+        NewDesign.model_validate(form)
+    except ValidationError as error:
+        unfit |= {str(item["loc"][0]): True for item in error.errors()}
+    for name in (name for name, is_so in unfit.items() if is_so):
+        left[KEYS.get(name, name)] = form.pop(name)
+    return {"form": form, "left": left}
 
 
 @dataclass
@@ -208,6 +239,13 @@ class Designs:
             }
             for name, started in self._started.items()
         ]
+
+    def again(self, name: str) -> dict[str, Any]:
+        """`form_of` a run; of one that this studio has started, the form as it was."""
+        known = self._started.get(name)
+        if known and known.form:
+            return {"form": known.form.model_dump(exclude_unset=True), "left": {}}
+        return form_of(read_document(self._folder.run(name)))
 
     def failed(self) -> dict[str, dict[str, Any]]:
         """Name -> what is known of each design that failed, as a row of the list of runs."""

@@ -108,6 +108,7 @@ class Watching:
             get("/api/machine", OneMachine, self.machine),
             get("/api/pair", TwoRuns, self.pair),
             get("/api/designs", Nothing, self.designs),
+            get("/api/designs/again", OneRun, self.again),
             post("/api/designs", NewDesign, self.begin_design),
             post("/api/designs/estimate", NewDesign, self.estimate),
             post("/api/designs/connect", NewDesign, self.connect),
@@ -173,6 +174,10 @@ class Watching:
     async def designs(self, _given: Nothing) -> list[dict[str, Any]]:
         """The designs that this studio has started."""
         return self._designs.told()
+
+    async def again(self, given: OneRun) -> dict[str, Any]:
+        """What the form of a design begins with to repeat a run."""
+        return await asyncio.to_thread(self._designs.again, given.run)
 
     async def begin_design(self, form: NewDesign) -> dict[str, str]:
         """Start a design."""

@@ -144,7 +144,8 @@ function modelFields(start, before, asked) {
     }
     return null;
   }
-  if (before.base_url || (before.model && before.model !== BUILT_IN)) {
+  if (before.model && !before.base_url && [start.model, BUILT_IN].includes(before.model)) presets.value = before.model;
+  else if (before.base_url || before.model) {
     presets.value = Object.entries(SERVERS).find(([, at]) => at === before.base_url)?.[0] ?? "Another endpoint";
   }
   choose();

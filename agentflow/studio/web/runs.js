@@ -6,21 +6,22 @@ import { designForm } from "./design.js";
 import { firstVisit, links } from "./first.js";
 import { RunList } from "./list.js";
 
-/** The form of a run that this studio has not started, with the next seed; the model is chosen anew. */
-async function formOf(run) {
-  const { run: { task, workflow, seed } } = await ask("/api/run", { run });
-  return { task, workflow, seed: seed + 1 };
+/** What the form cannot take from a run, and the command that repeats the whole of it. */
+function leftOut({ form, left }, run, folder) {
+  const settings = Object.entries(left).map(([key, value]) => `${key} = ${JSON.stringify(value)}`);
+  return settings.length ? el("p", { class: "quiet", role: "note" }, `Filled in from ${run}, but the form has no place for some of its settings: ${settings.join(", ")}. For a run with all of them, enter in a terminal: `,
+    el("code", {}, `agentflow design --config '${folder}/${run}/run.yaml'${"seed" in form ? ` --seed ${form.seed}` : ""}`)) : "";
 }
 
 /** @param design the task of a new design, whose form is then open
  *  @param again a run, with which the form is filled in */
 export async function runsPage({ again, design: task, ...fields }) {
-  const [start, designs] = await Promise.all([ask("/api/start"), again ? ask("/api/designs") : []]);
-  const before = designs.find(({ run }) => run === again)?.form ?? (again ? await formOf(again) : task ? { task } : {});
+  const [start, given] = await Promise.all([ask("/api/start"), again ? ask("/api/designs/again", { run: again }) : { form: task ? { task } : {}, left: {} }]);
+  const before = given.form;
   const list = new RunList(fields);
   const first = firstVisit();
   const form = designForm(start, () => (before.machine ? { machine: before.machine } : {}), undefined, before);
-  const design = el("details", { class: "design", open: again || task ? "" : null, toggle: () => form.dispatchEvent(new Event("input")) }, el("summary", {}, "New design"), form);
+  const design = el("details", { class: "design", open: again || task ? "" : null, toggle: () => form.dispatchEvent(new Event("input")) }, el("summary", {}, "New design"), leftOut(given, again, start.runs), form);
   const hint = el("p", { class: "quiet" }, "New here? ", ...links());
   const show = (empty) => {
     first.hidden = !empty;
