@@ -454,6 +454,20 @@ def test_all_tasks_are_shown_and_one_leads_to_a_machine_or_a_design(
     open_page(browser, served, "tasks")
     cards = browser.find_elements(By.CSS_SELECTOR, ".card")
     assert [card.get_attribute("data-task") for card in cards] == list(task_names())
+    find(browser, "input[type=search]").send_keys("ring")
+    Select(find(browser, "select[aria-label=family]")).select_by_visible_text("throwing")
+    filters = "#tasks?words=ring&family=throwing"
+    until(browser, lambda: browser.current_url.endswith(filters))
+    browser.refresh()
+    status = f"2 of {len(cards)} levels"
+    until(browser, lambda: find(browser, ".filters [role=status]").text == status)
+    shown = [card for card in browser.find_elements(By.CSS_SELECTOR, ".card") if card.text]
+    assert [card.get_attribute("data-task") for card in shown] == ["throwing/4", "throwing/5"]
+    assert browser.current_url.endswith(filters)
+    find(browser, "input[type=search]").send_keys(" nothing")
+    until(browser, lambda: "No level fits" in find(browser, ".filters [role=status]").text)
+    find(browser, ".filters button").click()
+    until(browser, lambda: not browser.find_elements(By.CSS_SELECTOR, ".card[hidden]"))
     drawn = "return document.querySelector('.card img').naturalWidth"
     until(browser, lambda: browser.execute_script(drawn) == SMALL[0])
     find(browser, '.card[data-task="throwing/4"]').click()

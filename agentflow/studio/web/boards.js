@@ -6,7 +6,7 @@ import { sweepPage } from "../../report/web/sweep.js";
 import { levelParts, listParts } from "../../report/web/tasks.js";
 import { shareText, worthText } from "../../report/web/text.js";
 import { address, ask } from "./api.js";
-import { pictureOf, shortName } from "./list.js";
+import { holds, keep, pictureOf, searchField, shortName } from "./list.js";
 
 const CARD = "card.json"; // the name of a scorecard
 const FIRST = 7; // cards of a task that are shown at once
@@ -72,12 +72,33 @@ export async function resultsPage({ sweep }) {
   return { elements: [main] };
 }
 
+/** The cards of all levels, and filters in place of what jumps to a family. */
+function filtered(levels, { words = "", family = "" }) {
+  const [header, , ...parts] = listParts(levels, ({ name }) => address("tasks", { task: name }));
+  const search = searchField(words, { input: () => draw() });
+  const families = el("select", { "aria-label": "family", change: () => draw() }, el("option", { value: "" }, "any family"), ...[...new Set(levels.map((level) => level.family))].map((name) => el("option", { selected: name === family ? "" : null }, name)));
+  const count = el("span", { class: "quiet", role: "status" });
+  const clear = el("button", { click: () => { search.value = families.value = ""; draw(); } }, "Clear filters");
+  const draw = () => {
+    const found = new Set(levels.filter((level) => holds(search.value, [level.name, level.family, level.title, level.objective]) && (families.value || level.family) === level.family).map(({ name }) => name));
+    for (const part of parts) {
+      for (const card of part.querySelectorAll(".card")) card.hidden = !found.has(card.dataset.task);
+      part.hidden = !part.querySelector(".card:not([hidden])");
+    }
+    clear.hidden = found.size === levels.length;
+    count.textContent = !found.size ? "No level fits these filters." : `${clear.hidden ? "" : `${found.size} of `}${levels.length} levels`;
+    keep("tasks", { words: search.value, family: families.value });
+  };
+  draw();
+  return [header, el("div", { class: "filters" }, search, families, count, clear), ...parts];
+}
+
 /** All tasks, or one: its pictures are drawn when they come into view. */
-export async function tasksPage({ task }) {
+export async function tasksPage({ task, ...fields }) {
   const pictured = (level, on) => ({ ...level, picture: levelAddress(level.name, on) });
   if (!task) {
     const levels = (await ask("/api/start")).tasks.map((level) => pictured(level, "card"));
-    return { elements: [el("main", { class: "alone wall" }, ...listParts(levels, ({ name }) => address("tasks", { task: name })))] };
+    return { elements: [el("main", { class: "alone wall" }, ...filtered(levels, fields))] };
   }
   const level = pictured(await ask("/api/level", { task }), "page");
   const lead = (page, fields, words, kind = "button") => el("a", { class: kind, href: address(page, fields) }, words);

@@ -26,8 +26,7 @@ export class RunList {
     this.unfolded = new Set();
     this.most = MOST;
     const changed = { input: () => this.changed() };
-    this.words = el("input", { type: "search", placeholder: "Filter by any word", "aria-label": "Filter", ...changed });
-    this.words.value = words;
+    this.words = searchField(words, changed);
     this.pickers = Object.fromEntries(FILTERS.map((key) => [key, el("select", { "aria-label": key, ...changed })]));
     this.count = el("span", { class: "quiet", role: "status" });
     this.compare = el("button", { click: () => this.open() }, "Tick two to compare");
@@ -67,8 +66,7 @@ export class RunList {
 
   /** Keep filters and order in the address, so that they can be shared and outlive a reload. */
   changed() {
-    const given = { words: this.words.value, sort: this.key === "begun" ? "" : this.key, down: this.down ? "" : "no", ...Object.fromEntries(FILTERS.map((key) => [key, this.pickers[key].value])) };
-    history.replaceState(null, "", address("runs", Object.fromEntries(Object.entries(given).filter(([, value]) => value))));
+    keep("runs", { words: this.words.value, sort: this.key === "begun" ? "" : this.key, down: this.down ? "" : "no", ...Object.fromEntries(FILTERS.map((key) => [key, this.pickers[key].value])) });
     this.draw();
   }
 
@@ -78,9 +76,8 @@ export class RunList {
   }
 
   get found() {
-    const words = this.words.value.toLowerCase().split(/\s+/).filter(Boolean);
     const fits = (row) => Object.entries(this.pickers).every(([key, { value }]) => !value || row[key] === value)
-      && words.every((word) => [row.run, row.task, row.workflow, row.model, row.state].some((text) => String(text ?? "").toLowerCase().includes(word)));
+      && holds(this.words.value, [row.run, row.task, row.workflow, row.model, row.state]);
     const order = (a, b) => {
       const [x, y] = [a[this.key] ?? null, b[this.key] ?? null];
       if (x === null || y === null) return (x === null) - (y === null); // what is unknown stays last
@@ -160,6 +157,15 @@ export class RunList {
     location.hash = names.length === 2 && whole ? address("pair", { a, b }) : address("curves", { runs: JSON.stringify(names) });
   }
 }
+
+/** What filters by words. */
+export const searchField = (value, listeners) => el("input", { type: "search", placeholder: "Filter by any word", "aria-label": "Filter", value, ...listeners });
+
+/** Whether each word is in one of the texts. */
+export const holds = (words, texts) => words.toLowerCase().split(/\s+/).every((word) => texts.some((text) => String(text ?? "").toLowerCase().includes(word)));
+
+/** Keep filters in the address of a page. */
+export const keep = (page, fields) => history.replaceState(null, "", address(page, Object.fromEntries(Object.entries(fields).filter(([, value]) => value))));
 
 /** The name of a run without its sweep, and without the time of its start, which is shown beside it. */
 export const shortName = (run) => run.replace(/^.*\/runs\//, "").replace(/^\d{8}-\d{6}-/, "");
