@@ -23,6 +23,7 @@ from agentflow.runs.events import (
     RunEvent,
     RunStartEvent,
     ToolEvent,
+    VerificationEvent,
     read_typed_events,
 )
 from agentflow.runs.locations import Location, stage_words
@@ -126,12 +127,28 @@ class RunStory:
             "begun": self._begun,
             "score": self.result.score if self.result else record.best,
             "verified": with_holding(self._result_data.get("verified")),
+            "passed": self._passed_over(),
             "sentence": self._sentence(record.best is not None),
             "about": f"{model}: "
             + f"{counted(record.calls, 'call')}, " * bool(record.calls)
             + f"{counted(len(record.machines), 'machine')} simulated",
             "prices": priced,
         }
+
+    def _passed_over(self) -> dict[str, Any] | None:
+        """The verified machine with the highest plain score, if another one was chosen: its result
+        (see `FinalistResult`), its title, where its score holds, and the mean of the chosen one."""
+        finalists = (self.result.finalists if self.result else None) or ()
+        known = {one.machine: one for one in finalists}
+        own = next((known[n.machine] for n in self.nodes if n.best and n.machine in known), None)
+        first = max(finalists, key=lambda one: one.score, default=None)
+        if own is None or first is None or first.score <= own.score:
+            return None
+        tested = (e for e in self.events if isinstance(e, VerificationEvent))
+        found = next((e.holding for e in tested if e.machine == first.machine), None)
+        title = next((n.title for n in self.nodes if n.machine == first.machine), "another machine")
+        holds = {"holds": found.holds, "of": found.of} if found else {}
+        return {**first.model_dump(mode="json"), "title": title, "chosen": own.mean, **holds}
 
     def _sentence(self, scored: bool) -> str:
         if self.result is None:

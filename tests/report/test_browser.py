@@ -340,6 +340,35 @@ def test_the_score_at_the_top_is_the_verified_one_and_its_fall_is_told(
         assert [text.partition(":")[0] for text in told] == warned
 
 
+def test_a_higher_score_that_was_not_chosen_is_explained_and_leads_to_its_machine(
+    browser: webdriver.Chrome, tmp_path: Path
+) -> None:
+    _, data = run_data(RECORDED)
+    scored = [node for node in data["nodes"] if node["score"]]
+    high, own = sorted(scored, key=lambda node: -node["score"])[:2]
+    nodes = [{**node, "best": node == own} for node in data["nodes"]]
+    tested = {"score": 29.9, "verified": 14.0, "mean": 13.0, "chosen": 19.2, "holds": 5, "of": 8}
+    passed = {**tested, "machine": high["machine"], "title": high["title"]}
+    bare = {"machines": {}, "shapes": [], "files": "", "nodes": nodes}
+    for told_run, rings in (({**data["run"], "passed": passed}, 1), (data["run"], 0)):
+        page = whole_page("run", {**data, **bare, "run": told_run})
+        (tmp_path / "run.html").write_text(page, encoding="utf-8")
+        browser.get((tmp_path / "run.html").as_uri())
+        until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".chart .dot"))
+        assert len(browser.find_elements(By.CSS_SELECTOR, ".chart .ring")) == rings
+        notes = find(browser, "main").text.count("by scores before verification")
+        assert notes == 2 * rings, "the chart and the stages"
+        if rings:
+            assert find(browser, ".passed").text == (
+                f"29.90 m was reached by {high['title']}, but holds in 5 of 8 simulations (median "
+                "14 m, mean 13 m). The best machine is the one with the highest mean when "
+                "verified, 19.20 m."
+            )
+            assert find(browser, ".chosen h2").text.startswith(own["title"])
+            find(browser, ".passed button").click()
+            assert find(browser, ".chosen h2").text.startswith(high["title"])
+
+
 def test_a_refused_edit_says_why_and_has_no_film(opened: webdriver.Chrome) -> None:
     node(opened, "env_feedback/traj-1/round-1/node-0/try-2").click()
     until(opened, lambda: "refused because of <script>" in find(opened, ".chosen .problem").text)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
 
@@ -15,7 +16,9 @@ from agentflow.holding import with_holding
 from agentflow.metrics.usage import no_price
 from agentflow.report.run import RunStory, rejection_reasons, score_curve, validity
 from agentflow.runs import read_result
-from agentflow.runs.events import AttemptEvent
+from agentflow.runs.events import AttemptEvent, VariedScore, VerificationEvent
+from agentflow.runs.locations import Location
+from agentflow.runs.result import FinalistResult
 from tests.metrics.events import attempt as answered
 from tests.metrics.events import edit, evaluation, expansion
 from tests.report.hostile import NASTY, hostile_run
@@ -43,6 +46,7 @@ def test_a_finished_run() -> None:
         "begun": 2,
         "score": result.score,
         "verified": with_holding(result.to_json()["verified"]),
+        "passed": None,
         "sentence": "by the best machine, found in refinement with feedback",
         "about": f"procedural (no language model): {calls} calls, 8 machines simulated",
         "prices": False,
@@ -72,6 +76,36 @@ def test_a_finished_run() -> None:
     }
     assert data["talk"][0] == {"role": "meta_designer", "labels": ["meta_designer/attempt-1"]}
     json.dumps(data, allow_nan=False)
+
+
+def test_a_higher_score_than_that_of_the_chosen_machine_is_explained() -> None:
+    story = RunStory.read(RECORDED, read_result(RECORDED), None)
+    high, own = list(story.machines.values())[:2]
+    assert high.machine
+    assert own.machine
+    assert high.score
+    assert own.score
+    assert high.score > own.score
+    known = {"verified": 3.0, "simulations": 8}
+    finalists = [
+        FinalistResult(machine=high.machine, score=high.score, mean=2.0, **known),
+        FinalistResult(machine=own.machine, score=own.score, mean=2.5, **known),
+    ]
+    assert story.result
+    result = story.result.model_copy(update={"finalists": finalists})
+    scores = tuple(VariedScore(str(n), "ok", s) for n, s in enumerate((9.0, 3.0, 1.0)))
+    tested = VerificationEvent(Location("finalist"), high.machine, 3.0, 1.0, 9.0, scores)
+    nodes = tuple(replace(node, best=node == own) for node in story.nodes)
+    chosen = replace(story, result=result, events=(tested, *story.events), nodes=nodes)
+    assert chosen.to_json(no_price, priced=False)["run"]["passed"] == {
+        **finalists[0].model_dump(),
+        "title": high.title,
+        "chosen": 2.5,
+        "holds": 2,
+        "of": 3,
+    }
+    same = replace(chosen, nodes=story.nodes)  # the one with the highest score was chosen
+    assert same.to_json(no_price, priced=False)["run"]["passed"] is None
 
 
 def test_calls_are_kept_whole_and_what_comes_again_once() -> None:

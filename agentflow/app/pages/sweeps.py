@@ -101,15 +101,16 @@ def _groups(result: SweepResult) -> dict[tuple[str, str], list[FinishedRun]]:
 
 
 def _best(runs: Sequence[FinishedRun], pictures: bool) -> dict[str, Any] | None:
-    """The run with the highest score, and its machine."""
+    """The run with the best verified score, or score where there is none, and its machine."""
     scored = [run for run in runs if run.result.score is not None and run.result.machine]
-    run = max(scored, key=lambda one: one.result.score or 0.0, default=None)
+    run = max(scored, key=lambda one: one.result.trusted_score or 0.0, default=None)
     machine = run and read_machine(run.result.machine, library()).machine
     if not (run and machine):
         return None
     drawn = png_url(machine, view="three-quarter", size=PICTURE) if pictures else None
-    known = {"run": run.planned.name, "score": run.result.score, "machine": machine.digest}
-    return {**known, "picture": drawn}
+    known = {"run": run.planned.name, "score": run.result.trusted_score, "picture": drawn}
+    verified = run.result.verified_score is not None
+    return {**known, "machine": machine.digest, "verified": verified}
 
 
 def _runs(result: SweepResult) -> list[dict[str, Any]]:

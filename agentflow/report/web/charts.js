@@ -16,8 +16,8 @@ export const named = (quantity, unit) => (unit ? `${quantity}, ${unit}` : quanti
 
 /** Scores as dots and the best so far as a line; points are [x, score, item]. A point answers to the
  *  pointer and to arrow keys; a click or Enter gives its item to `pick`. `logs` keeps which axes are
- *  logarithmic. */
-export function scoreChart(title, across, unit, points, pick = null, logs = {}) {
+ *  logarithmic. Points of the item `ringed` have a ring. */
+export function scoreChart(title, across, unit, points, pick = null, logs = {}, ringed = null) {
   let drawn = [];
   const chart = figure(title, (width) => {
     const shown = positive(points, logs);
@@ -35,6 +35,7 @@ export function scoreChart(title, across, unit, points, pick = null, logs = {}) 
       ...axes(xs, ys, across, named("score", unit)),
       ...drawn.map(({ x, y }) => svg("circle", { class: "dot", cx: x, cy: y, r: 2.6 })),
       svg("path", { class: "line", d: `${way}H${width - RIGHT}` }),
+      ...drawn.filter(({ item }) => ringed && item === ringed).map(({ x, y }) => svg("circle", { class: "ring", cx: x, cy: y, r: 6 })),
     ];
   }, { rows: () => [[across, named("score", unit)], ...points.map(([x, y]) => [x, y])], logs: [logs, points] });
   const picture = chart.querySelector("svg");

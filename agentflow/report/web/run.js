@@ -49,15 +49,15 @@ export class RunView {
     this.data = data;
     this.calls = once(() => readCalls(data.calls));
     const first = data.nodes.find((node) => node.best) ?? data.nodes.at(-1);
-    this.put("header", [data.run, data.task, data.failures], this.top, () => header(data));
+    this.put("header", [data.run, data.task, data.failures], this.top, () => header(data, (machine) => this.pick(machine)));
     this.put("search", data.nodes, this.rest, () => this.search());
     this.put("kinds", [data.archive, data.classes], this.rest, () => kindsSection(data, (machine) => this.pick(machine)));
     this.put("makers", data.makers, this.rest, () => makersSection(data.makers));
     this.put("front", data.front, this.rest, () => frontSection(data.front, (machine) => this.pick(machine)));
     this.put("robustness", data.robustness, this.rest, () => robustnessSection(data.robustness, data.task.unit));
-    this.put("score", data.progress, this.rest, () => scoreCharts(data, this.axis, (machine) => this.pick(machine)));
+    this.put("score", [data.progress, data.run.passed], this.rest, () => scoreCharts(data, this.axis, (machine) => this.pick(machine)));
     const begun = first || !this.growing; // before, these are tables of zeros
-    this.put("stages", [begun, data.stages], this.rest, () => begun && stages(data));
+    this.put("stages", [begun, data.stages, data.run.passed], this.rest, () => begun && stages(data));
     this.put("tools", [data.stages, data.tools], this.rest, () => tools(data));
     this.put("failures", [begun, data.validity, data.reasons, data.failures], this.rest, () => begun && failures(data));
     this.put("usage", [begun, data.usage], this.rest, () => begun && usage(data));

@@ -7,7 +7,8 @@ import { taskDetails, callDetails, toolDetails, scoreTable, worthText } from "./
 const FALL = 0.9; // share of its score below which a machine is warned of when verified
 const PLURAL = { reply: "replies", machine: "machines" };
 
-export function header(data) {
+/** `pick` gets a machine. */
+export function header(data, pick) {
   const { run } = data;
   const trusted = run.verified?.score ?? null;
   const shown = trusted ?? run.score;
@@ -18,6 +19,7 @@ export function header(data) {
     el("h1", {}, run.task),
     el("p", { class: "kind" }, data.task.title),
     el("p", { class: "score" }, shown === null ? "no score" : el("b", {}, withUnit(shown, data.task.unit), data.task.greatest ? ` of ${data.task.greatest}` : ""), trusted === null ? " " : " (verified) ", run.sentence),
+    passedOver(data, pick),
     worth(data, shown),
     trusted < FALL * run.score ? el("p", { class: "failing" }, `Its score of ${withUnit(run.score, data.task.unit)} falls to ${withUnit(trusted, data.task.unit)} when verified: small changes of physics cost this machine as much.`) : null,
     failing(data),
@@ -38,6 +40,15 @@ function worth({ task }, shown) {
     return item;
   };
   return el("div", { class: "worth" }, el("div", { "aria-hidden": "true" }, mark("reached", shown ?? 0), good ? mark("mark", good) : null), el("p", { class: "quiet" }, capitalize(told)));
+}
+
+/** Why a machine with a higher score was not chosen, if one was not. */
+function passedOver({ run: { passed }, task: { unit } }, pick) {
+  if (!passed) return null;
+  const { machine, score, title, holds, of, verified, mean, chosen } = passed;
+  const found = verified === null ? "but some of the simulations that verify it failed" : `but ${of ? `holds in ${holds} of ${of} simulations` : "was verified"} (median ${withUnit(verified, unit)}, mean ${withUnit(mean, unit)})`;
+  return el("p", { class: "passed" }, `${withUnit(score, unit)} was reached by `, el("button", { class: "link", click: () => pick(machine) }, title),
+    `, ${found}. The best machine is the one with the highest mean when verified, ${withUnit(chosen, unit)}.`);
 }
 
 /** Why no machine scored, if none did: the most frequent failure. */
@@ -65,14 +76,17 @@ export function legend() {
     "Ring: something broke. Hollow: invalid. Cross: rejected edit. Arrow keys move the selection.");
 }
 
+/** That what shows the highest plain score is not about the machine that was chosen, if so. */
+const unverified = ({ passed }, what) => (passed ? el("p", { class: "quiet" }, `${what} is by scores before verification, of which the highest was not chosen.`) : null);
+
 const SPENT = ["seconds", "calls", "tokens", "expansions"];
 
 /** The scores over time, calls, tokens or expansions. `chosen` keeps what was chosen; `pick` gets a machine. */
-export function scoreCharts({ progress, task }, chosen = {}, pick = null) {
+export function scoreCharts({ progress, task, run, nodes }, chosen = {}, pick = null) {
   if (progress.length < 2) return null;
   chosen.logs ??= {};
-  const found = overSpent([progress], chosen, (name) => scoreChart(`Score over ${name}`, name, task.unit, progress.map((point) => [point[name], point.score, point.machine]), pick, chosen.logs));
-  return found && section("Score", ...found);
+  const found = overSpent([progress], chosen, (name) => scoreChart(`Score over ${name}`, name, task.unit, progress.map((point) => [point[name], point.score, point.machine]), pick, chosen.logs, run.passed && nodes.find(({ best }) => best)?.machine));
+  return found && section("Score", ...found, unverified(run, "Ring: the best machine when verified. The line"));
 }
 
 /** The best scores of several runs so far in one chart, from the first to the last: {name, label, progress}. */
@@ -104,13 +118,13 @@ function overSpent(progresses, chosen, make) {
   return [spent.length > 1 ? picker : null, place];
 }
 
-export function stages({ stages: rows }) {
+export function stages({ stages: rows, run }) {
   if (!rows.length) return null;
   const costs = nonzeroColumns(rows, { Calls: "calls", Tokens: "tokens", Simulations: "rollouts" });
   const head = ["Stage", "Valid", "Mean", "Mean, invalid\u00a0=\u00a00", "Best", "Std", ...costs.map(([name]) => name)];
   return section("Stages", table("Scores of each trajectory's machine at the end of a stage, whether made in that stage or earlier", head, rows.map((row) => [
     row.words, `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
-    ...costs.map(([, key]) => row[key])])));
+    ...costs.map(([, key]) => row[key])])), unverified(run, "Each number"));
 }
 
 /** Who made the machines of a search over the whole run. Null without one. */

@@ -39,10 +39,10 @@ function unitOf({ scored }, spreads) {
 function bestMachines(rows, linked, still) {
   if (!rows.length) return null;
   const same = [...Map.groupBy(rows, ({ task, best }) => `${task} ${best.machine ?? best.run}`).values()];
-  return section("Best machines", el("p", { class: "quiet" }, "The highest score of all stages. Verified scores, where there are any, count more."), el("div", { class: "cards" }, ...same.map((found) => {
+  return section("Best machines", el("p", { class: "quiet" }, "By verified score, where there is one. Tables and dots are of scores before verification, so they may show higher ones."), el("div", { class: "cards" }, ...same.map((found) => {
     const [{ task, unit, best, level, record }] = found;
     const names = listed(found.map(({ name }) => name).filter(Boolean));
-    return linked(best.run, still(best) || null, el("b", {}, withUnit(best.score, unit)), el("span", {}, [task, names].filter(Boolean).join(", ")), el("small", {}, shareText(record, level, unit)));
+    return linked(best.run, still(best) || null, el("b", {}, withUnit(best.score, unit), best.verified ? " (verified)" : ""), el("span", {}, [task, names].filter(Boolean).join(", ")), el("small", {}, shareText(record, level, unit)));
   })));
 }
 

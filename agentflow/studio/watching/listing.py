@@ -27,7 +27,12 @@ from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_json, record_share
 from agentflow.errors import AgentflowError, RunError, UsageError
 from agentflow.runs import find_runs, read_document, state_of
-from agentflow.runs.events import EvaluationEvent, RunEvent, read_new_typed_events
+from agentflow.runs.events import (
+    EvaluationEvent,
+    RunEvent,
+    VerificationEvent,
+    read_new_typed_events,
+)
 from agentflow.runs.locations import INITIAL, stage_words
 from agentflow.runs.reading import AGAIN, CALLS, EVENTS, FILE_NAME, RESULT, Event
 from agentflow.runs.record import RunRecord
@@ -61,7 +66,7 @@ class Follower:
     at: float = 0.0
     """Seconds into the run at the last event."""
     best: str | None = None
-    """Content hash of the machine with the highest score."""
+    """Content hash of the machine with the highest score, or of the one that was chosen."""
     offset: int = 0
     """Bytes of the events that were read."""
 
@@ -83,6 +88,8 @@ class Follower:
                 if self.record.best != before:
                     self.best = event.machine
                 yield {"at": event.at, "score": event.score}
+            elif isinstance(event, VerificationEvent):  # that of the chosen machine comes last
+                self.best = event.machine
 
 
 @dataclass
