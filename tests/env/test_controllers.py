@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import textwrap
 from bisect import bisect_right
 from dataclasses import replace
 from math import atan2, degrees, inf, sqrt
@@ -13,8 +14,8 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.controllers.laws import law_lines, spans_of
-from agentflow.env.controllers.pilot import Pilot, rounded
-from agentflow.env.controllers.rays import Rays, _meet_box
+from agentflow.env.controllers.pilot import ROUNDING, Pilot
+from agentflow.env.controllers.rays import Rays, meet_box, ray_lines
 from agentflow.env.controllers.telling import _rounded
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import World
@@ -40,6 +41,7 @@ from agentflow.machine.geometry.vectors import (
     dot,
     inverse,
     rotate_vector,
+    scale,
     subtract,
 )
 from agentflow.machine.tree import Machine
@@ -130,13 +132,14 @@ def test_sensors_read_the_same_bits_as_plain_formulas(engine: str) -> None:
         made = [Sensor(kind=kind, axis=axis, block=block) for kind, axis in spots]
         own = {f"s{n}": sensor.to_json() for n, sensor in enumerate(made)}
         pilot = Pilot(_holding(own), assembly, world, scene, loads, 0.1, 1.0, (0.0, 0))
+        assert not any(pilot.fly(None)), "as where a block breaks off before t = 0"
         found.append((made, pilot))
     for _ in range(60):
         for _ in range(8):
             world.step()
         for made, pilot in found:
             pilot.fly(0.0)
-            assert [*pilot._readings()] == [_plain(world, scene, sensor) for sensor in made]
+            assert [*pilot.fly(None)] == [_plain(world, scene, sensor) for sensor in made]
 
 
 def _holding(sensors: dict[str, Any]) -> Machine:
@@ -163,7 +166,7 @@ def _plain(world: World, scene: Scene, sensor: Sensor) -> float:
                 square = (item.size[0] / 2) ** 2 - dot(start, start) + along * along
                 near.append(along - sqrt(square) if square >= 0 and along >= sqrt(square) else inf)
             else:
-                near.append(_meet_box(*start, *ahead, item.size))
+                near.append(meet_box(*start, *ahead, scale(item.size, 0.5)))
         return min(RANGE, *near)
     arm = swap(subtract(centre, swap(row[POSITION])))
     swung = (np.cross(row[SPIN], arm) + row[VELOCITY])[[0, 2, 1]]
@@ -180,8 +183,11 @@ def _plain(world: World, scene: Scene, sensor: Sensor) -> float:
 def test_levels_are_rounded_as_python_rounds() -> None:
     rng = random.Random(0)
     half = [count / 2000 + shift for count in range(-2000, 2001) for shift in (0.0, 1e-16, -1e-16)]
+    rounding = compile(textwrap.dedent(ROUNDING), "rounding", "exec")
     for level in [*half, *(rng.uniform(-1, 1) for _ in range(20_000))]:
-        assert repr(rounded(level)) == repr(round(level, 3)), level
+        names = {"v": level}
+        exec(rounding, names)
+        assert repr(names["v"]) == repr(round(level, 3)), level
     many = np.array([[*half, 1e13 + 0.3, inf, *np.random.default_rng(0).normal(0, 99, 20_000)]])
     assert _rounded(many, [3]) == [[round(each, 3) for each in many[0].tolist()]]
 
@@ -262,9 +268,9 @@ def outputs(laws: dict[str, Any], readings: list[list[float]], kind: str = "heig
         names[f"n{len(names)}"] = value
         return f"n{len(names) - 1}"
 
-    logs: Any = {law: ([], []) for law in laws}
-    lines, kept = law_lines(model.laws, model.sensors, logs, 0.1, 1.0, name)
-    names |= kept
+    kept: dict[str, Any] = {}
+    lines = law_lines(model.laws, model.sensors, 0.1, 1.0, name, kept)
+    names |= kept | {"edges": [[] for _ in laws], "entered": [[] for _ in laws]}
     for step, (names["s0"],) in enumerate(readings):
         names["time"] = step * 0.1
         exec("\n".join(lines), names)
@@ -297,14 +303,24 @@ def test_rays_meet_the_first_surface() -> None:
         SceneObject("post", "box", (1.0, 2.0, 1.0), (-5.0, 1.0, 5.0), rotation=turned),
     )
     many = tuple(replace(items[0], name=f"w{n}", position=(90.0, 1.0, n)) for n in range(20))
-    for objects in (items, (*items, *many)):
-        rays = Rays(Scene(objects), None)  # type: ignore[arg-type]
-        assert rays.first(0.0, 1.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx(9.5)
-        assert rays.first(0.0, 3.0, 0.0, 0.0, 0.0, 1.0) == inf
-        assert rays.first(0.0, 1.0, 10.0, 0.0, 0.0, 1.0) == inf, "from the inside"
-        assert rays.first(5.0, 1.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx(4.0)
-        assert rays.first(-5.0, 1.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx(5 - sqrt(0.5))
-        assert rays.first(0.0, 3.0, 0.0, 0.0, -1.0, 0.0) == 3.0, "the ground"
+    rays = (
+        ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), 9.5),
+        ((0.0, 1.0, 5.0), (0.0, 0.0, 1.0), 4.5),
+        ((0.0, 3.0, 0.0), (0.0, 0.0, 1.0), RANGE),
+        ((0.0, 1.0, 10.0), (0.0, 0.0, 1.0), RANGE),  # from the inside
+        ((5.0, 1.0, 0.0), (0.0, 0.0, 1.0), 4.0),
+        ((-5.0, 1.0, 0.0), (0.0, 0.0, 1.0), 5 - sqrt(0.5)),
+        ((0.0, 3.0, 0.0), (0.0, -1.0, 0.0), 3.0),  # the ground
+    )
+    for objects in (items, (*items, *many), ()):
+        look = Rays(Scene(objects), None).look  # type: ignore[arg-type]
+        names: dict[str, Any] = {"meet_box": meet_box, "look": look}
+        lines = "\n".join(ray_lines(0, names))  # they keep the room of one ray for the next
+        for start, way, distance in rays:
+            names |= zip(("cx", "cy", "cz", "i", "j", "k"), (*start, *way), strict=True)
+            exec(lines, names)
+            expected = distance if objects or way[1] < 0 else RANGE
+            assert names["e"] == pytest.approx(expected), (start, way)
 
 
 def test_every_level_can_be_sensed() -> None:

@@ -11,28 +11,28 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from math import atan2, degrees, hypot
 from typing import Any
 
+from agentflow.env.controllers.rays import ray_lines
 from agentflow.env.physics.engine import World
 from agentflow.env.physics.frames import swap_quaternion, swap_turn
 from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly, Joint
 from agentflow.env.physics.rows import ROTATION, SPIN
-from agentflow.env.scene import Scene
-from agentflow.machine.controllers.model import RANGE, Sensor
+from agentflow.machine.controllers.model import Sensor
 from agentflow.machine.geometry.vectors import Vec3, dot, inverse, product, rotate_vector, subtract
 
 Read = Callable[[float], float]
 """The reading at a time, s since t = 0."""
 _AHEAD = {
     "x": (
-        "v, t = -2 * {s} * y, 2 * {s} * z",
+        ("v = -2.0 * {s} * y", "t = 2.0 * {s} * z"),
         ("{s} - z * t + y * v", "0.0 + w * v + x * t", "0.0 + w * t - x * v"),
     ),
     "y": (
-        "u, t = 2 * {s} * y, -2 * {s} * x",
+        ("u = 2.0 * {s} * y", "t = -2.0 * {s} * x"),
         ("0.0 + w * u - z * t", "{s} - y * u + x * t", "0.0 + w * t + z * u"),
     ),
     "z": (
-        "u, v = -2 * {s} * z, 2 * {s} * x",
+        ("u = -2.0 * {s} * z", "v = 2.0 * {s} * x"),
         ("0.0 + w * u + y * v", "0.0 + w * v - y * u", "{s} - x * v + z * u"),
     ),
 }
@@ -44,17 +44,79 @@ _VELOCITIES = {
     "z": "vy + (wz * (cx - px) - wx * (cy - pz))",
 }
 _MOTION = """\
-at = where[{number}]
-if at:
-    row, a, b, c = at
-    px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = rows[row]
-    cx, cy, cz = px, pz, py
-    if a or b or c:
-        u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-        cx += a + w * u + y * t - z * v
-        cz += b + w * v + z * u - x * t
-        cy += c + w * t + x * v - y * u"""
+if row# is not None:
+    px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = rows[row#]
+    if a# or b# or c#:
+        u = 2.0 * (y * c# - z * b#)
+        v = 2.0 * (z * a# - x * c#)
+        t = 2.0 * (x * b# - y * a#)
+        cx = px + (a# + w * u + y * t - z * v)
+        cz = py + (b# + w * v + z * u - x * t)
+        cy = pz + (c# + w * t + x * v - y * u)
+    else:
+        cx, cy, cz = px, pz, py"""
 """Lines that read the motion of a block that has not broken off, and its centre."""
+
+
+def sensor_lines(sensors: Sequence[Sensor], disturbed: bool, kept: dict[str, Any]) -> Iterator[str]:
+    """Lines that read the sensors that work as `s0` and so on, each in the unit of its quantity.
+
+    They use `time`, `world`, `goal`, the target of the scene, `reads` and `locate` of `Senses`,
+    `disturb`, which adds noise and delay, and what `ray_lines` use. What they keep is added to
+    `kept`, by name; once `now` of that is None, they locate the blocks again.
+    """
+    numbered, blocks = [*enumerate(sensors)], _blocks(sensors)
+    if blocks:
+        numbers = range(len(blocks))
+        kept |= {"now": None, **{f"{each}{at}": None for each in ("row", *"abc") for at in numbers}}
+        places = (f"(row{at}, a{at}, b{at}, c{at})" for at in numbers)
+        yield "if world.now is not now:"
+        yield f"    now, {', '.join(places)} = locate()"
+        yield "rows = now.rows"
+    for at, block in enumerate(blocks):
+        yield from _MOTION.replace("#", str(at)).splitlines()
+        for number, sensor in numbered:
+            if sensor.block == block and _is_plain(sensor):
+                *before, value = _formula(number, sensor, kept)
+                yield from (f"    {line}" for line in (*before, f"s{number} = {value}"))
+    for number, sensor in numbered:
+        if not _is_plain(sensor):
+            yield f"if reads[{number}]:"
+            yield f"    s{number} = reads[{number}](time)"
+    for number, sensor in numbered if disturbed else ():
+        plain = _is_plain(sensor)
+        place = f"row{blocks.index(sensor.block)}" if plain else f"reads[{number}]"
+        yield f"if {place} is not None:"
+        yield f"    s{number} = disturb({number}, s{number})"
+
+
+def _blocks(sensors: Sequence[Sensor]) -> list[int]:
+    """The blocks whose motion lines read."""
+    return [*dict.fromkeys(each.block for each in sensors if _is_plain(each))]
+
+
+def _is_plain(sensor: Sensor) -> bool:
+    """Whether lines read it."""
+    return not hasattr(Senses, f"_{sensor.kind}")
+
+
+def _formula(number: int, sensor: Sensor, kept: dict[str, Any]) -> tuple[str, ...]:
+    """What reads the sensor with this number, after lines before it."""
+    axis = (sensor.axis or "z")[0]
+    if sensor.kind == "height":
+        return ("cy",)
+    if sensor.kind == "target":
+        return (f"goal[{'xyz'.index(axis)}] - c{axis}",)
+    if sensor.kind == "velocity":
+        return (_VELOCITIES[axis],)
+    turned = "y" if sensor.kind == "tilt" else axis
+    lines, found = _AHEAD[turned]
+    sign = "-1.0" if sensor.axis and sensor.axis.endswith("-") else "1.0"
+    before, ahead = ([each.format(s=sign) for each in some] for some in (lines, found))
+    if sensor.kind == "distance":
+        return *before, *map("{} = {}".format, "ijk", ahead), *ray_lines(number, kept), "e"
+    side, along = ahead["xyz".index("x" if sensor.kind == "heading" else axis)], turned
+    return *before, f"degrees(atan2({side}, {ahead['xyz'.index(along)]}))"
 
 
 class Senses:
@@ -64,79 +126,28 @@ class Senses:
         self,
         world: World,
         assembly: Assembly,
-        scene: Scene,
         loads: Loads,
         pace: float,
         sensors: Sequence[Sensor],
     ) -> None:
         """Make what reads; `pace` is by how much the machine's own clock is slow."""
-        self._world, self._assembly, self._scene = world, assembly, scene
+        self._world, self._assembly = world, assembly
         self._loads, self._pace, self._sensors = loads, pace, sensors
-        own = {number: getattr(self, f"_{each.kind}", None) for number, each in enumerate(sensors)}
         self.reads: list[Read | None] = [
-            make and make(sensors[number]) for number, make in own.items()
+            None if _is_plain(each) else getattr(self, f"_{each.kind}")(each) for each in sensors
         ]
         """What reads each of the sensors that lines do not; None where one broke off."""
-        plain = [each for each, make in zip(sensors, own.values(), strict=True) if not make]
-        self._blocks = [*dict.fromkeys(each.block for each in plain)]
-        self.where: list[tuple[int, float, float, float] | None] = [None for _ in self._blocks]
-        """Where each block that senses is: the row of its cluster, and from there to its centre at
-        rest, engine frame; None if it broke off."""
+        self._blocks = _blocks(sensors)
         self._lost = set[int]()
 
-    def lines(self, disturbed: bool, name: Callable[[Any], str]) -> Iterator[str]:
-        """Lines that read the sensors that work as `s0` and so on, each in the unit of its
-        quantity, from `time`, `world`, `where`, `reads` and `first`, which is that of `Rays`."""
-        yield "if world.now is not now:"
-        yield "    now = locate()"
-        numbered = [*enumerate(self._sensors)]
-        if self._blocks:
-            yield "rows = now.rows"
-        for at, block in enumerate(self._blocks):
-            yield from _MOTION.format(number=at).splitlines()
-            for number, sensor in numbered:
-                if sensor.block == block and self._is_plain(number):
-                    *before, value = self._formula(sensor, name)
-                    yield from (f"    {line}" for line in (*before, f"s{number} = {value}"))
-        for number, _ in numbered:
-            if not self._is_plain(number):
-                yield f"if reads[{number}]:"
-                yield f"    s{number} = reads[{number}](time)"
-        for number, sensor in numbered if disturbed else ():
-            plain = self._is_plain(number)
-            place = f"where[{self._blocks.index(sensor.block)}]" if plain else f"reads[{number}]"
-            yield f"if {place}:"
-            yield f"    s{number} = disturb({number}, s{number})"
-
-    def _is_plain(self, number: int) -> bool:
-        return not hasattr(self, f"_{self._sensors[number].kind}")
-
-    def _formula(self, sensor: Sensor, name: Callable[[Any], str]) -> tuple[str, ...]:
-        """What reads a sensor, after lines before it."""
-        axis = (sensor.axis or "z")[0]
-        if sensor.kind == "height":
-            return ("cy",)
-        if sensor.kind == "target":
-            return (f"{name(self._scene.target['xyz'.index(axis)])} - c{axis}",)
-        if sensor.kind == "velocity":
-            return (_VELOCITIES[axis],)
-        turned = "y" if sensor.kind == "tilt" else axis
-        before, found = _AHEAD[turned]
-        sign = "-1.0" if sensor.axis and sensor.axis.endswith("-") else "1.0"
-        ahead = [each.format(s=sign) for each in found]
-        if sensor.kind == "distance":
-            first = f"first(cx, cy, cz, {', '.join(ahead)})"
-            return before.format(s=sign), f"e = {first}", f"e if e < {RANGE} else {RANGE}"
-        side, along = ahead["xyz".index("x" if sensor.kind == "heading" else axis)], turned
-        return before.format(s=sign), f"degrees(atan2({side}, {ahead['xyz'.index(along)]}))"
-
-    def locate(self) -> object:
-        """Find what senses, for as long as the machine does not split: what is valid so long."""
+    def locate(self) -> tuple[Any, ...]:
+        """What is valid for as long as the machine does not split, and for each block that senses
+        the row of its cluster, None if it broke off, and from there to its centre at rest, engine
+        frame, m."""
         now = self._world.now
-        for number, block in enumerate(self._blocks):
-            at = now.readings.row_of[block], *now.readings.centre_at[block]
-            self.where[number] = None if block in self._lost else at
-        return now
+        rows = (None if each in self._lost else now.readings.row_of[each] for each in self._blocks)
+        arms = (now.readings.centre_at[each] for each in self._blocks)
+        return now, *((row, *arm) for row, arm in zip(rows, arms, strict=True))
 
     def lose(self, blocks: Collection[int]) -> list[int]:
         """Let the sensors of these blocks keep their last reading; their numbers, unless they do
@@ -149,7 +160,6 @@ class Senses:
         for number in gone:
             self.reads[number] = None
         self._lost.update(blocks)
-        self.locate()
         return gone
 
     def _time(self, _: Sensor) -> Read:
