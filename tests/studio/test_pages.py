@@ -104,6 +104,7 @@ def test_a_session_is_recorded_while_a_person_builds(
     find(browser, ".ended .play").click()
     until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "build")
     assert NASTY in find(browser, ".rationale").text
+    assert not find(browser, ".top button[title^=Undo]").is_enabled()
     assert "Refine this" not in find(browser, ".more").text
     assert re.fullmatch(r"9:\d\d left", find(browser, ".clock").text)
     microphone = find(browser, ".microphone")

@@ -26,7 +26,11 @@ export async function buildPage({ task, run, machine, record, example, guide }) 
   const wanted = given?.task ?? task ?? lastTask(start.tasks.map(({ name }) => name)) ?? FIRST;
   const [editor, library] = await Promise.all([Editor.of(wanted), ask("/api/build/blocks", { task: wanted })]);
   editor.library = library;
-  if (given) editor.take(await send("/api/build/state", { task: editor.task, machine: given.machine }), "open");
+  if (given) {
+    const state = await send("/api/build/state", { task: editor.task, machine: given.machine });
+    if (session) editor.put(state, 0); // its participant has done nothing yet that undo could take back
+    else editor.take(state, "open");
+  }
   const page = new BuildPage(editor, start, session);
   if (record && !session) editor.say("This is the machine of the record: Test plays its film.");
   if (guide) page.view.append(carGuide(editor, (sides) => page.stage.lookFor(sides)));
