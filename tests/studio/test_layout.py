@@ -123,6 +123,6 @@ def test_on_a_phone_the_guide_covers_no_face_and_a_chosen_block_stays_in_sight(
         find(browser, ".palette [role=option]").click()
         idle(browser)
         assert browser.execute_script("return scrollY") == 0
-        until(browser, lambda: find(browser, ".here").text == "Click here")
+        until(browser, lambda: find(browser, ".here").text == "Here")
         place = find(browser, ".here").rect
         assert other_top < place["y"] < place["y"] + place["height"] < other_bottom

@@ -7,8 +7,11 @@ import { solidMesh } from "../../report/web/solids.js";
 
 const ARM = 32; // pixels from the middle to an axis
 const VIEWS = { "x+": [-1, 0, 0, "the right"], "x-": [1, 0, 0, "the left"], "y+": [0, 1, -0.01, "above"], "z+": [0, 0, 1, "the front"], "z-": [0, 0, -1, "behind"] };
-const ARROW = [[-0.12, 0], [-0.12, 1.1], [-0.4, 1.1], [0, 1.8], [0.4, 1.1], [0.12, 1.1], [0.12, 0]]; // metres to the side and forward
-const AHEAD = 1; // metres from the machine to the arrow
+const TIP = 1.2; // metres from the arrow's end to its tip
+const ARROW = [[-0.1, 0], [-0.1, 0.7], [-0.3, 0.7], [0, TIP], [0.3, 0.7], [0.1, 0.7], [0.1, 0]]; // metres to the side and forward
+const AHEAD = 0.5; // metres from the machine to the arrow
+/** Metres from the machine to the tip of the arrow. */
+export const WAY_AHEAD = AHEAD + TIP;
 const GLASS = 0.28; // opacity of the level
 const FAR = 60; // metres up to which the level is framed
 
@@ -39,7 +42,7 @@ export function forwardArrow({ middle: [x, , z], size }, color) {
   const mesh = new THREE.Mesh(new THREE.ShapeGeometry(shape), new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide }));
   mesh.rotation.x = Math.PI / 2;
   mesh.position.set(-x, 0.03, z + size[2] / 2 + AHEAD);
-  return [mesh, [-x, 0, mesh.position.z + 0.9]];
+  return [mesh, [-x, 0, mesh.position.z + TIP / 2]];
 }
 
 /** The objects of a level as glass, around where the machine is. */

@@ -20,9 +20,9 @@ const step = (type, parent, sides, text) => {
 const bodyStep = (end, text) => step(BLOCK, () => 0, [end], text);
 const wheelStep = (end, text) => step(WHEEL, (state) => body(state, end)?.id ?? -1, ["x-", "x+"], text);
 const STEPS = [
-  bodyStep("z+", "Choose Wooden Block in the list of blocks, then click the green mark on the front (z+) of the Starting Block."),
+  bodyStep("z+", "Choose Wooden Block in the list of blocks, then the green mark on the front (z+) of the Starting Block."),
   bodyStep("z-", "Attach a second Wooden Block to the back (z-), opposite the first: the body is done."),
-  wheelStep("z+", "Choose Powered Wheel and click one side of the front block, then the mark opposite."),
+  wheelStep("z+", "Choose Powered Wheel, then one side of the front block, then the mark opposite."),
   wheelStep("z-", "Put two more wheels on both sides of the back block."),
   { text: `Choose Test${byKey("P")}. Physics decides how far the car drives in 5 s.`, belongs: () => true, done: () => false },
 ];

@@ -49,6 +49,7 @@ export function faceList(editor) {
   const list = new Listbox("Faces", (spot) => ({
     text: `${spot.block}.${spot.face} ${spot.name}, ${spot.facing}${spot.why_not ? " – does not fit" : ""}`, disabled: Boolean(spot.why_not), key: `${spot.block}.${spot.face}`,
   }), { active: (spot) => editor.point(spot), pick: (spot) => editor.pick(spot) });
+  list.element.addEventListener("focus", () => list.at < 0 && list.move(0)); // so that Enter chooses what is shown
   const title = el("h2", {}, "Faces");
   editor.on(["spots"], () => {
     list.set([...editor.spots].sort((a, b) => Boolean(a.why_not) - Boolean(b.why_not)));

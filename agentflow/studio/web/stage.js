@@ -10,7 +10,7 @@ import { Sharpness } from "../../report/web/sharpness.js";
 import { solidMesh } from "../../report/web/solids.js";
 import { send } from "./api.js";
 import { ghostOf } from "./ghost.js";
-import { Gizmo, forwardArrow, framed, levelGhosts } from "./gizmo.js";
+import { Gizmo, WAY_AHEAD, forwardArrow, framed, levelGhosts } from "./gizmo.js";
 import { Marks } from "./marks.js";
 
 const [CHOSEN, WRONG] = [[0.1, 0.6, 0.95], [0.9, 0.1, 0.1]];
@@ -32,7 +32,7 @@ export class Stage {
     this.gizmo = new Gizmo((way) => this.look(() => { this.eye.following = true; this.eye.way = way.clone(); }));
     this.tip = el("p", { class: "tip", hidden: "" });
     const button = (text, title, act) => el("button", { type: "button", title, click: act }, text);
-    this.here = el("p", { class: "here", hidden: "" }, "Click here");
+    this.here = el("p", { class: "here", hidden: "" }, "Here");
     this.element = el("div", { class: "view stage" }, this.canvas, this.gizmo.element, this.tip, this.here, el("div", { class: "views" },
       button("Fit", "The whole machine (0)", () => this.look(() => this.fit())), button("Course", "The level and the way ahead", () => this.look(() => this.eye.setWide(true))),
       button("Undo view", "The view before", () => this.views.length && this.restore())));
@@ -70,6 +70,7 @@ export class Stage {
     this.picture.show(state.picture, state.shapes, film);
     this.picture.traces.forEach((trace) => (trace.visible = false));
     this.eye.begin(film, state.picture, state.shapes);
+    for (const box of this.eye.framing.path) box[3] = Math.max(box[3], state.size[2] / 2 + WAY_AHEAD); // the arrow stays in the picture
     const turned = this.sides && turnedTo(this.sides, this.eye.way);
     if (turned) {
       this.remember();
