@@ -122,9 +122,12 @@ export function stages({ stages: rows, run }) {
   if (!rows.length) return null;
   const costs = nonzeroColumns(rows, { Calls: "calls", Tokens: "tokens", Simulations: "rollouts" });
   const head = ["Stage", "Valid", "Mean", "Mean, invalid\u00a0=\u00a00", "Best", "Std", ...costs.map(([name]) => name)];
-  return section("Stages", table("Scores of each trajectory's machine at the end of a stage, whether made in that stage or earlier", head, rows.map((row) => [
+  const shown = table("Scores of each trajectory's machine at the end of a stage, whether made in that stage or earlier", head, rows.map((row) => [
     row.words, `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
-    ...costs.map(([, key]) => row[key])])), unverified(run, "Each number"));
+    ...costs.map(([, key]) => row[key])]));
+  shown.classList.add("stacked"); // where there is little room, each cell names its column
+  for (const { cells } of shown.querySelectorAll("tbody tr")) [...cells].forEach((cell, column) => { cell.dataset.head = head[column]; });
+  return section("Stages", shown, unverified(run, "Each number"));
 }
 
 /** Who made the machines of a search over the whole run. Null without one. */
