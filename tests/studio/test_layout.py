@@ -13,7 +13,7 @@ from selenium.webdriver.common.by import By
 
 import agentflow
 from tests.report.browser import complaints, on_phone
-from tests.studio.pages import NASTY, find, idle, open_page, until
+from tests.studio.pages import NASTY, RECORDED, find, idle, open_page, until
 from tests.studio.serving import Served
 from tests.study.example import record
 
@@ -126,3 +126,29 @@ def test_on_a_phone_the_guide_covers_no_face_and_a_chosen_block_stays_in_sight(
         until(browser, lambda: find(browser, ".here").text == "Here")
         place = find(browser, ".here").rect
         assert other_top < place["y"] < place["y"] + place["height"] < other_bottom
+
+
+@pytest.mark.slow
+def test_the_stages_of_a_run_and_the_list_of_runs_fit_without_scrolling(
+    browser: webdriver.Chrome, served: Served, runs: Path
+) -> None:
+    path = shutil.copytree(RECORDED.parent / "language-model-throwing", runs / "by-a-model")
+    over = """return [...document.querySelectorAll(arguments[0])]
+        .map(({ scrollWidth, clientWidth }) => scrollWidth - clientWidth)"""
+    for width in (1440, 1024, 390):
+        with on_phone(browser, width, 900, dark=False):
+            open_page(browser, served, "run?run=by-a-model")
+            until(browser, lambda: find(browser, ".stacked").is_displayed())
+            assert browser.execute_script(over, ".stacked") == [0], width
+            open_page(browser, served, "runs")
+            until(browser, lambda: find(browser, "tr[data-run=by-a-model] .reached").is_displayed())
+            assert browser.execute_script(over, ".table") == [0], width
+            row = find(browser, "tr[data-run=by-a-model]")
+            if width == 1440:
+                assert row.find_element(By.CSS_SELECTOR, ".seconds").text == "7:55 min"
+                assert row.rect["height"] < 70
+            if width > 1000:
+                share = row.find_element(By.CSS_SELECTOR, ".share")
+                bar = "return parseFloat(arguments[0].style.getPropertyValue('--share'))"
+                assert f"{browser.execute_script(bar, share):.0f} %" == share.text == "56 %"
+    shutil.rmtree(path)

@@ -6,12 +6,12 @@ import { address } from "./api.js";
 
 const MOST = 200; // rows shown at first
 const STEP = 40; // rows drawn at once: more would hold up the page
-const [WIDTH, HEIGHT] = [110, 22]; // of a curve, CSS pixels
+const [WIDTH, HEIGHT] = [150, 28]; // of a curve, CSS pixels where there is room
 const COLUMNS = [
   ["", ""], ["Run", "run"], ["State", "state"], ["Best over time", ""], ["Score", "score"], ["Verified", "verified"], ["Of record", "share", "Verified score, else score, as a share of the record's"],
-  ["Task", "task"], ["Workflow", "workflow"], ["Model", "model"], ["Calls", "calls"], ["Started", "begun"],
+  ["Task", "task"], ["Workflow", "workflow"], ["Model", "model"], ["Calls", "calls"], ["Took", "seconds"], ["Started", "begun"],
 ];
-const NUMBERS = new Set(["score", "share", "verified", "calls", "begun"]);
+const NUMBERS = new Set(["score", "share", "verified", "calls", "seconds", "begun"]);
 const FILTERS = ["task", "state", "sweep"];
 
 export class RunList {
@@ -135,16 +135,18 @@ export class RunList {
     const tick = before?.line.querySelector("input") ?? el("input", { type: "checkbox", "aria-label": `Compare ${row.run}`, change: () => { if (tick.checked) this.chosen.add(row.run); else this.chosen.delete(row.run); this.draw(); } });
     const number = (value, name, title) => el("td", { class: `number ${name}`, title }, value);
     const text = (value, name) => el("td", { class: name, title: value }, value || "–");
-    const picture = row.machine ? pictureOf(row, 56, 42, "line") : "";
+    const picture = row.machine ? pictureOf(row, 72, 54, "line") : "";
+    const share = number(row.share === null || row.share === undefined ? "–" : `${formatNumber(100 * row.share, 0)} %`, "share", shareText(row.record, row.task, row.unit));
+    share.style.setProperty("--share", `${Math.min(100, 100 * (row.share ?? 0))}%`);
     const bare = row.problem && !row.curve.length;
     const line = el("tr", { "data-run": row.run, class: row.sweep ? `member ${row.state}` : row.state },
       el("td", { class: "tick" }, tick), el("td", { class: "picture" }, picture),
       el("td", { class: "run", title: row.run }, el("a", { href: address("run", { run: row.run }) }, shortName(row.run))),
       el("td", { title: row.problem, class: "where", colspan: bare ? 2 : null }, el("span", { class: `state ${row.state}` }, row.state), row.problem ? el("small", { class: "why" }, row.problem) : ""),
       bare ? null : el("td", { class: "over-time" }, curve(row)), number(withUnit(row.score, row.unit), "reached"),
-      number(verifiedText(row.verified, row.fragile, row.unit), "verified"), number(row.share === null || row.share === undefined ? "–" : `${formatNumber(100 * row.share, 0)} %`, "share", shareText(row.record, row.task, row.unit)),
+      number(verifiedText(row.verified, row.fragile, row.unit), "verified"), share,
       text(row.task, "task"), text(row.workflow, "workflow"), text(row.model, "model"), number(formatNumber(row.calls), "calls"),
-      number(started(row.begun), "begun"));
+      number(row.seconds ? clock(row.seconds) : "–", "seconds"), number(started(row.begun), "begun"));
     this.lines.set(row.run, { row, line });
     return line;
   }
@@ -173,6 +175,9 @@ export const shortName = (run) => run.replace(/^.*\/runs\//, "").replace(/^\d{8}
 /** The best machine of a run, as built. */
 export const pictureOf = ({ run, machine }, width, height, on) => el("img", { src: `/api/picture?${new URLSearchParams({ run, machine, on })}`, alt: "", loading: "lazy", decoding: "async", width, height });
 
+/** A time in minutes and seconds. */
+export const clock = (seconds) => `${Math.floor(Math.round(seconds) / 60)}:${String(Math.round(seconds) % 60).padStart(2, "0")} min`;
+
 /** When a run began: the time today, else the day. */
 function started(begun) {
   if (begun === null) return "–";
@@ -181,14 +186,14 @@ function started(begun) {
   return at.toLocaleString("en-GB", { ...(today ? {} : { day: "numeric", month: "short" }), ...(year ? { hour: "2-digit", minute: "2-digit" } : { year: "numeric" }) });
 }
 
-/** The best score over time as a line of steps, to the end of the run. */
+/** The best score over time as a line of steps from 0, to the end of the run. */
 function curve({ curve: points, seconds }) {
   if (!points.length) return "";
   const best = points.at(-1)[1];
   const low = Math.min(0, points[0][1]);
   const x = (time) => ((WIDTH - 3) * time) / (seconds || 1);
   const y = (score) => HEIGHT - 2 - ((HEIGHT - 4) * (score - low)) / (best - low || 1);
-  const way = points.map(([time, score], index) => (index ? `H${x(time)}V${y(score)}` : `M${x(time)} ${y(score)}`)).join("");
-  return svg("svg", { class: "curve", width: WIDTH, height: HEIGHT, role: "img", "aria-label": `best score ${formatNumber(best)}` },
-    svg("path", { class: "line", d: `${way}H${WIDTH - 3}` }), svg("circle", { class: "dot", cx: WIDTH - 3, cy: y(best), r: 2.4 }));
+  const way = points.map(([time, score]) => `H${x(time)}V${y(score)}`).join("");
+  return svg("svg", { class: "curve", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `best score ${formatNumber(best)}` },
+    svg("path", { class: "line", d: `M0 ${y(0)}${way}H${WIDTH - 3}` }), svg("circle", { class: "dot", cx: WIDTH - 3, cy: y(best), r: 2.4 }));
 }

@@ -6,7 +6,7 @@ import { problem } from "../../report/web/text.js";
 import { address, ask, follow, send } from "./api.js";
 import { levelPicture } from "./boards.js";
 import { spell } from "./design.js";
-import { pictureOf, shortName } from "./list.js";
+import { clock, pictureOf, shortName } from "./list.js";
 import { making } from "./making.js";
 
 const FEW = 5; // simulations after which the pace tells how long the others take
@@ -175,8 +175,7 @@ class Live {
   tick() {
     if (!this.heard) return;
     const { at, seconds, running, left } = this.heard;
-    const whole = Math.round(seconds + (running ? (performance.now() - at) / 1000 : 0));
-    this.clock.textContent = `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")} min${left}`;
+    this.clock.textContent = clock(seconds + (running ? (performance.now() - at) / 1000 : 0)) + left;
   }
 
   fail(words) {
