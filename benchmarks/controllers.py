@@ -41,12 +41,21 @@ blocks. Use it to see what sensing is worth where the conditions are not known b
 Numbers are successful trials out of ten. The columns are the perturbations of \
 [robust scores](../explanation/scores.md#robust-scores). The control program is the best of those \
 that the second column counts, chosen on the unchanged conditions of the same trials; no program \
-can know which trial it is in. \
-Sensors and laws, timed by themselves, take 0.8 % to 1.8 % of a rollout on PyBullet and 1.1 % to \
-3.0 % on MuJoCo; with compiled steps, whose rollouts are shorter, up to 4.1 %. Compared in pairs, \
-rollouts with them take 0.7 % to 2.4 % and 1.2 % to 5.7 % more than the same ones without: the \
-rest is what they cost all else, such as caches (`benchmarks/sensing.py --pairs 15`, with \
-real-time priority on a busy computer). \
+can know which trial it is in.
+
+Sensors and laws take this share of the CPU time of a rollout: first timed by themselves, then by \
+how much more rollouts with them take than the same ones without, in pairs. The rest of the \
+second number is what they cost all else, such as caches. Measured with `benchmarks/sensing.py \
+--pairs 31`, with real-time priority on a busy computer; of these machines, compiled steps make \
+only the rollouts of the first shorter.
+
+| machine | PyBullet | MuJoCo | MuJoCo, compiled steps |
+|---|--:|--:|--:|
+| stops before a wall | 1.1 %, 1.6 % | 2.1 %, 3.5 % | 2.8 %, 3.8 % |
+| lands softly | 0.6 %, 1.1 % | 0.8 %, 1.1 % | 0.8 %, 0.8 % |
+| carries a cargo | 0.7 %, 1.0 % | 1.9 %, 3.0 % | 1.9 %, 2.7 % |
+| stays upright | 1.1 %, 1.3 % | 1.5 %, 2.2 % | 1.4 %, 1.8 % |
+
 `python benchmarks/controllers.py` writes this page.
 """
 
