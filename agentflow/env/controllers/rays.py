@@ -18,6 +18,9 @@ REACH = RANGE + 0.01
 """How far a ray goes, m."""
 SLACK = 1e-6
 """By how much what bounds an object is larger, m."""
+INNER = 0.999
+"""Squared share of a face that is its inner part: what is met there is met before all other faces,
+whatever is rounded."""
 _RAY = f"""\
 l = cx + {REACH} * i
 m = cy + {REACH} * j
@@ -32,8 +35,15 @@ e = {RANGE}
 if j < 0.0 and cy > 0.0:
     v = cy / -j
     e = v if v < e else e
-for l, m, n, half in boxes#:
-    v = meet_box(cx - l, cy - m, cz - n, i, j, k, half)
+for l, m, n, c, u, t, half in boxes#:
+    l = cx - l
+    m = cy - m
+    n = cz - n
+    v = ((c if k < 0.0 else -c) - n) / k if k > 1e-12 or k < -1e-12 else -1.0
+    f = l + v * i
+    g = m + v * j
+    if v <= 0.0 or f * f > u or g * g > t:
+        v = meet_box(l, m, n, i, j, k, half)
     e = v if v < e else e
 for meet in others#:
     v = meet(cx, cy, cz, i, j, k)
@@ -70,15 +80,15 @@ class Rays:
         """What a ray with these ends, 6 numbers, may meet, and any other ray in the same room.
 
         Returns:
-            The lower and the upper corner of the room, m; boxes that are not turned, each as its
-            centre and half of its size; and what gives the distance to each other object.
+            The lower and the upper corner of the room, m; boxes that are not turned, each as in
+            `_Shape.plain`; and what gives the distance to each other object.
         """
         pairs = [*zip(ends[:3], ends[3:], strict=True)]
         gaps = np.array([*map(min, pairs), *(-max(pair) for pair in pairs)]) - self._faces
         apart = (gaps == gaps.max(axis=1, keepdims=True)) & (gaps > 0.0)
         sides = np.where(apart, self._faces, -inf).max(axis=0, initial=-inf).tolist()
         near = [self._fixed[i] for i in np.flatnonzero(~apart.any(axis=1)).tolist()]
-        boxes = [(*shape.place, shape.half) for shape in near if shape.plain]
+        boxes = [shape.plain for shape in near if shape.plain]
         others = [shape.meet for shape in near if not shape.plain] + self._moving
         return *sides[:3], *(-side for side in sides[3:]), boxes, others
 
@@ -97,12 +107,14 @@ class _Shape:
     def __init__(self, item: SceneObject, world: World) -> None:
         x, y, z = item.size
         self._name, self._world, self._moves = item.name, world, item.mass > 0
-        self.place, self.half = item.position, (x / 2, y / 2, z / 2)
-        """Its centre, if it does not move, and half of its size."""
+        self._place, self._half = item.position, (x / 2, y / 2, z / 2)
         self._back = inverse(item.rotation)
         self._balanced, self._sphere = item.balance == (0.0, 0.0, 0.0), item.shape == "sphere"
-        self.plain = item.rotation is IDENTITY and not self._sphere
-        """Whether it is a box that is not turned, unless it moves."""
+        self.plain: tuple[Any, ...] = ()
+        """Of a box that is not turned: its centre, how far its faces along z are from there, the
+        squares of how far their inner part reaches along x and y, and half of its size."""
+        if item.rotation is IDENTITY and not self._sphere:
+            self.plain = *item.position, z / 2, INNER * x * x / 4, INNER * y * y / 4, self._half
 
     def meet(self, x: float, y: float, z: float, u: float, v: float, w: float) -> float:
         """Distance from a place along a unit vector to the surface, both turned back first as
@@ -112,10 +124,10 @@ class _Shape:
             if not self._balanced:
                 i, j, k = self._world.centre(self._name)
         else:
-            (i, j, k), (a, b, c, d) = self.place, self._back
+            (i, j, k), (a, b, c, d) = self._place, self._back
         x, y, z = x - i, y - j, z - k
         if self._sphere:
-            return _meet_sphere((x, y, z), (u, v, w), self.half[0])
+            return _meet_sphere((x, y, z), (u, v, w), self._half[0])
         i, j, k = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
         p, q, r = 2.0 * (b * w - c * v), 2.0 * (c * u - a * w), 2.0 * (a * v - b * u)
         return meet_box(
@@ -125,7 +137,7 @@ class _Shape:
             u + d * p + b * r - c * q,
             v + d * q + c * p - a * r,
             w + d * r + a * q - b * p,
-            self.half,
+            self._half,
         )
 
 
@@ -151,8 +163,8 @@ def meet_box(x: float, y: float, z: float, u: float, v: float, w: float, half: V
         return inf
     if near > 0.0:
         i, j = x + near * u, y + near * v
-        if i * i < 0.999 * wide * wide and j * j < 0.999 * high * high:
-            return near  # well inside of this face, so it is met before all others
+        if i * i < INNER * wide * wide and j * j < INNER * high * high:
+            return near
     if not -1e-12 < u < 1e-12:
         face = wide if u < 0.0 else -wide
         one, other = (face - x) / u, (-face - x) / u

@@ -46,7 +46,13 @@ _VELOCITIES = {
 _MOTION = """\
 if row# is not None:
     px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = rows[row#]
-    if a# or b# or c#:
+    if b# and not (a# or c#):
+        u = -2.0 * (z * b#)
+        t = 2.0 * (x * b#)
+        cx = px + (w * u + y * t)
+        cz = py + (b# + z * u - x * t)
+        cy = pz + (w * t - y * u)
+    elif a# or b# or c#:
         u = 2.0 * (y * c# - z * b#)
         v = 2.0 * (z * a# - x * c#)
         t = 2.0 * (x * b# - y * a#)
@@ -55,7 +61,8 @@ if row# is not None:
         cy = pz + (c# + w * t + x * v - y * u)
     else:
         cx, cy, cz = px, pz, py"""
-"""Lines that read the motion of a block that has not broken off, and its centre."""
+"""Lines that read the motion of a block that has not broken off, and its centre; those straight
+ahead of the middle of their cluster, as sensors often are, need half of the products."""
 
 
 def sensor_lines(sensors: Sequence[Sensor], disturbed: bool, kept: dict[str, Any]) -> Iterator[str]:
