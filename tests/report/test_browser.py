@@ -365,6 +365,9 @@ def test_a_higher_score_that_was_not_chosen_is_explained_and_leads_to_its_machin
                 "verified, 19.20 m."
             )
             assert find(browser, ".chosen h2").text.startswith(own["title"])
+            browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+            assert find(browser, ".passed button").is_displayed(), "its name is in a sentence"
+            browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
             find(browser, ".passed button").click()
             assert find(browser, ".chosen h2").text.startswith(high["title"])
 
@@ -666,6 +669,9 @@ def test_a_sweep_words_ties_tells_ticks_apart_and_has_conditions_side_by_side_on
     columns = tuple(Column(group, name) for group in ("all", "valid") for name in ("mean", "max"))
     rows = tuple(Row(key, (1.0, 2.0, 3.0, 4.0)) for key in spreads)
     tables = [Table(title, ("task", "variant"), columns, rows) for title in ("ties", "Scores")]
+    most = {**goal, "level": "bridge", "record": {**record, "of": "greatest possible score"}}
+    most["record"] |= {"share": 0.24, "full": 6000.0}
+    spreads["bridge", "d"] = Spread(Scores((1.0,), 0), (), "kg", {**best, "run": "d"}, most)
     file = tmp_path / "sweep.html"
     file.write_text(whole_page("sweep", sweep_data("ties", "about", spreads, tables)), "utf-8")
     with on_phone(browser, 390, 844, dark=False):
@@ -684,6 +690,8 @@ def test_a_sweep_words_ties_tells_ticks_apart_and_has_conditions_side_by_side_on
         assert find(browser, ".card small").text == (
             "50 % of 179.67 m, the record of throwing on pybullet 3.2.7"
         )
+        shares = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".card small")]
+        assert shares[-1] == "24 % of 6,000 kg, the greatest possible score"
         first, folded = browser.find_elements(By.CSS_SELECTOR, "section:has(.table)")
         assert [item.is_displayed() for item in first.find_elements(By.CSS_SELECTOR, ".table")] == [
             True

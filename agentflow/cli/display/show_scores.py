@@ -34,7 +34,8 @@ def record_text(record: Data) -> str:
 def record_line(record: Data) -> str:
     """The share of the greatest or best known score that a score reaches, in one line."""
     best = "a new best: " * (record["of"] == "record" and record["share"] > 1)
-    return f"{best}{record['share']:.0%} of the {record['of']}, {record_text(record)}"
+    full = "" if record["of"].startswith("record") else f"{number(record['full'])}; record: "
+    return f"{best}{record['share']:.0%} of the {record['of']}, {full}{record_text(record)}"
 
 
 def verified_line(verified: Data) -> str:

@@ -130,9 +130,9 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
 
     Returns:
         `score`, `verified`, `fragile`, `engine`, `how`, `blocks` (how many count), and the share
-        that `score` reaches as `share` and `of`: "record", with the name of its engine if that of
-        the task is another one, or "greatest possible score". Not where its machine is: those who
-        design read this.
+        that `score` reaches as `share`, `full` (the score that it is a share of) and `of`:
+        "record", with the name of its engine if that of the task is another one, or "greatest
+        possible score". Not where its machine is: those who design read this.
     """
     found = record_of(task)
     if found is None:
@@ -145,6 +145,7 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
         "how": found.how,
         "blocks": task.brief.count_blocks(found.size),
         "share": record_share(task, score),
+        "full": full_score(task),
         "of": _full_name(task, found),
     }
 

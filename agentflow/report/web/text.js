@@ -35,10 +35,10 @@ export function worthText({ good, greatest = null, record, unit = "" }) {
   return [good && `good from ${whole(withUnit(good, unit))}${most}`, record && `record ${whole(verifiedText(record.verified, record.fragile, unit))}`].filter(Boolean).join(" · ");
 }
 
-/** The share of the record that a score reaches, and which record that is. */
+/** The share that a score reaches, and of what: of the greatest possible score, or else of which record. */
 export function shareText(record, level, unit) {
   if (!record || record.share === null) return "";
-  const most = record.of.startsWith("record") ? `${whole(withUnit(record.verified, unit))}, the record of ${level} on ${whole(record.engine)}` : `the ${record.of}`;
+  const most = record.of.startsWith("record") ? `${whole(withUnit(record.verified, unit))}, the record of ${level} on ${whole(record.engine)}` : `${whole(withUnit(record.full, unit))}, the ${record.of}`;
   return `${formatNumber(100 * record.share, 0)}\u00a0% of ${most}`;
 }
 

@@ -11,7 +11,7 @@ import { holds, keep, pictureOf, searchField, shortName } from "./list.js";
 const CARD = "card.json"; // the name of a scorecard
 const FIRST = 7; // cards of a task that are shown at once
 
-/** The best runs of each task, best verified score first; tasks by the share of the record that is reached. */
+/** The best runs of each task, best verified score first; tasks by the share that is reached. */
 export async function galleryPage() {
   const [rows, { tasks: known }] = await Promise.all([ask("/api/runs"), ask("/api/start")]);
   const levels = new Map(known.map((level) => [level.name, level]));

@@ -8,7 +8,7 @@ const MOST = 200; // rows shown at first
 const STEP = 40; // rows drawn at once: more would hold up the page
 const [WIDTH, HEIGHT] = [150, 28]; // of a curve, CSS pixels where there is room
 const COLUMNS = [
-  ["", ""], ["Run", "run"], ["State", "state"], ["Best over time", ""], ["Score", "score"], ["Verified", "verified"], ["Of record", "share", "Verified score, else score, as a share of the record's"],
+  ["", ""], ["Run", "run"], ["State", "state"], ["Best over time", ""], ["Score", "score"], ["Verified", "verified"], ["Share", "share", "Verified score, else score, divided by the greatest possible score or, if there is none, by the record"],
   ["Task", "task"], ["Workflow", "workflow"], ["Model", "model"], ["Calls", "calls"], ["Took", "seconds"], ["Started", "begun"],
 ];
 const NUMBERS = new Set(["score", "share", "verified", "calls", "seconds", "begun"]);

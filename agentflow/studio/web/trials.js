@@ -67,13 +67,13 @@ export class Trials {
     this.draw();
   }
 
-  /** Score with unit, change, share of the record, and what the simulation tells first about its cause. */
+  /** Score with unit, change, share, and what the simulation tells first about its cause. */
   told({ number, score, status, feedback }) {
     if (score === null) return `${status}. ${feedback.split("\n")[0]}`;
     const cause = (feedback.split("\n")[1] ?? "").replace(/^Root:/, "Starting Block:");
     const before = this.list.findLast((other) => other.number < number && other.score !== null);
     const { record, good } = this.editor.start;
-    const [share, of] = record?.score > 0 ? [score / record.score, "the record"] : [score / good, "a good score"];
+    const [share, of] = record?.full > 0 ? [score / record.full, `the ${record.of}`] : [score / good, "a good score"];
     return [`score ${withUnit(score, this.editor.start.unit)}`, ...(before ? [`${signed(score - before.score)} on test ${before.number}`] : []), `${formatNumber(Math.round(100 * share))} % of ${of}`].join(", ") + `. ${cause}`;
   }
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.app.tasks import list_tasks, task_json
+from agentflow.cli.display.show_scores import record_line
 from agentflow.env.physics.registry import ENGINES
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.records import (
@@ -176,6 +177,11 @@ def test_the_share_is_that_of_the_verified_score() -> None:
 def test_the_greatest_possible_score_takes_the_place_of_the_record() -> None:
     assert full_score(get_task("flying/5")) == 30.0
     assert record_share(get_task("lifting", {"wind.speed": 1}), 7.0) == 0.7
+    found = record_json(get_task("bridge"), 1500.0)
+    assert found is not None
+    assert (found["share"], found["full"]) == (0.25, 6000.0)
+    told = "25% of the greatest possible score, 6000.00; record: 4800.00 (verified, "
+    assert record_line(found).startswith(told)
 
 
 def test_lists_of_tasks_show_records() -> None:
