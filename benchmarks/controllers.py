@@ -46,15 +46,16 @@ can know which trial it is in.
 Sensors and laws take this share of the CPU time of a rollout: first timed by themselves, then by \
 how much more rollouts with them take than the same ones without, in pairs. The rest of the \
 second number is what they cost all else, such as caches. Measured with `benchmarks/sensing.py \
---pairs 31`, with real-time priority on a busy computer; of these machines, compiled steps make \
-only the rollouts of the first shorter.
+--pairs 41`, with real-time priority on a busy computer, where second numbers differed by up to \
+1.0 % between two runs; of these machines, compiled steps make only the rollouts of the first \
+shorter.
 
 | machine | PyBullet | MuJoCo | MuJoCo, compiled steps |
 |---|--:|--:|--:|
-| stops before a wall | 1.1 %, 1.6 % | 2.1 %, 3.5 % | 2.8 %, 3.8 % |
-| lands softly | 0.6 %, 1.1 % | 0.8 %, 1.1 % | 0.8 %, 0.8 % |
-| carries a cargo | 0.7 %, 1.0 % | 1.9 %, 3.0 % | 1.9 %, 2.7 % |
-| stays upright | 1.1 %, 1.3 % | 1.5 %, 2.2 % | 1.4 %, 1.8 % |
+| stops before a wall | 1.0 %, 1.4 % | 1.9 %, 2.8 % | 2.6 %, 3.4 % |
+| lands softly | 0.6 %, 0.7 % | 0.8 %, 0.7 % | 0.8 %, 0.9 % |
+| carries a cargo | 0.7 %, 1.0 % | 1.9 %, 2.4 % | 1.9 %, 2.8 % |
+| stays upright | 1.1 %, 1.7 % | 1.5 %, 2.1 % | 1.5 %, 1.5 % |
 
 `python benchmarks/controllers.py` writes this page.
 """
