@@ -82,7 +82,7 @@ def test_a_plain_car_takes_fine_steps_while_it_settles_and_starts(
     taken: list[int] = []
 
     class CountedWorld(AlteredWorld):
-        def step(self, divisions: int = 1, _ahead: int = 1) -> None:
+        def step(self, divisions: int = 1, *_ahead: object) -> None:
             taken.append(divisions)
             self.world.step(divisions)
 

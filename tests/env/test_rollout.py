@@ -140,7 +140,7 @@ class FailingWorld(AlteredWorld):
         self.world.switch(entry, level)
         self.started |= entry == "motors" and level > 0.0
 
-    def step(self, divisions: int = 1, _ahead: int = 1) -> None:
+    def step(self, divisions: int = 1, *_ahead: object) -> None:
         self.world.step(divisions)
         self.frames += self.started / divisions
 
@@ -170,7 +170,7 @@ def test_a_rollout_that_diverges_scores_nothing() -> None:
 class UnreadableWorld(FailingWorld):
     """Its joints' loads are no numbers, though nothing is fast."""
 
-    def step(self, divisions: int = 1, _ahead: int = 1) -> None:
+    def step(self, divisions: int = 1, *_ahead: object) -> None:
         super().step(divisions)
         if self.has_failed:
             self.world.reactions[0] = nan

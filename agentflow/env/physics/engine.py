@@ -5,7 +5,7 @@ Each engine converts to its own frame.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -18,6 +18,7 @@ from agentflow.machine.problems import size_of_piece
 if TYPE_CHECKING:  # an engine's identity needs no physics
     from agentflow.env.constants import Constants
     from agentflow.env.physics.laws.forces import Entry
+    from agentflow.env.physics.loads import Loads
     from agentflow.env.physics.model import Assembly, State
     from agentflow.env.physics.rows import Row
     from agentflow.env.rollout import Array
@@ -57,15 +58,6 @@ class Touch(NamedTuple):
     b: Body
     place: Vec3
     force: float
-
-
-class Foreseen(NamedTuple):
-    """What parts of steps that were taken at once did, the first one included."""
-
-    reactions: Array
-    """(S, J, 6) `World.reactions` after each."""
-    filter: Callable[[Array, Array, Array, Array], tuple[Array, Array]]
-    """Filters them as `loads.Loads` does: see `mujoco.ahead.filter_loads`."""
 
 
 class World(Protocol):
@@ -118,16 +110,15 @@ class World(Protocol):
         """Set the levels of several blocks of a machine with controllers at once, which may happen
         in every step; `sudden` if they change much."""
 
-    def step(self, divisions: int = 1, ahead: int = 1) -> Foreseen | None:
+    def step(self, divisions: int = 1, ahead: int = 1, loads: Loads | None = None) -> None:
         """Advance by 1 / (rate * divisions) seconds.
 
         Args:
             divisions: Into how many parts a step is divided.
             ahead: How many such parts, this one included, will follow each other before anything
                 is switched or driven, as far as is known; an engine may take several at once.
-
-        Returns:
-            What is known of the parts that were taken, if several just were.
+            loads: What will filter the loads. An engine that takes several parts at once filters
+                them as well, tells `loads`, and stops where something breaks.
         """
 
     def split(self, broken: Sequence[int]) -> None:

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agentflow.env.physics.engine import Foreseen
 from agentflow.env.physics.frames import WRENCH_ORDER
 from agentflow.env.physics.model import Joint
 from agentflow.env.physics.structure.load_sharing import LoadLoop, load_loops
@@ -116,14 +115,24 @@ class Loads:
             self._weights[divisions] = np.array(1.0 - blend), blend * self._per_strength
         return self._weights[divisions]
 
-    def foresee(self, foreseen: Foreseen, divisions: int) -> None:
-        """Filter the loads of parts of steps that were taken at once, for `update` to find."""
+    def filter(self, divisions: int) -> tuple[Array, float, Array] | None:
+        """What filters the loads of parts of steps: the `level` before, the weight of earlier
+        loads, and (J, 6) those of a part's; None where joints share load or there are none."""
         if self._plan.loops or not self._joints:
-            return
+            return None
         keep, take = self._weigh(divisions)
-        levels, squares = foreseen.filter(foreseen.reactions, self.level, keep, take)
-        parts = zip(levels[1:], *squares.tolist(), strict=True)
-        self._foreseen, self._source = list(parts)[::-1], foreseen.reactions
+        return self.level, float(keep), take
+
+    def foresee(self, reactions: Array, levels: Array, squares: Array) -> None:
+        """Keep what was filtered already, for `update` to find.
+
+        Args:
+            reactions: (S, J, 6) those that `update` will get.
+            levels: (S, J, 6) after each.
+            squares: (2, S) the greatest square of a component, and of a force or moment.
+        """
+        parts = zip(levels, *squares.tolist(), strict=True)
+        self._foreseen, self._source = list(parts)[::-1], reactions
 
     def update(self, reactions: Array, divisions: int = 1) -> dict[int, float]:
         """Filter one step's loads and find the joints that break.

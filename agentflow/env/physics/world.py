@@ -9,7 +9,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Foreseen, Touch
+from agentflow.env.physics.engine import Touch
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.grips import Grips
 from agentflow.env.physics.laws.air import GustClock
@@ -18,6 +18,7 @@ from agentflow.env.physics.laws.holding import HoldForce
 from agentflow.env.physics.laws.ledger import Ledger
 from agentflow.env.physics.laws.select import Forces, Law, device_laws, wind_laws
 from agentflow.env.physics.laws.tension import SpringForce, WinchForce
+from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly, State
 from agentflow.env.physics.readings import Readings, states_of
 from agentflow.env.physics.rows import ROTATION, Row, Rows, centre_of
@@ -105,8 +106,8 @@ class BaseWorld(ABC, Generic[Own]):
     # --- what the engine does ---------------------------------------------------------------
 
     @abstractmethod
-    def _advance(self, ahead: int) -> Foreseen | None:
-        """Take a step of the current length; `ahead` as in `engine.World.step`."""
+    def _advance(self, ahead: int, loads: Loads | None) -> None:
+        """Take a step of the current length; arguments as in `engine.World.step`."""
 
     @abstractmethod
     def _split(self, broken: Sequence[int]) -> None:
@@ -151,18 +152,18 @@ class BaseWorld(ABC, Generic[Own]):
                 self._grips.switch(entry, self._levels[entry] > 0)
         self.now.motors.set()
 
-    def step(self, divisions: int = 1, ahead: int = 1) -> Foreseen | None:
+    def step(self, divisions: int = 1, ahead: int = 1, loads: Loads | None = None) -> None:
         if divisions != self._divisions:
             self._divisions, self._interval = divisions, 1.0 / (self._rate * divisions)
             for timed in (self._springs, self._winches, self._wind, self.now.motors):
                 timed.step = self._interval
             self._change_interval()
-        foreseen, ledger = self._advance(ahead), self._ledger
+        self._advance(ahead, loads)
+        ledger = self._ledger
         ledger.steps += 1
         ledger.time += self._interval
         if ledger.steps >= ledger.due:
             ledger.read(self.now.forces)
-        return foreseen
 
     def split(self, broken: Sequence[int]) -> None:
         self._ledger.interrupt(self.now.forces)

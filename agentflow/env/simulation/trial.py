@@ -253,9 +253,7 @@ class Trial:
             self._time = self._steps + part / divisions
             if self._to_split:  # broken joints stay until now, so contacts can be read
                 world.split(self._to_split)
-            foreseen = world.step(divisions, alike - part + 1)
-            if foreseen:
-                loads.foresee(foreseen, divisions)
+            world.step(divisions, alike - part + 1, loads)
             self._speeds = linear, angular = world.speeds(thorough)
             if not (linear <= self._fastest and isfinite(angular)):
                 return "diverged"

@@ -21,8 +21,8 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from agentflow.env.physics.engine import Foreseen
 from agentflow.env.physics.laws.tension import SpringForce
+from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.mujoco.couplings import TIGHT
 from agentflow.env.physics.mujoco.sensing import ROW_ORDER, Contacts, Found, Rows, address_of
 from agentflow.env.physics.mujoco.world import Model
@@ -34,6 +34,8 @@ MOST = 64
 """Steps that are taken at once."""
 ROOM = 4096
 """Contacts for which there is room in all of them."""
+UNFILTERED = np.empty((0, 6)), 0.0, np.empty((0, 6))
+"""What filters no loads."""
 SPRING = 5
 """Numbers of a spring: level, natural length, ramp, force, damping."""
 
@@ -78,8 +80,8 @@ class Ahead:
         self._written = {*own, *self._lines[2].ravel().tolist()}
         self._sensors = now.reactions.source, now.reactions.share, ROW_ORDER
 
-    def run(self, steps: int, step: float) -> Foreseen | None:
-        """Take so many steps of this length, s; None if not even one of them can be taken."""
+    def run(self, steps: int, step: float, divisions: int, loads: Loads | None) -> None:
+        """Take at most so many steps of this length, s; arguments as of `engine.World.step`."""
         motors, springs, data = self._motors, self._springs, self._data
         self.note()
         steps = min(steps, MOST)
@@ -100,6 +102,10 @@ class Ahead:
         self._torques = np.empty((steps, len(motors.row)))
         told = np.empty((3, steps))
         self._lengths = np.empty((steps, 2, lines))
+        filtered = loads.filter(divisions) if loads and self._now.reactions.plain else None
+        level, keep, take = filtered or UNFILTERED
+        levels, squares = np.empty((steps + 1, *level.shape)), np.empty((2, steps))
+        levels[0] = level
         self._angles, self._pulled, self._step, self._began = angles, pulled, step, data.time
         taken = _run(
             steps,
@@ -115,17 +121,17 @@ class Ahead:
             (self._qpos, self._qvel, self._warm, self._tables, self._reactions, told),
             (*self._found, self._counts),
             self._sensors,
+            (levels, squares, keep, take),
         )
         self.taken, self.left, self._noted = taken, taken, 0
         if not taken:
-            return None
+            return
         self._now.forces.written = self._written
         *speeds, self._air = told.tolist()
         self._speeds = list(zip(*speeds, strict=True))
-        if taken < steps:
-            self._reactions = self._reactions[:taken].copy()
-        self._now.reactions.correct(self._reactions)
-        return Foreseen(self._reactions, filter_loads)
+        self._now.reactions.correct(self._reactions[:taken])
+        if loads and filtered:
+            loads.foresee(self._reactions, levels[1 : taken + 1], squares[:, :taken])
 
     def show(self, rows: Rows, contacts: Contacts) -> Array:
         """Show the next step; the reactions in it."""
@@ -249,38 +255,25 @@ def _pointer(_context: Any, address: Any) -> Any:
     return types.voidptr(address), generate
 
 
-@njit(cache=True)
-def filter_loads(reactions: Array, level: Array, keep: float, take: Array) -> tuple[Array, Array]:
-    """As `loads.Loads.update` filters the loads of several steps.
-
-    Args:
-        reactions: (S, J, 6).
-        level: (J, 6) before the first step.
-        keep: Weight of earlier loads.
-        take: (J, 6) weights of a step's.
-
-    Returns:
-        (S + 1, J, 6) levels, before the first step and after each, and (2, S) the greatest square
-        of a component and of a force or moment.
-    """
-    steps, joints = reactions.shape[0], reactions.shape[1]
-    levels, squares = np.empty((steps + 1, joints, 6)), np.zeros((2, steps))
-    levels[0] = level
-    for s in range(steps):
-        most = greatest = total = 0.0
-        for j in range(joints):
-            for k in range(6):
-                new = reactions[s, j, k] * take[j, k] + levels[s, j, k] * keep
-                levels[s + 1, j, k] = new
-                square = new * new
-                if square > most or square != square:
-                    most = square
-                total = total + square if k % 3 else square
-                greatest = max(greatest, total)
-            if most != most:
-                break
-        squares[0, s], squares[1, s] = most, greatest
-    return levels, squares
+@njit
+def _filter(
+    reactions: Array, before: Array, keep: float, take: Array, after: Array
+) -> tuple[float, float]:
+    """As `Loads.update` filters a step's loads; the greatest square of a component, NaN if any is,
+    and of a force or moment."""
+    most = greatest = total = 0.0
+    for j in range(len(before)):
+        for k in range(6):
+            new = reactions[j, k] * take[j, k] + before[j, k] * keep
+            after[j, k] = new
+            square = new * new
+            if square > most or square != square:
+                most = square
+            total = total + square if k % 3 else square
+            greatest = max(greatest, total)
+        if most != most:
+            break
+    return most, greatest
 
 
 @njit
@@ -396,14 +389,17 @@ def _run(
     motion: Any,
     kept: Any,
     sensors: Any,
+    loads: Any,
 ) -> int:
-    """Take steps as `MuJoCoWorld._advance` does; how many there was room for."""
+    """Take steps as `MuJoCoWorld._advance` does, while there is room and nothing breaks; how many
+    were taken."""
     qpos, qvel, warm, applied, sensordata = state
     dragged, bodies, round_, general = drag
     row, changes, held, angles, torques = motors
     positions, velocities, warms, tables, reactions, told = motion
     shapes, normal, places, counts = kept
     source, share, order = sensors
+    levels, squares, keep, take = loads
     model, data = addresses[0], addresses[1]
     ints = numba.carray(_pointer(data), (ROWS + 1,), np.int32)
     pointers = numba.carray(_pointer(data), (FORCES + 1,), np.intp)
@@ -460,6 +456,8 @@ def _run(
         for j in range(source.shape[0]):
             for k in range(6):
                 reactions[s, j, k] = sensordata[source[j, k]] * share[j, k]
+        most, greatest = _filter(reactions[s], levels[s], keep, take, levels[s + 1])
+        squares[0, s], squares[1, s] = most, greatest
         linear = angular = 0.0
         for r in range(table.shape[0]):
             for k in range(WIDTH):
@@ -470,6 +468,6 @@ def _run(
             linear = linear if speed <= linear else speed
             angular = angular if spin <= angular else spin
         told[0, s], told[1, s], told[2, s] = sqrt(linear), sqrt(angular), power
-        if not (isfinite(linear) and isfinite(angular)):
+        if not (isfinite(linear) and isfinite(angular) and most <= greatest < 1.0):
             return s + 1
     return steps

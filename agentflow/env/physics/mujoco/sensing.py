@@ -107,6 +107,11 @@ class Reactions:
         self._oblique.append((link.joint, np.array(axis)))
         return (1.0,) * 6
 
+    @property
+    def plain(self) -> bool:
+        """Whether there is nothing to `correct`."""
+        return not self._oblique
+
     def read(self, reactions: Array) -> None:
         """Write the reactions of all joints, (J, 6), game frame; 0 for joints in no tree."""
         self._sensed.take(self.source, out=reactions, mode="clip")  # "raise" would copy

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Foreseen
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.laws.forces import Entry
+from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco.bodies import (
     CompiledModel,
@@ -119,16 +119,16 @@ class MuJoCoWorld(BaseWorld[Model]):
         if sudden or self.now.motors.mixed:  # else only the aims of motors change
             self._refresh()
 
-    def _advance(self, ahead: int) -> Foreseen | None:
+    def _advance(self, ahead: int, loads: Loads | None) -> None:
         """Apply forces, then take the second half of a step and the first half of the next one,
         after which poses and velocities are current."""
-        now, known, taken = self.now, None, self.now.ahead
+        now, taken = self.now, self.now.ahead
         if taken is not None:
             if not taken.left and ahead >= LEAST:
-                known = taken.run(ahead, self._interval)
+                taken.run(ahead, self._interval, self._divisions, loads)
             if taken.left:
                 self.reactions = taken.show(now.rows, now.contacts)
-                return known
+                return
             taken.note()
         model, data = now.built.model, now.built.data
         now.forces()
@@ -146,7 +146,6 @@ class MuJoCoWorld(BaseWorld[Model]):
         mujoco.mj_step1(model, data)
         now.rows.read()
         now.reactions.read(self.reactions)
-        return None
 
     def _rewind(self) -> None:
         """Take back steps that nothing has seen yet, before something else happens to the model."""

@@ -28,7 +28,7 @@ class StruckWorld(MuJoCoWorld):
     velocity = 0.0
     steps = 0
 
-    def step(self, divisions: int = 1, _ahead: int = 1) -> None:
+    def step(self, divisions: int = 1, *_ahead: object) -> None:
         self.steps += 1
         if self.steps == 100:
             self.now.built.data.qvel[2] = self.velocity

@@ -23,7 +23,7 @@ class StruckWorld(PyBulletWorld):
     velocity = 0.0
     steps = 0
 
-    def step(self, divisions: int = 1, _ahead: int = 1) -> None:
+    def step(self, divisions: int = 1, *_ahead: object) -> None:
         self.steps += 1
         if self.steps == 100:
             uid = self.now.built.pieces[0].uid
