@@ -60,6 +60,19 @@ class Touch(NamedTuple):
     force: float
 
 
+class Watch(NamedTuple):
+    """What a rollout looks at in every step; it calls steps calm in which it need not."""
+
+    loads: Loads
+    """They filter the loads."""
+    change: tuple[float, float, float]
+    """Greatest change of the greatest linear speed (m/s), angular speed (rad/s) and load over
+    strength in a calm step."""
+    speeds: tuple[float, float, float]
+    """In a calm step, the greatest linear speed is at least the first of these (m/s) or the angular
+    speed at least the second (rad/s), and the linear speed at most the third."""
+
+
 class World(Protocol):
     """A running simulation of one machine in one scene. Equal calls give bitwise equal results.
 
@@ -80,6 +93,11 @@ class World(Protocol):
     @property
     def settle_rate(self) -> float:
         """Rate at which machines settle as they do at higher ones, Hz."""
+
+    @property
+    def calm(self) -> int:
+        """How many parts of steps to come are taken already and known to be calm, so that nothing
+        breaks in them."""
 
     @property
     def now(self) -> Any:
@@ -110,15 +128,15 @@ class World(Protocol):
         """Set the levels of several blocks of a machine with controllers at once, which may happen
         in every step; `sudden` if they change much."""
 
-    def step(self, divisions: int = 1, ahead: int = 1, loads: Loads | None = None) -> None:
+    def step(self, divisions: int = 1, ahead: int = 1, watch: Watch | None = None) -> None:
         """Advance by 1 / (rate * divisions) seconds.
 
         Args:
             divisions: Into how many parts a step is divided.
             ahead: How many such parts, this one included, will follow each other before anything
                 is switched or driven, as far as is known; an engine may take several at once.
-            loads: What will filter the loads. An engine that takes several parts at once filters
-                them as well, tells `loads`, and stops where something breaks.
+            watch: What is looked at in every part. An engine that takes several at once filters
+                the loads, tells those of `watch`, and stops where something breaks.
         """
 
     def split(self, broken: Sequence[int]) -> None:

@@ -134,6 +134,14 @@ class Loads:
         parts = zip(levels, *squares.tolist(), strict=True)
         self._foreseen, self._source = list(parts)[::-1], reactions
 
+    def pass_over(self, steps: int) -> list[Array]:
+        """Go on by so many calm steps that were foreseen; `level` after each."""
+        passed = [self._foreseen.pop() for _ in range(steps)]
+        if passed:
+            self.level, square, _ = passed[-1]
+            self.peak, self.near = sqrt(square), {}
+        return [level for level, _, _ in passed]
+
     def update(self, reactions: Array, divisions: int = 1) -> dict[int, float]:
         """Filter one step's loads and find the joints that break.
 

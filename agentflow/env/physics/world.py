@@ -9,7 +9,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Touch
+from agentflow.env.physics.engine import Touch, Watch
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.grips import Grips
 from agentflow.env.physics.laws.air import GustClock
@@ -18,7 +18,6 @@ from agentflow.env.physics.laws.holding import HoldForce
 from agentflow.env.physics.laws.ledger import Ledger
 from agentflow.env.physics.laws.select import Forces, Law, device_laws, wind_laws
 from agentflow.env.physics.laws.tension import SpringForce, WinchForce
-from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly, State
 from agentflow.env.physics.readings import Readings, states_of
 from agentflow.env.physics.rows import ROTATION, Row, Rows, centre_of
@@ -106,7 +105,7 @@ class BaseWorld(ABC, Generic[Own]):
     # --- what the engine does ---------------------------------------------------------------
 
     @abstractmethod
-    def _advance(self, ahead: int, loads: Loads | None) -> None:
+    def _advance(self, ahead: int, watch: Watch | None) -> None:
         """Take a step of the current length; arguments as in `engine.World.step`."""
 
     @abstractmethod
@@ -152,13 +151,17 @@ class BaseWorld(ABC, Generic[Own]):
                 self._grips.switch(entry, self._levels[entry] > 0)
         self.now.motors.set()
 
-    def step(self, divisions: int = 1, ahead: int = 1, loads: Loads | None = None) -> None:
+    @property
+    def calm(self) -> int:
+        return 0
+
+    def step(self, divisions: int = 1, ahead: int = 1, watch: Watch | None = None) -> None:
         if divisions != self._divisions:
             self._divisions, self._interval = divisions, 1.0 / (self._rate * divisions)
             for timed in (self._springs, self._winches, self._wind, self.now.motors):
                 timed.step = self._interval
             self._change_interval()
-        self._advance(ahead, loads)
+        self._advance(ahead, watch)
         ledger = self._ledger
         ledger.steps += 1
         ledger.time += self._interval

@@ -55,6 +55,11 @@ class LoadHistory:
         self._levels.append(self._loads.level)
         self._times.append(time)
 
+    def extend(self, times: list[float], levels: list[Array]) -> None:
+        """Keep the loads of several steps."""
+        self._times += times
+        self._levels += levels
+
     def steps_until(self, times: Array | Sequence[float]) -> NDArray[np.intp]:
         """Steps from the first one that was kept, which is t = 0, to each of some times, s."""
         return np.searchsorted(self._clock, np.array(times) + 1e-9, side="right") - 1

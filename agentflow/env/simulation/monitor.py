@@ -51,8 +51,9 @@ class Monitor:
         self._contacts = ContactLog(1.0 / rate)
         self._fine = max(1, round(FINE * rate - 0.5))
         self._seldom = max(1, round(SELDOM * rate))
-        self._jolt, self._twist = JOLT / rate, TWIST / rate
-        """m/s and rad/s in a step."""
+        self.change = JOLT / rate, TWIST / rate, SHOCK
+        """Greatest change of linear speed (m/s), angular speed (rad/s) and load over strength in a
+        step that is no jump."""
         self._alert = 0
         """For how many more steps to look closely."""
         self._pressing = 0
@@ -74,6 +75,26 @@ class Monitor:
         """Something happened or was switched."""
         self._alert, self._pressing = round(ALERT * self._rate), PRESSING
 
+    @property
+    def idle(self) -> int:
+        """In how many steps to come there is nothing to do, unless something jumps."""
+        steps = self._seldom - self._steps % self._seldom - 1
+        if self._alert:
+            steps = min(steps, int((1.0 - self._spare) / SHARE) - 1)
+        if self._pressing:
+            steps = min(steps, int((1.0 - self._glances) / SHARE) - 1)
+        return steps
+
+    def pass_over(self, times: list[float], speeds: tuple[float, float]) -> None:
+        """Go on by calm steps, as many as are `idle` at most: times after each, s, and greatest
+        speeds after the last one."""
+        self.history.extend(times, self._loads.pass_over(len(times)))
+        self._steps += len(times)
+        for _ in times:
+            self._spare += SHARE
+            self._glances += SHARE
+        self._speeds, self._peak = speeds, self._loads.peak
+
     def add_step(self, time: float, speeds: tuple[float, float]) -> None:
         """Look at a whole step.
 
@@ -86,10 +107,11 @@ class Monitor:
         self._glances += SHARE
         (linear, angular), self._speeds = self._speeds, speeds
         peak, self._peak = self._peak, self._loads.peak
+        jolt, twist, shock = self.change
         if (
-            abs(speeds[0] - linear) > self._jolt
-            or abs(speeds[1] - angular) > self._twist
-            or self._peak - peak > SHOCK
+            abs(speeds[0] - linear) > jolt
+            or abs(speeds[1] - angular) > twist
+            or self._peak - peak > shock
         ):
             self.look_closely()
         if self._pressing and self._glances >= 1.0:

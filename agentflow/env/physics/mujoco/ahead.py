@@ -21,14 +21,15 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from agentflow.env.physics.engine import Watch
 from agentflow.env.physics.laws.tension import SpringForce
-from agentflow.env.physics.loads import Loads
+from agentflow.env.physics.loads import SAFE
 from agentflow.env.physics.mujoco.couplings import TIGHT
 from agentflow.env.physics.mujoco.sensing import ROW_ORDER, Contacts, Found, Rows, address_of
 from agentflow.env.physics.mujoco.world import Model
 from agentflow.env.physics.rows import WIDTH
 from agentflow.env.physics.structure.drives import HOLD, STILL
-from agentflow.env.rollout import Array
+from agentflow.env.rollout import Array, Indices
 
 MOST = 64
 """Steps that are taken at once."""
@@ -49,6 +50,7 @@ class Ahead:
         self._now, self._springs, self._motors = now, springs, motors
         self._model, self._data = built.model, built.data
         self.taken = self.left = self._noted = 0
+        self._calm: list[int] = []
         """Steps that were taken last, how many of them were not shown, and how many were noted for
         work."""
         self._found: Found = np.empty((ROOM, 2), np.int32), np.empty(ROOM), np.empty((ROOM, 3))
@@ -80,7 +82,7 @@ class Ahead:
         self._written = {*own, *self._lines[2].ravel().tolist()}
         self._sensors = now.reactions.source, now.reactions.share, ROW_ORDER
 
-    def run(self, steps: int, step: float, divisions: int, loads: Loads | None) -> None:
+    def run(self, steps: int, step: float, divisions: int, watch: Watch | None) -> None:
         """Take at most so many steps of this length, s; arguments as of `engine.World.step`."""
         motors, springs, data = self._motors, self._springs, self._data
         self.note()
@@ -102,7 +104,8 @@ class Ahead:
         self._torques = np.empty((steps, len(motors.row)))
         told = np.empty((3, steps))
         self._lengths = np.empty((steps, 2, lines))
-        filtered = loads.filter(divisions) if loads and self._now.reactions.plain else None
+        plain = watch and self._now.reactions.plain
+        filtered = watch.loads.filter(divisions) if watch and plain else None
         level, keep, take = filtered or UNFILTERED
         levels, squares = np.empty((steps + 1, *level.shape)), np.empty((2, steps))
         levels[0] = level
@@ -123,15 +126,21 @@ class Ahead:
             self._sensors,
             (levels, squares, keep, take),
         )
-        self.taken, self.left, self._noted = taken, taken, 0
+        self.taken, self.left, self._noted, self._calm = taken, taken, 0, []
         if not taken:
             return
         self._now.forces.written = self._written
         *speeds, self._air = told.tolist()
         self._speeds = list(zip(*speeds, strict=True))
         self._now.reactions.correct(self._reactions[:taken])
-        if loads and filtered:
-            loads.foresee(self._reactions, levels[1 : taken + 1], squares[:, :taken])
+        if watch and filtered:
+            watch.loads.foresee(self._reactions, levels[1 : taken + 1], squares[:, :taken])
+            self._calm = _calm(taken, told, squares, watch.change, watch.speeds).tolist()
+
+    @property
+    def calm(self) -> int:
+        """As `engine.World.calm`."""
+        return self._calm[-self.left] if self.left and self._calm else 0
 
     def show(self, rows: Rows, contacts: Contacts) -> Array:
         """Show the next step; the reactions in it."""
@@ -253,6 +262,26 @@ def _pointer(_context: Any, address: Any) -> Any:
         return builder.inttoptr(arguments[0], cgutils.voidptr_t)
 
     return types.voidptr(address), generate
+
+
+@njit(cache=True)
+def _calm(taken: int, told: Array, squares: Array, change: Any, speeds: Any) -> Indices:
+    """How many of the steps that were taken are calm from each one on; the first is not, as nothing
+    is known of the step before."""
+    calm = np.zeros(taken, np.intp)
+    slowest, calmest, fastest = speeds
+    for s in range(taken - 1, 0, -1):
+        linear, angular, square = told[0, s], told[1, s], squares[0, s]
+        if (
+            abs(linear - told[0, s - 1]) <= change[0]
+            and abs(angular - told[1, s - 1]) <= change[1]
+            and sqrt(square) - sqrt(squares[0, s - 1]) <= change[2]
+            and square <= squares[1, s] <= SAFE
+            and (linear >= slowest or angular >= calmest)
+            and linear <= fastest
+        ):
+            calm[s] = 1 + (calm[s + 1] if s + 1 < taken else 0)
+    return calm
 
 
 @njit

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 
 from agentflow.env.constants import Constants
+from agentflow.env.physics.engine import Watch
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.laws.forces import Entry
-from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco.bodies import (
     CompiledModel,
@@ -119,13 +119,18 @@ class MuJoCoWorld(BaseWorld[Model]):
         if sudden or self.now.motors.mixed:  # else only the aims of motors change
             self._refresh()
 
-    def _advance(self, ahead: int, loads: Loads | None) -> None:
+    @property
+    def calm(self) -> int:
+        ahead = self.now.ahead
+        return ahead.calm if ahead else 0
+
+    def _advance(self, ahead: int, watch: Watch | None) -> None:
         """Apply forces, then take the second half of a step and the first half of the next one,
         after which poses and velocities are current."""
         now, taken = self.now, self.now.ahead
         if taken is not None:
             if not taken.left and ahead >= LEAST:
-                taken.run(ahead, self._interval, self._divisions, loads)
+                taken.run(ahead, self._interval, self._divisions, watch)
             if taken.left:
                 self.reactions = taken.show(now.rows, now.contacts)
                 return

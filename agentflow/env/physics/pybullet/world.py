@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from agentflow.env.constants import Constants
+from agentflow.env.physics.engine import Watch
 from agentflow.env.physics.frames import swap, swap_quaternion
-from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import BodyBuilder, Built, PieceBody
 from agentflow.env.physics.pybullet.contacts import (
@@ -72,7 +72,7 @@ class PyBulletWorld(BaseWorld[Bodies]):
             self._place_at_start(scene.start)
         self._read()
 
-    def _advance(self, ahead: int, loads: Loads | None) -> None:  # noqa: ARG002
+    def _advance(self, ahead: int, watch: Watch | None) -> None:  # noqa: ARG002
         now = self.now
         now.forces()
         now.motors.set_for_step()
