@@ -67,9 +67,11 @@ class Loads:
         self.level, self._before, self._spare = np.zeros((3, len(joints), 6))
         """Filtered force and moment over strength (0 where it broke), a new array in each step; the
         same one step earlier; and scratch space."""
-        self._foreseen: list[tuple[Array, float, float]] = []
-        """Of parts of steps to come, the last one first: loads, and the greatest square of a
-        component and of a force or moment."""
+        self._foreseen = self.level[None]
+        """(S, J, 6) loads after each of several parts of steps that were foreseen."""
+        self._greatest: list[tuple[float, float]] = []
+        """Of those to come, the last one first: the greatest square of a component and of a force
+        or moment."""
         self._source = self.level
         """The array of their reactions: others are of steps that were not foreseen."""
         self.near: Mapping[int, float] = {}
@@ -131,16 +133,17 @@ class Loads:
             levels: (S, J, 6) after each.
             squares: (2, S) the greatest square of a component, and of a force or moment.
         """
-        parts = zip(levels, *squares.tolist(), strict=True)
-        self._foreseen, self._source = list(parts)[::-1], reactions
+        self._greatest = list(zip(*squares[:, ::-1].tolist(), strict=True))
+        self._foreseen, self._source = levels, reactions
 
-    def pass_over(self, steps: int) -> list[Array]:
-        """Go on by so many calm steps that were foreseen; `level` after each."""
-        passed = [self._foreseen.pop() for _ in range(steps)]
-        if passed:
-            self.level, square, _ = passed[-1]
-            self.peak, self.near = sqrt(square), {}
-        return [level for level, _, _ in passed]
+    def pass_over(self, steps: int) -> Array:
+        """Go on by so many calm steps that were foreseen, at least one; (S, J, 6) `level` after
+        each."""
+        first = len(self._foreseen) - len(self._greatest)
+        passed = self._foreseen[first : first + steps]
+        self.level, self.peak, self.near = passed[-1], sqrt(self._greatest[-steps][0]), {}
+        del self._greatest[-steps:]
+        return passed
 
     def update(self, reactions: Array, divisions: int = 1) -> dict[int, float]:
         """Filter one step's loads and find the joints that break.
@@ -160,14 +163,14 @@ class Loads:
         """
         if not self._joints:
             return {}
-        if self._foreseen and reactions.base is self._source:
-            self._before = self.level
-            self.level, square, most = self._foreseen.pop()
+        if self._greatest and reactions.base is self._source:
+            self._before, self.level = self.level, self._foreseen[-len(self._greatest)]
+            square, most = self._greatest.pop()
             if not square <= most <= SAFE:  # as with NaN
                 return self._judge(square, most)
             self.peak, self.near = sqrt(square), {}
             return {}
-        self._foreseen = []
+        self._greatest = []
         if self._plan.loops:
             reactions = reactions.copy()
             for loop in self._plan.loops:
@@ -205,7 +208,7 @@ class Loads:
 
     def release(self, joints: Sequence[int]) -> None:
         """Drop joints that broke or were released; they no longer carry load."""
-        self._foreseen, self.level = [], self.level.copy()
+        self._greatest, self.level = [], self.level.copy()
         self.level[list(joints)] = 0.0
         self._broken[list(joints)] = True
         self._plan = self._make_plan()

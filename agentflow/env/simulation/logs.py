@@ -41,7 +41,7 @@ class LoadHistory:
     def __init__(self, loads: Loads, joints: tuple[Joint, ...]) -> None:
         self._loads, self._joints = loads, joints
         self._levels: list[Array] = []
-        """(J, 6) each."""
+        """(S, J, 6) those of one or more steps each."""
         self._times: list[float] = []
         self._disturbed: list[float] = []
         """When the simulation disturbed what rested, s."""
@@ -52,13 +52,13 @@ class LoadHistory:
 
     def add(self, time: float) -> None:
         """Keep the loads of the last step."""
-        self._levels.append(self._loads.level)
+        self._levels.append(self._loads.level[None])
         self._times.append(time)
 
-    def extend(self, times: list[float], levels: list[Array]) -> None:
-        """Keep the loads of several steps."""
+    def extend(self, times: list[float], levels: Array) -> None:
+        """Keep the loads of several steps, (S, J, 6)."""
         self._times += times
-        self._levels += levels
+        self._levels.append(levels)
 
     def steps_until(self, times: Array | Sequence[float]) -> NDArray[np.intp]:
         """Steps from the first one that was kept, which is t = 0, to each of some times, s."""
@@ -74,11 +74,16 @@ class LoadHistory:
         return np.array(self._times)
 
     @cached_property
+    def _table(self) -> Array:
+        """(S, J, 6) the loads of all steps, once the rollout is over."""
+        return np.concatenate(self._levels)
+
+    @cached_property
     def shares(self) -> Array:
         """(S, E) load over strength of every connection in every step; 0 once it broke."""
-        levels, columns = self._levels, self._loads.connections
+        levels, columns = self._table, self._loads.connections
         blocks = (levels[first : first + BLOCK] for first in range(0, len(levels), BLOCK))
-        return np.concatenate([_shares(np.array(block).take(columns, 1)) for block in blocks])
+        return np.concatenate([_shares(block.take(columns, 1)) for block in blocks])
 
     def greatest(self, times: Array) -> Array:
         """(T, E) greatest load over strength since the time before, of increasing `times`, s."""
@@ -127,7 +132,7 @@ class LoadHistory:
 
     def _peak(self, row: int, column: int, after: bool) -> Peak:
         joint = self._loads.connections[column]
-        force, moment = split_wrench(self._loads.wrench(self._levels[row][joint], joint))
+        force, moment = split_wrench(self._loads.wrench(self._table[row, joint], joint))
         own, load = self._joints[joint], float(self.shares[row, column])
         return Peak(own.block, own.partner, self._times[row], load, force, moment, after)
 
