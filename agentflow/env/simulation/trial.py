@@ -181,6 +181,8 @@ class Trial:
             ahead = (due[0][0] if due else last) - elapsed
             if self._pilot:
                 ahead = min(ahead, self._every - elapsed % self._every)
+            elif rest and not due:
+                ahead = min(ahead, ceil(long) - rest)
             status = self._step(ahead)
             if status != "ok":
                 return status

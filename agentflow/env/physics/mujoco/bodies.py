@@ -167,7 +167,8 @@ class _Builder:
         option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         option.impratio = TANGENTIAL
         option.disableflags = int(OFF)
-        self._surfaces = Surfaces(physics)
+        spec.default.geom.mass = 0.0
+        self._surfaces = Surfaces(physics, spec.default.geom)
         self._shapes = ShapeWriter(spec, self._surfaces)
         self._apart: set[tuple[str, str]] = set()
         self._objects: dict[str, tuple[Any, Any]] = {}

@@ -74,7 +74,7 @@ class ShapeWriter:
 
     def _add(self, body: Any, owner: Body, surface: Surface, cluster: int) -> Any:
         geom = body.add_geom()
-        geom.name, geom.mass = str(len(self.shapes)), 0.0
+        geom.name = str(len(self.shapes))
         self.shapes.append((geom, owner))
         self._surfaces.cover(geom, surface, cluster)
         return geom

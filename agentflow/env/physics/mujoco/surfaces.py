@@ -63,6 +63,8 @@ class Covered(NamedTuple):
     """A shape with its surface."""
 
     geom: Any
+    body: str
+    """Name of the body that it belongs to."""
     cluster: int
     surface: Surface
 
@@ -70,8 +72,11 @@ class Covered(NamedTuple):
 class Surfaces:
     """The surfaces of all shapes of one model."""
 
-    def __init__(self, physics: Constants) -> None:
+    def __init__(self, physics: Constants, default: Any) -> None:
+        """Start with no shapes; `default` is what those of the model are like at first."""
         self._usual = Surface(physics["friction"], physics["restitution"])
+        default.solimp = IMPEDANCE
+        self._set(default, self._usual)
         self.lively: list[bool] = []
         """Of each shape, whether it rebounds more than usual."""
         self._fixed: list[Covered] = []
@@ -87,16 +92,17 @@ class Surfaces:
 
     def cover(self, geom: Any, surface: Surface, cluster: int) -> None:
         """Set the surface of a shape; shapes of one cluster never touch each other."""
-        friction, damping, dimensions = _contact_between(surface, self._usual)
-        geom.friction = friction[1], *friction[2:4]
-        geom.solref, geom.solimp, geom.condim = damping, IMPEDANCE, dimensions
-        covered = Covered(geom, cluster, surface)
         self.lively.append(surface.restitution > self._usual.restitution)
         if surface != self._usual:
             geom.priority = 1
-            self._unusual.append(covered)
+            self._set(geom, surface)
+            self._unusual.append(Covered(geom, geom.parent.name, cluster, surface))
         elif cluster == FIXED:
-            self._fixed.append(covered)
+            self._fixed.append(Covered(geom, geom.parent.name, cluster, surface))
+
+    def _set(self, geom: Any, surface: Surface) -> None:
+        friction, geom.solref, geom.condim = _contact_between(surface, self._usual)
+        geom.friction = friction[1], *friction[2:4]
 
     def pair(self, spec: Any, apart: set[tuple[str, str]]) -> None:
         """Set the values of every two unusual shapes that may meet.
@@ -107,20 +113,15 @@ class Surfaces:
         """
         resting = _contact(self._usual)[1]
         for one, other in self._meeting():
-            names = one.geom.parent.name, other.geom.parent.name
+            names = one.body, other.body
             if one.cluster == other.cluster or names in apart or names[::-1] in apart:
                 continue
-            friction, damping, dimensions = _contact_between(one.surface, other.surface)
-            spec.add_pair(
-                geomname1=one.geom.name,
-                geomname2=other.geom.name,
-                friction=friction,
-                solref=damping,
-                solreffriction=resting,
-                solimp=IMPEDANCE,
-                condim=dimensions,
-                gap=max(one.geom.gap, other.geom.gap),
-            )
+            pair, first, second = spec.add_pair(), one.geom, other.geom
+            pair.geomname1, pair.geomname2 = first.name, second.name
+            touching = _contact_between(one.surface, other.surface)
+            pair.friction, pair.solref, pair.condim = touching
+            pair.solreffriction, pair.solimp = resting, IMPEDANCE
+            pair.gap = max(first.gap, second.gap)
 
     def _meeting(self) -> Iterator[tuple[Covered, Covered]]:
         """Two unusual shapes, or a lively one and something fixed: friction takes the damping of
