@@ -13,6 +13,7 @@ from agentflow.env.physics.mujoco import engine as mujoco_engine
 from agentflow.env.physics.mujoco.engine import PATIENCE, MuJoCoEngine, compiled_steps
 from agentflow.env.physics.mujoco.world import KEPT, MuJoCoWorld
 from agentflow.env.simulation.simulate import simulate
+from agentflow.env.simulation.trial import Trial
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.edits.random import random_machine
@@ -60,6 +61,39 @@ def test_it_is_used() -> None:
     simulate(shipped("published_throw"), get_task("throwing"), engine=engine)
     assert used[0].now.ahead is not None
     assert used[0].now.ahead.taken > 0
+
+
+def _simulate_throw() -> None:
+    engine = MuJoCoEngine()
+    engine.patience = 0
+    assert simulate(shipped("published_throw"), get_task("throwing"), engine=engine).broken
+
+
+def test_it_stops_where_something_breaks(monkeypatch: pytest.MonkeyPatch) -> None:
+    ahead = compiled_steps()
+    assert ahead is not None
+    left: list[int] = []
+    rewind = ahead.Ahead.rewind
+    monkeypatch.setattr(
+        ahead.Ahead,
+        "rewind",
+        lambda own: left.append(own.left) or rewind(own),  # type: ignore[func-returns-value]
+    )
+    _simulate_throw()
+    assert {*left} == {0}
+
+
+def test_calm_steps_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps: list[int] = []
+    pass_over = Trial._pass_over
+    monkeypatch.setattr(
+        Trial,
+        "_pass_over",
+        lambda own, many: steps.append(many) or pass_over(own, many),  # type: ignore[func-returns-value]
+    )
+    _simulate_throw()
+    assert min(steps) > 0
+    assert sum(steps) > 300  # of 600
 
 
 @pytest.mark.parametrize("name", SHIPPED)
