@@ -31,9 +31,9 @@ from agentflow.env.physics.rows import WIDTH
 from agentflow.env.physics.structure.drives import HOLD, STILL
 from agentflow.env.rollout import Array, Indices
 
-MOST = 64
+MOST = 128
 """Steps that are taken at once."""
-ROOM = 4096
+ROOM = 8192
 """Contacts for which there is room in all of them."""
 UNFILTERED = np.empty((0, 6)), 0.0, np.empty((0, 6))
 """What filters no loads."""
