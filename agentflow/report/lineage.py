@@ -24,7 +24,7 @@ from agentflow.runs.events import (
     RunStartEvent,
     ToolEvent,
 )
-from agentflow.runs.locations import Location, stage_words
+from agentflow.runs.locations import INITIAL, Location, stage_words
 
 REFUSED, INVALID = "refused", "invalid"
 
@@ -284,7 +284,7 @@ def _search_of(location: Location) -> Location:
 
 
 def _title(location: Location, model: str) -> str:
-    stage = stage_words(location.name, model).replace("first designs", "first design")
-    detail = f"round {location.round}" if location.round else stage
-    detail += f", trial {location.try_ + 1}" if location.try_ else ""
-    return f"trajectory {location.trajectory}, {detail}"
+    first = location.name == INITIAL and not location.round
+    stage = f"round {location.round}" if location.round else stage_words(location.name, model)
+    title = f"{'first ' * first}design {location.trajectory}" + f", {stage}" * (not first)
+    return title + (f", trial {location.try_ + 1}" if location.try_ else "")

@@ -33,6 +33,9 @@ _PARTS = {
     "call": "call",
 }
 """Word of a numbered part in a label -> attribute of a `Location`, in the order of labels."""
+_SHOWN = {"traj": "design"}
+"""Word of a numbered part in a label -> what pages call it, where that differs: a trajectory is a
+first design with everything made from it."""
 _LOCATION = re.compile(
     "(?P<name>.*?)"
     + "".join(
@@ -79,11 +82,11 @@ class Location:
 
     @property
     def words(self) -> str:
-        """As pages show it: "refiner, feedback, trajectory 1, round 2, attempt 2"."""
+        """As pages show it: "refiner, feedback, design 1, round 2, attempt 2"."""
         numbers = {word: getattr(self, part) for word, part in _PARTS.items() if word != "node"}
         numbers |= {word: 0 for word in ("try", "attempt") if numbers[word] == 1}
         name = STAGE_WORDS.get(self.name, self.name.replace("/", ", ").replace("_", " "))
-        told = (f"{_PARTS[word].strip('_')} {number}" for word, number in numbers.items() if number)
+        told = (f"{_SHOWN.get(word, word)} {number}" for word, number in numbers.items() if number)
         return ", ".join(filter(None, (name, *told)))
 
     @property

@@ -202,10 +202,10 @@ def test_keys_play_step_and_jump(opened: webdriver.Chrome) -> None:
 
 
 def test_the_tree_shows_a_machine_that_breaks(opened: webdriver.Chrome) -> None:
-    assert title(opened) == "trajectory 1, first design · 12.50 m"
+    assert title(opened) == "first design 1 · 12.50 m"
     assert reds(opened) == 0
     node(opened, "env_feedback/traj-1/node-1").click()
-    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0 m")
+    until(opened, lambda: title(opened) == "design 1, round 1 · 0 m")
     until(opened, lambda: "broke off" in find(opened, ".events").text)
     assert "As recorded" not in find(opened, ".remark").text
     assert reds(opened) == 0
@@ -247,7 +247,7 @@ def test_arrow_keys_walk_the_tree(opened: webdriver.Chrome) -> None:
     opened.switch_to.active_element.send_keys(Keys.ARROW_RIGHT)
     until(opened, lambda: title(opened) == "rejected edit")
     opened.switch_to.active_element.send_keys(Keys.ARROW_UP)
-    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0 m")
+    until(opened, lambda: title(opened) == "design 1, round 1 · 0 m")
     focused = opened.switch_to.active_element
     assert focused.get_attribute("aria-selected") == "true"
     assert focused.get_attribute("aria-level") == "2"
@@ -414,7 +414,7 @@ def test_kinds_of_machines_open_their_films(opened: webdriver.Chrome) -> None:
     names = opened.find_elements(By.CSS_SELECTOR, ".heat tfoot th")
     assert [name.get_property("textContent") for name in names] == [VISIBLE, "motors"]
     cells[0].click()
-    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0 m")
+    until(opened, lambda: title(opened) == "design 1, round 1 · 0 m")
     card = find(opened, ".card")
     assert card.find_element(By.TAG_NAME, "span").get_property("textContent") == VISIBLE
     assert card.text.startswith("12.50 m")
@@ -515,7 +515,7 @@ def test_the_shown_machine_can_be_downloaded(opened: webdriver.Chrome, tmp_path:
     until(opened, lambda: list(tmp_path.glob("*.html")))
     assert "Step 1 of" in next(tmp_path.glob("*.html")).read_text(encoding="utf-8")
     node(opened, "env_feedback/traj-1/node-1").click()
-    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0 m")
+    until(opened, lambda: title(opened) == "design 1, round 1 · 0 m")
     digest = find(opened, ".chosen p").text.rpartition(" · hash ")[-1]
     buttons = opened.find_elements(By.CSS_SELECTOR, ".files button")
     words = ["JSON", "Besiege", "3D model", "parts list"]

@@ -79,7 +79,7 @@ def test_a_refused_edit_hangs_on_what_it_was_to_refine() -> None:
         ]
     ).finish("a")
     assert outline(nodes) == [
-        ("initial/traj-1", None, "trajectory 1, first design", 1.0, True),
+        ("initial/traj-1", None, "first design 1", 1.0, True),
         (
             "env_feedback/traj-1/round-1/node-0/try-1",
             "initial/traj-1",
@@ -119,10 +119,10 @@ def test_random_edits_grow_from_the_last_that_was_kept() -> None:
     nodes = Lineage.of([*events, *edit(3, "d", 3.0, True)]).finish(None)
     location = "env_feedback/traj-1/round"
     assert outline(nodes) == [
-        ("initial/traj-1", None, "trajectory 1, first design", 1.0, True),
-        (f"{location}-1", "initial/traj-1", "trajectory 1, round 1", 2.0, True),
-        (f"{location}-2", f"{location}-1", "trajectory 1, round 2", 0.0, False),
-        (f"{location}-3", f"{location}-1", "trajectory 1, round 3", 3.0, True),
+        ("initial/traj-1", None, "first design 1", 1.0, True),
+        (f"{location}-1", "initial/traj-1", "design 1, round 1", 2.0, True),
+        (f"{location}-2", f"{location}-1", "design 1, round 2", 0.0, False),
+        (f"{location}-3", f"{location}-1", "design 1, round 3", 3.0, True),
     ]
     assert nodes[3].best
 
@@ -135,8 +135,8 @@ def test_where_random_edits_design_nothing_is_refined() -> None:
         for start in [RunStartEvent(Location("start"), "movement", "random-dsl", model)]
     ]
     assert titles == [
-        ["trajectory 1, random edits without simulation"],
-        ["trajectory 1, refinement without simulation"],
+        ["design 1, random edits without simulation"],
+        ["design 1, refinement without simulation"],
     ]
 
 

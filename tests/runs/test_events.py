@@ -132,8 +132,8 @@ def test_a_label_names_a_location(label: str, location: Location) -> None:
 
 def test_pages_show_a_label_in_words() -> None:
     told = {
-        "refiner/traj-1/round-2/node-0/try-1/attempt-1": "refiner, trajectory 1, round 2",
-        "designer/structure-1/traj-2/attempt-3": "designer, structure 1, trajectory 2, attempt 3",
+        "refiner/traj-1/round-2/node-0/try-1/attempt-1": "refiner, design 1, round 2",
+        "designer/structure-1/traj-2/attempt-3": "designer, structure 1, design 2, attempt 3",
         "env_feedback/call-4": "refinement with feedback, call 4",
     }
     assert {label: Location.parse(label).words for label in told} == told

@@ -116,8 +116,8 @@ async def test_reports_show_trials_as_children_of_the_best_one_before() -> None:
     )
     nodes = {node.id: node for node in Lineage.of(events).finish(None)}
     assert [(node.parent, node.title, node.score) for node in nodes.values()] == [
-        (None, "trajectory 1, first design", 0.1),
-        ("initial/traj-1", "trajectory 1, first design, trial 2", 0.8),
-        ("initial/traj-1/try-1", "trajectory 1, first design, trial 3", 0.5),
+        (None, "first design 1", 0.1),
+        ("initial/traj-1", "first design 1, trial 2", 0.8),
+        ("initial/traj-1/try-1", "first design 1, trial 3", 0.5),
     ]
     assert nodes["initial/traj-1/try-1"].edit == command(0.8)

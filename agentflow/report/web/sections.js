@@ -13,7 +13,7 @@ export function header(data, pick) {
   const trusted = run.verified?.score ?? null;
   const shown = trusted ?? run.score;
   const budget = run.trajectories === 1 ? "1 trajectory" : `${run.trajectories} trajectories`;
-  const attempts = !run.trajectories ? "" : run.begun > run.trajectories ? ` · ${run.begun} trajectories begun, with calls and simulations for ${run.trajectories}` : ` · ${budget}`;
+  const attempts = !run.trajectories ? "" : run.begun > run.trajectories ? ` · ${run.begun} first designs, with calls and simulations for ${budget}` : ` · ${budget}`;
   return el("header", {},
     el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}${attempts}`),
     el("h1", {}, run.task),
@@ -122,7 +122,7 @@ export function stages({ stages: rows, run }) {
   if (!rows.length) return null;
   const costs = nonzeroColumns(rows, { Calls: "calls", Tokens: "tokens", Simulations: "rollouts" });
   const head = ["Stage", "Valid", "Mean", "Mean, invalid\u00a0=\u00a00", "Best", "Std", ...costs.map(([name]) => name)];
-  const shown = table("Scores of each trajectory's machine at the end of a stage, whether made in that stage or earlier", head, rows.map((row) => [
+  const shown = table("Scores of the machine of each first design at the end of a stage, whether made in that stage or earlier", head, rows.map((row) => [
     row.words, `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
     ...costs.map(([, key]) => row[key])]));
   shown.classList.add("stacked"); // where there is little room, each cell names its column

@@ -50,7 +50,7 @@ function bestMachines(rows, linked, still) {
 function scoreDistributions(rows, pick) {
   const tasks = [...new Set(rows.map((row) => row.task))].map((task) => rows.filter((row) => row.task === task));
   const known = rows.some((row) => Number.isFinite(row.low));
-  const about = `Each dot is a machine of the last stage, and leads to its run; invalid machines count as 0. Below: the mean${known ? " with its 95% bootstrap confidence interval" : ""}.`;
+  const about = `Each dot is a machine of the last stage, and leads to its run; n counts them, and one run may have many. Invalid machines count as 0. Below: the mean${known ? " with its 95% bootstrap confidence interval" : ""}.`;
   return section("Distribution of scores",
     ...tasks.map(answer),
     el("p", { class: "quiet" }, about),
