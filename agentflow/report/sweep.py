@@ -40,8 +40,8 @@ class Spread:
     best: Mapping[str, Any] | None = None
     """The best machine: run, score, and content hash or picture (URL)."""
     goal: Mapping[str, Any] = field(default_factory=dict)
-    """What its score is worth: level, from which score on machines are good, and the record with
-    the share of it that the best machine reaches; {} if that is not known."""
+    """Mean calls of a run, and what its score is worth, if that is known: level, from which score
+    on machines are good, and the record with the share of it that the best machine reaches."""
 
     def to_json(self, task: str, name: str) -> dict[str, Any]:
         """What the page draws, with at most `MOST_DOTS` scores."""

@@ -6,6 +6,7 @@ import base64
 import io
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -703,6 +704,28 @@ def test_a_sweep_words_ties_tells_ticks_apart_and_has_conditions_side_by_side_on
         assert heads == ["a", "b", "c", "a", "b"]
         for found in first.find_elements(By.CSS_SELECTOR, ".table table"):
             assert found.rect["x"] + found.rect["width"] <= 390
+    goal = {"good": 1.0, "calls": 10.0}
+    uneven = {key: replace(each, goal=goal) for key, each in spreads.items()}
+    uneven["throwing", "b"] = replace(spreads["throwing", "b"], goal={**goal, "calls": 40.0})
+    runs = [{"name": "a.1", "state": "running"}, {"name": "a.2", "state": "not started"}]
+    notes = ((short := "INCOMPLETE: 2 of 2 runs are missing, 0 of them failed."),)
+    for state, problems in (("running", []), ("stopped", [short])):
+        runs[0] |= {"state": state, "score": None, "verified": None}
+        data = sweep_data("ties", "", uneven, [replace(tables[0], notes=notes)], runs)
+        file.write_text(whole_page("sweep", data), "utf-8")
+        browser.get(file.as_uri())
+        until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".chart .tick"))
+        found = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".problem")]
+        assert found == problems
+        told = [item.text for item in browser.find_elements(By.CSS_SELECTOR, "main p")]
+        waits = "1 of 2 runs is still running, 1 not started: no verdict yet."
+        assert (waits in told) == (state == "running")
+        verdicts = [text for text in told if text.startswith("At throwing")]
+        spent = "a run of c makes 10 calls, a run of b makes 40 calls and a run of a makes 10 calls"
+        if state == "running":
+            assert verdicts == ["At throwing: Good from 1 m."]
+        else:
+            assert f"Their budgets differ: {spent}." in verdicts[0]
 
 
 @pytest.mark.parametrize("dark", [False, True])

@@ -24,6 +24,7 @@ from agentflow.app.design.plan import RunPlan
 from agentflow.app.inspect.overview import run_details, run_list
 from agentflow.app.pages.sweeps import sweep_page_data
 from agentflow.cli import main
+from agentflow.files.folders import lock_file
 from agentflow.runs import RunDirectory, read_calls, read_events, state_of
 from agentflow.runs.reading import document_text
 from agentflow.studio.folder import RunFolder
@@ -226,13 +227,21 @@ def test_a_call_of_a_model_takes_and_costs_what_it_did_in_its_last_run(tmp_path:
     assert listing.call_costs(model) == found
 
 
-def test_a_page_of_a_sweep_is_made_again_only_when_a_run_ends(tmp_path: Path) -> None:
+def test_a_page_of_a_sweep_is_made_again_only_when_a_run_begins_or_ends(tmp_path: Path) -> None:
     path = sweep(tmp_path, {"seed-0": [candidate("initial", 1, 2.0)]}, seeds=[0, 1])
     listing = Listing(RunFolder(tmp_path))
     listing.rows()
     before = listing.sweep(path)
     assert listing.sweep(path) is before
     assert before == sweep_page_data(path)
+    assert [run["state"] for run in before["runs"]] == ["done", "not started"]
+    (path / "runs" / "seed-1").mkdir()
+    shutil.copy(path / "runs" / "seed-0" / "run.yaml", path / "runs" / "seed-1")
+    with (path / "runs" / "seed-1" / "run.yaml").open("rb") as file:
+        lock_file(file.fileno())
+        assert [run["state"] for run in listing.sweep(path)["runs"]] == ["done", "running"]
+    assert [run["state"] for run in listing.sweep(path)["runs"]] == ["done", "stopped"]
+    shutil.rmtree(path / "runs" / "seed-1")
     shutil.copytree(path / "runs" / "seed-0", path / "runs" / "seed-1")
     after = listing.sweep(path)
     assert [run["state"] for run in after["runs"]] == ["done", "done"]

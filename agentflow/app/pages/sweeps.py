@@ -6,9 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from agentflow.app.design.plan import level_of_run, task_of_run
+from agentflow.app.sweeps.folder import RUNS
 from agentflow.app.sweeps.registry import HUMAN, LAYOUT, MECHANISMS, VERIFIED, VIEWS
 from agentflow.app.sweeps.tables import (
     FinishedRun,
@@ -25,7 +27,8 @@ from agentflow.errors import AgentflowError
 from agentflow.machine import library, read_machine
 from agentflow.report.page import require_writable, write_page
 from agentflow.report.sweep import Spread, sweep_data
-from agentflow.runs import read_document
+from agentflow.runs import read_document, state_of
+from agentflow.runs.reading import FILE_NAME
 from agentflow.runs.record import RunRecord
 
 PICTURE = (320, 240)
@@ -86,7 +89,8 @@ def _spread(result: SweepResult, runs: Sequence[FinishedRun], pictures: bool) ->
             "good": good,
             "record": record_json(task, best["score"] if best else None),
         }
-    return Spread(cell.scores, [name for _, name in found], unit, best, goal)
+    calls = fmean(run.numbers.record.calls for run in runs)
+    return Spread(cell.scores, [name for _, name in found], unit, best, {**goal, "calls": calls})
 
 
 def _groups(result: SweepResult) -> dict[tuple[str, str], list[FinishedRun]]:
@@ -113,8 +117,16 @@ def _best(runs: Sequence[FinishedRun], pictures: bool) -> dict[str, Any] | None:
     return {**known, "machine": machine.digest, "verified": verified}
 
 
+def run_states(path: Path) -> dict[str, str]:
+    """The state of each run of a sweep that has begun, by name."""
+    return {
+        file.parent.name: state_of(file.parent) for file in (path / RUNS).glob(f"*/{FILE_NAME}")
+    }
+
+
 def _runs(result: SweepResult) -> list[dict[str, Any]]:
-    """Every run of the sweep: finished with its best score, failed with its reason, or missing."""
+    """Every run of the sweep: finished with its best score, failed with its reason, or as far as it
+    is."""
     done = [
         {
             "name": run.planned.name,
@@ -126,10 +138,11 @@ def _runs(result: SweepResult) -> list[dict[str, Any]]:
         for run in result.finished
     ]
     nothing = {"score": None, "verified": None, "fragile": False}
+    states = run_states(result.path)
     return done + [
         {
             "name": name,
-            "state": "failed" if name in result.failed else "missing",
+            "state": "failed" if name in result.failed else states.get(name, "not started"),
             **nothing,
             "why": result.failed.get(name, ""),
         }

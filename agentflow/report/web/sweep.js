@@ -1,21 +1,29 @@
 // The page of a sweep: distribution of scores, tables, runs.
 
 import { intervalChart, named as axisName } from "./charts.js";
-import { capitalize, el, isNarrow, section, table, verifiedText, withUnit } from "./dom.js";
+import { capitalize, el, formatNumber, isNarrow, section, table, verifiedText, withUnit } from "./dom.js";
 import { shareText, worthText } from "./text.js";
 
 /** @param linked makes an element of the name of a run, and of what is shown in its place
  *  @param still makes a picture of the best machine of a variant, {run, machine} */
 export function sweepPage(data, linked = (name, ...parts) => (parts.length ? el("div", { class: "card" }, ...parts) : name), still = ({ picture }) => picture && el("img", { src: picture, alt: "", width: 320, height: 240 })) {
+  const going = stillRunning(data.runs);
   const main = el("main", { class: "alone" },
       el("header", {}, el("p", { class: "kind" }, "agentflow sweep"), el("h1", {}, data.title), el("p", { class: "lede" }, data.about),
         data.warning ? el("p", { class: "problem" }, data.warning) : null,
-        ...data.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
-      data.spreads.length ? scoreDistributions(data.spreads, (run) => openRun(main, run)) : null,
+        ...data.notes.map((note) => (note.startsWith("INCOMPLETE") ? el("p", { class: going ? "score" : "problem", role: "status" }, going || note) : el("p", { class: "quiet" }, note)))),
+      data.spreads.length ? scoreDistributions(data.spreads, (run) => openRun(main, run), going) : null,
       bestMachines(data.spreads.filter(({ best }) => best), linked, still),
       ...data.tables.filter(({ columns }) => columns.length).map((item, index) => tableSection({ ...item, unit: unitOf(item, data.spreads) }, item.title === data.title ? "Results" : item.title, index > 0)),
       data.runs.length ? runsSection(data.runs, linked) : null);
   return [main];
+}
+
+/** Whether runs are still running, and how many; "" if none is. */
+function stillRunning(runs) {
+  const count = (state) => runs.filter((run) => run.state === state).length;
+  const [running, waiting] = [count("running"), count("not started")];
+  return running ? `${running} of ${runs.length} runs ${running === 1 ? "is" : "are"} still running${waiting ? `, ${waiting} not started` : ""}: no verdict yet.` : "";
 }
 
 /** Follow the link of a run, or else show it in the list of runs. */
@@ -47,22 +55,31 @@ function bestMachines(rows, linked, still) {
 }
 
 /** One chart per task, because each task has its own unit. */
-function scoreDistributions(rows, pick) {
+function scoreDistributions(rows, pick, going) {
   const tasks = [...new Set(rows.map((row) => row.task))].map((task) => rows.filter((row) => row.task === task));
   const known = rows.some((row) => Number.isFinite(row.low));
   const about = `Each dot is a machine of the last stage, and leads to its run; n counts them, and one run may have many. Invalid machines count as 0. Below: the mean${known ? " with its 95% bootstrap confidence interval" : ""}.`;
   return section("Distribution of scores",
-    ...tasks.map(answer),
+    ...tasks.map((found) => answer(found, going)),
     el("p", { class: "quiet" }, about),
     ...tasks.map((found) => intervalChart(found[0].task, axisName("score", found[0].unit), found, null, found.some(({ runs }) => runs.length) ? pick : null)));
 }
 
 /** Which variants have the highest mean at a task as far as their intervals tell, and what scores are worth there. */
-function answer(rows) {
+function answer(rows, going) {
   const sorted = rows.filter(({ mean }) => mean !== null).sort((a, b) => b.mean - a.mean);
   const [{ task, unit, good } = {}] = rows;
   const worth = good === undefined ? "" : el("small", {}, `${capitalize(worthText(rows[0]))}.`);
-  return el("p", {}, sorted.length > 1 ? `At ${task}, ${verdict(sorted, unit)} ` : `At ${task}: `, worth);
+  const decided = sorted.length > 1 && !going;
+  return !decided && !worth ? null : el("p", {}, decided ? `At ${task}, ${verdict(sorted, unit)} ${budgets(sorted)}` : `At ${task}: `, worth);
+}
+
+const UNEVEN = 1.5; // times as many calls, from which budgets are told
+
+/** What a run of each variant spent, where that differs. */
+function budgets(rows) {
+  const [least, most] = [Math.min(...rows.map(({ calls }) => calls)), Math.max(...rows.map(({ calls }) => calls))];
+  return most > UNEVEN * least ? `Their budgets differ: ${listed(rows.map(({ name, calls }) => `a run of ${name} makes ${formatNumber(calls, 0)} calls`))}. ` : "";
 }
 
 const MOST_NAMES = 4; // variants that are named one by one

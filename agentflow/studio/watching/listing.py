@@ -18,7 +18,7 @@ from typing import Any
 
 from agentflow.app.design.plan import RunPlan, task_of_run
 from agentflow.app.inspect.overview import run_details, run_row
-from agentflow.app.pages.sweeps import sweep_page_data
+from agentflow.app.pages.sweeps import run_states, sweep_page_data
 from agentflow.app.sweeps.estimates import estimate
 from agentflow.app.sweeps.folder import LOG, NAME, RUNS, is_sweep
 from agentflow.app.sweeps.tables import record_of
@@ -121,8 +121,8 @@ class Listing:
     def __init__(self, folder: RunFolder, designs: Designs | None = None) -> None:
         self._folder, self._designs = folder, designs
         self._known: dict[Path, _Known] = {}
-        self._sweeps: dict[Path, tuple[list[tuple[Path, float]], Row]] = {}
-        """Pages of sweeps, and the files that they were made from."""
+        self._sweeps: dict[Path, tuple[Signature, Row]] = {}
+        """Pages of sweeps, and the files and states of runs that they were made from."""
         self._lock = Lock()
 
     def rows(self) -> list[Row]:
@@ -202,10 +202,10 @@ class Listing:
         return record_of(path)
 
     def sweep(self, path: Path) -> Row:
-        """The data of a sweep's page, which are kept until a run ends or fails."""
+        """The data of a sweep's page, which are kept until a run begins or ends."""
         files = (path / NAME, path / LOG, *sorted((path / RUNS).glob(f"*/{RESULT}")))
-        now = [(file, _last_change(file)) for file in files]
-        before, data = self._sweeps.get(path, ([], {}))
+        now = [(file, _last_change(file)) for file in files], run_states(path)
+        before, data = self._sweeps.get(path, ((), {}))
         if before != now:
             data = sweep_page_data(path, self.record)
             self._sweeps[path] = now, data
