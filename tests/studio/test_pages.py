@@ -198,7 +198,7 @@ def test_a_design_is_started_watched_and_stopped(
     until(browser, lambda: browser.execute_script(f"{shown} return s && t?.endsWith(' · ' + s)"))
     assert find(browser, ".worth").text.startswith("Good from 45 m · record ")
     stop, resume, follow = browser.find_elements(By.CSS_SELECTOR, ".live button")
-    assert follow.get_attribute("aria-pressed") == "true"
+    assert (follow.get_attribute("aria-pressed"), follow.text) == ("true", "Following the best")
 
     def pick_another() -> bool:
         with suppress(StaleElementReferenceException):  # the tree is drawn again while it grows
@@ -206,11 +206,14 @@ def test_a_design_is_started_watched_and_stopped(
         return follow.get_attribute("aria-pressed") == "false"
 
     until(browser, pick_another)
+    assert follow.text == "Follow the best"
     until(browser, stop.is_displayed)
+    until(browser, lambda: find(browser, ".live").text.count(" more") == 1)
     browser.execute_script("scrollTo(0, 0)")  # from below the bar
     stop.click()
     stopping = "return document.querySelector('.score').textContent.endsWith('is stopping')"
     assert browser.execute_script(stopping)
+    assert " more" not in find(browser, ".live").text
     ended = r"Stopped after [\d,]+ of about [\d,]+ simulations; the best machine is not verified"
     until(browser, lambda: re.fullmatch(ended, find(browser, ".live .state").text))
     until(browser, resume.is_displayed)

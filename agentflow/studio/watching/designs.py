@@ -6,6 +6,7 @@ import asyncio
 import inspect
 import json
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -31,6 +32,7 @@ from agentflow.errors import UnknownNameError, UsageError
 from agentflow.interpreter import python_command, python_environment
 from agentflow.models.completion import PATH_STARTS
 from agentflow.runs import read_document, state_of
+from agentflow.runs.locations import Location
 from agentflow.runs.reading import FILE_NAME
 from agentflow.studio.answers import Arguments
 from agentflow.studio.folder import RunFolder
@@ -43,8 +45,8 @@ START_S, STOP_S = 120.0, 15.0
 """Seconds that a design has to create its run, and to end after it was interrupted."""
 MOST = 8
 """Most designs at a time."""
-RETRYING = "; retrying in "
-"""What a line about a call that is tried again holds."""
+RETRYING = re.compile(r"(\S+): (.*); retrying in ([\d.]+) s")
+"""A line about a call that is tried again: label, why, and seconds until then."""
 SPOKEN = "\nagentflow: "
 """How a message on stderr begins."""
 KEPT = 4000
@@ -179,7 +181,9 @@ class _Started:
     retries: int = 0
     """Calls that were tried again."""
     retry: str = ""
-    """Why the last of them was, and how long it waits."""
+    """Which the last of them was, and why."""
+    until: float = 0.0
+    """When that is tried again, seconds since 1970."""
     stopped: bool = False
     """Whether somebody has stopped it."""
     begun: float = field(default_factory=time)
@@ -201,8 +205,9 @@ class _Started:
     def hear(self, line: str) -> None:
         """Take in a line of what the process says, without its key."""
         told = for_page(line)
-        if RETRYING in told:
-            self.retries, self.retry = self.retries + 1, told.removeprefix(SPOKEN.strip() + " ")
+        if found := RETRYING.fullmatch(told.removeprefix(SPOKEN.strip() + " ")):
+            self.retries, self.until = self.retries + 1, time() + float(found[3])
+            self.retry = f"{Location.parse(found[1]).words}: {found[2]}"
         else:
             self.said = f"{self.said}\n{told}"[-KEPT:]
 
@@ -273,9 +278,11 @@ class Designs:
         return self._started[name].problem if name in self._started else ""
 
     def retries(self, name: str) -> dict[str, Any]:
-        """How many calls of a design were tried again, and why the last one was."""
+        """How many calls of a design were tried again, which the last one was and why, and when it
+        is tried again."""
         known = self._started.get(name)
-        return {"count": known.retries, "last": known.retry} if known else {"count": 0, "last": ""}
+        told = (known.retries, known.retry, known.until) if known else (0, "", 0.0)
+        return dict(zip(("count", "last", "until"), told, strict=True))
 
     async def end_of(self, name: str) -> str:
         """The same once its process has ended, which it does soon after its run is gone."""

@@ -1,6 +1,6 @@
 // The page of one run, in the report's view, while it grows.
 
-import { el, formatNumber } from "../../report/web/dom.js";
+import { capitalize, el, formatNumber } from "../../report/web/dom.js";
 import { RunView } from "../../report/web/run.js";
 import { problem } from "../../report/web/text.js";
 import { address, ask, follow, send } from "./api.js";
@@ -79,10 +79,11 @@ class Live {
     this.spent = el("span", { class: "quiet" });
     this.clock = el("span", { class: "quiet", "aria-live": "off" });
     this.meter = el("progress", { "aria-label": "Simulations of those planned", hidden: "" });
-    this.following = el("button", { "aria-pressed": "true", hidden: "", click: () => this.setFollowing(!view.following) }, "Follow best");
+    this.following = el("button", { "aria-pressed": "true", hidden: "", click: () => this.setFollowing(!view.following) }, "Following the best");
     this.setFollowing = (on) => {
       view.following = on;
       this.following.setAttribute("aria-pressed", on);
+      this.following.textContent = on ? "Following the best" : "Follow the best";
       if (on) view.update(view.data);
     };
     view.picking = () => this.setFollowing(false);
@@ -92,6 +93,7 @@ class Live {
     this.again = el("span", { class: "actions" });
     this.told = el("p", { class: "problem", role: "alert" });
     this.waiting = el("p", { class: "waiting", role: "status" });
+    this.wait = el("span", { "aria-live": "off" }); // seconds until a call is tried again
     this.element = el("div", { class: "live" }, el("p", { role: "status" }, this.state, this.stage), this.stop, this.resume, this.following, this.again,
       el("p", {}, this.spent, this.clock), this.meter, this.waiting, this.told);
     this.timer = setInterval(() => this.tick(), 1000);
@@ -109,6 +111,7 @@ class Live {
       button.disabled = true;
       button.textContent = this.state.textContent = doing; // the news may come before the answer
       this.show();
+      this.tick();
       try {
         await send(`/api/designs/${what}`, { run: this.run });
         button.hidden = true;
@@ -137,7 +140,8 @@ class Live {
     if (news.calls === undefined) return null;
     const { planned, calls, refused, retries, simulations, stage } = news;
     if (retries.count > (this.tried?.count ?? 0)) this.tried = { count: retries.count, calls };
-    this.waiting.textContent = this.tried?.calls === calls && state === "running" ? `Waiting for the endpoint: ${retries.last}` : "";
+    this.until = retries.until;
+    this.waiting.replaceChildren(...(this.tried?.calls === calls && state === "running" ? [`Waiting for the endpoint. ${capitalize(retries.last)}.`, " ", this.wait] : []));
     const of = (count, about, name) => `${formatNumber(count)}${state !== "done" && about > count ? ` of about ${formatNumber(about)}` : ""} ${name}`;
     const stopped = state === "stopped";
     if (stopped) this.state.textContent = `Stopped after ${of(simulations, planned.simulations, "simulations")}; ${news.machine ? "the best machine is not verified" : "there is no machine yet"}`;
@@ -175,7 +179,9 @@ class Live {
   tick() {
     if (!this.heard) return;
     const { at, seconds, running, left } = this.heard;
-    this.clock.textContent = clock(seconds + (running ? (performance.now() - at) / 1000 : 0)) + left;
+    this.clock.textContent = clock(seconds + (running ? (performance.now() - at) / 1000 : 0)) + (this.stop.disabled ? "" : left);
+    const wait = Math.ceil(this.until - Date.now() / 1000);
+    this.wait.textContent = wait > 0 ? `Next attempt in ${wait} s.` : "Trying again …";
   }
 
   fail(words) {
