@@ -160,9 +160,9 @@ class RunStory:
         if not self.result.valid:
             return (self.result.reason or "no valid machine was found") + end
         stage = self.result.best_stage and stage_words(self.result.best_stage, self._model)
+        if not self.result.score:  # the page says why
+            return f"is the highest score{end}"
         place = f" found in {stage}" if stage else ""
-        if not self.result.score:
-            return f"is the highest score of any machine; one{place} is shown{end}"
         return f"by the best machine{',' * bool(place)}{place}{end}"
 
     def _facts(self) -> dict[str, str]:

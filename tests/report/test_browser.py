@@ -324,6 +324,7 @@ def test_the_score_at_the_top_is_the_verified_one_and_its_fall_is_told(
 ) -> None:
     _, data = run_data(RECORDED)
     verified = {**data["run"]["verified"], "score": 9.0}
+    data["task"]["greatest"] = 6000.0
     bare = {"machines": {}, "shapes": [], "files": ""}
     for score, warned in ((9.5, []), (12, ["Its score of 12 m falls to 9 m when verified"])):
         told_run = {**data["run"], "score": score, "verified": verified}
@@ -331,7 +332,7 @@ def test_the_score_at_the_top_is_the_verified_one_and_its_fall_is_told(
         (tmp_path / "run.html").write_text(page, encoding="utf-8")
         browser.get((tmp_path / "run.html").as_uri())
         until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".score b"))
-        assert find(browser, ".score").text.startswith("9 m (verified) by the best machine")
+        assert find(browser, ".score").text.startswith("9 m of 6,000 m (verified) by the best")
         reached = browser.execute_script(
             "return document.querySelector('.reached').style.getPropertyValue('--at')"
         )

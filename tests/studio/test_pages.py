@@ -194,6 +194,7 @@ def test_a_design_is_started_watched_and_stopped(
     until(browser, lambda: find(browser, ".live .state").text.endswith("running"))
     until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, "svg[aria-label^='Score over']"))
     assert "of about" in find(browser, ".live").text
+    assert re.match(r"Runs / throwing-.+-seed5", find(browser, "main > p").text)
     shown = "[s, t] = ['.score b', '.title'].map((e) => document.querySelector(e)?.textContent);"
     until(browser, lambda: browser.execute_script(f"{shown} return s && t?.endsWith(' · ' + s)"))
     assert find(browser, ".worth").text.startswith("Good from 45 m · record ")

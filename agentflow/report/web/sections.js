@@ -18,7 +18,7 @@ export function header(data, pick) {
     el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}${attempts}`),
     el("h1", {}, run.task),
     el("p", { class: "kind" }, data.task.title),
-    el("p", { class: "score" }, shown === null ? "no score" : el("b", {}, withUnit(shown, data.task.unit), data.task.greatest ? ` of ${data.task.greatest}` : ""), trusted === null ? " " : " (verified) ", run.sentence),
+    el("p", { class: "score" }, shown === null ? "no score" : el("b", {}, withUnit(shown, data.task.unit), data.task.greatest ? ` of ${withUnit(data.task.greatest, data.task.unit)}` : ""), trusted === null ? " " : " (verified) ", run.sentence),
     passedOver(data, pick),
     worth(data, shown),
     trusted < FALL * run.score ? el("p", { class: "failing" }, `Its score of ${withUnit(run.score, data.task.unit)} falls to ${withUnit(trusted, data.task.unit)} when verified: small changes of physics cost this machine as much.`) : null,

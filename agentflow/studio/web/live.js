@@ -35,7 +35,7 @@ export async function livePage({ run }) {
   view.player.making = [...making(async () => ({ ...await ask("/api/build/from", { run, machine: view.machine }), digest: view.machine }), (text) => (told.textContent = text)), " ", told];
   view.level = levelPicture(data.run.task);
   const live = new Live(run, view);
-  view.main.prepend(live.element);
+  view.main.prepend(el("p", { class: "quiet" }, el("a", { href: "#runs" }, "Runs"), ` / ${shortName(run)}`), live.element);
   live.show(data);
   let reading = null;
   const read = () => (reading ??= new Promise((done) => setTimeout(done, PAUSE)).then(async () => {
