@@ -342,6 +342,30 @@ def test_the_score_at_the_top_is_the_verified_one_and_its_fall_is_told(
         assert [text.partition(":")[0] for text in told] == warned
 
 
+def test_a_tree_higher_than_its_box_can_be_shown_whole(
+    browser: webdriver.Chrome, tmp_path: Path
+) -> None:
+    _, data = run_data(RECORDED)
+    known = {**data["nodes"][0], "best": False, "lead": False}
+    pairs = [
+        [{**known, "id": f"{n}"}, {**known, "id": f"{n}+", "parent": f"{n}"}] for n in range(40)
+    ]
+    for count, shown in ((40, True), (3, False)):
+        nodes = [node for pair in pairs[:count] for node in pair]
+        bare = {**data, "nodes": nodes, "machines": {}, "shapes": [], "files": ""}
+        (tmp_path / "run.html").write_text(whole_page("run", bare), encoding="utf-8")
+        browser.get((tmp_path / "run.html").as_uri())
+        until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".node circle"))
+        box, tree = find(browser, ".tall"), find(browser, "svg.tree")
+        button = box.find_element(By.XPATH, "following-sibling::button")
+        until(browser, lambda b=button, s=shown: b.is_displayed() is s)
+        assert (box.rect["height"] < tree.rect["height"]) is shown
+        if shown:
+            button.click()
+            assert box.rect["height"] >= tree.rect["height"]
+            assert not button.is_displayed()
+
+
 def test_a_higher_score_that_was_not_chosen_is_explained_and_leads_to_its_machine(
     browser: webdriver.Chrome, tmp_path: Path
 ) -> None:
@@ -368,7 +392,9 @@ def test_a_higher_score_that_was_not_chosen_is_explained_and_leads_to_its_machin
             )
             assert find(browser, ".chosen h2").text.startswith(own["title"])
             browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
-            assert find(browser, ".passed button").is_displayed(), "its name is in a sentence"
+            name = find(browser, ".passed button")
+            assert name.is_displayed(), "it is in a sentence"
+            assert name.value_of_css_property("border-top-width") == "0px"
             browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
             find(browser, ".passed button").click()
             assert find(browser, ".chosen h2").text.startswith(high["title"])

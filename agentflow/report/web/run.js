@@ -33,6 +33,7 @@ export class RunView {
     this.axis = {}; // of the chart of scores
     this.following = false; // whether the best machine is shown as soon as there is a better one
     this.growing = false; // whether the run goes on: then the film of a better machine plays
+    this.whole = false; // whether a tree that is higher than its box is shown whole
     this.level = ""; // a picture of it, shown until there is a machine
     this.picking = () => {}; // called when somebody picks a machine
     this.top = el("div", {});
@@ -84,7 +85,11 @@ export class RunView {
   search() {
     this.tree = new Tree(this.data.nodes, (node) => this.choose(node));
     if (this.picked) this.tree.select(this.picked);
-    return this.data.nodes.length > 1 ? section("Search", el("div", { class: "tall" }, this.tree.element), legend()) : null;
+    if (this.data.nodes.length < 2) return null;
+    const box = el("div", { class: this.whole ? "" : "tall" }, this.tree.element);
+    const whole = el("button", { hidden: "", click: () => { this.whole = true; box.classList.remove("tall"); whole.hidden = true; } }, "Show the whole tree");
+    new ResizeObserver(() => (whole.hidden = box.scrollHeight <= box.clientHeight)).observe(this.tree.element);
+    return section("Search", box, whole, legend());
   }
 
   /** Show a machine by content hash. */
