@@ -74,7 +74,7 @@ function answer(rows, going) {
   return !decided && !worth ? null : el("p", {}, decided ? `At ${task}, ${verdict(sorted, unit)} ${budgets(sorted)}` : `At ${task}: `, worth);
 }
 
-const UNEVEN = 1.5; // times as many calls, from which budgets are told
+const UNEVEN = 1.5; // times as many calls, from which the page names the budgets
 
 /** What a run of each variant spent, where that differs. */
 function budgets(rows) {
