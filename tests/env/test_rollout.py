@@ -163,7 +163,7 @@ def test_a_rollout_that_diverges_scores_nothing() -> None:
     assert np.isfinite(rollout.trace.position).all()
     assert rollout.sim_seconds == pytest.approx(40 / 120)
     assert rollout.feedback.text == (
-        "The simulation diverged after 0.33 s; this counts as score 0."
+        "The simulation diverged after 0.33 s; this counts as score 0.\nBroken: none"
     )
 
 

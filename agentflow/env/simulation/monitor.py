@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from math import inf
 
+import numpy as np
+
 from agentflow.env.measurements import Energy, Measured, Pull
 from agentflow.env.physics.engine import World
 from agentflow.env.physics.loads import Loads
@@ -33,6 +35,9 @@ LONG_BEFORE, BEFORE, AFTER = 0.2, 0.05, 0.05
 are kept, s: springs throw within 0.2 s."""
 PRESSING = 3
 """How many steps to read contacts in after a jump: what bounces off presses for as long."""
+ERROR = 0.05
+"""Share of the energy given by motors, springs, gravity and wind that errors of an engine's steps
+may add: ten times as much as with any machine of a record."""
 LONG, SHORT, SHARE = 0.4, 0.2, 0.02
 """For how long to look closely, and to read contacts in every step, in any rollout, s; share of
 all other steps in which either may be done besides."""
@@ -63,6 +68,9 @@ class Monitor:
         self._speeds, self._peak, self._steps = (0.0, 0.0), 0.0, 0
         self._touches: list[float] = []
         """Times at which bodies touched for the first time, s."""
+        self.unexplained = 0.0
+        """Energy that all bodies have at the decisive moment and that nothing gave them, J: more
+        than `ERROR` of what was given; known once all is measured."""
 
     def start(self) -> None:
         """t = 0: what touches now stands."""
@@ -193,5 +201,8 @@ class Monitor:
         time, then = self.recorder.snapshot_near(inf if moment is None else moment.time)
         thrown = None if moment is None else moment.body
         done = works[self.history.steps_until([time])[0]] - works[0]
-        energies = self._world.energies(start), self._world.energies(then)
+        energies = before, after = self._world.energies(start), self._world.energies(then)
+        given = np.append(done, before[:, 1].sum() - after[:, 1].sum())
+        excess = float((after[:, 0] - before[:, 0]).sum() - given.sum())
+        self.unexplained = excess if excess > ERROR * float(given.clip(0.0).sum()) else 0.0
         return energy_until(time, done, energies, thrown, self.recorder.objects)

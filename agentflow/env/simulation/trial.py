@@ -12,6 +12,7 @@ from agentflow.env.constants import Constants
 from agentflow.env.controllers.pilot import Pilot
 from agentflow.env.controllers.rate import RATE
 from agentflow.env.controllers.telling import tell_controllers
+from agentflow.env.feedback.compose import broken_lines
 from agentflow.env.feedback.stalls import stalled_motors
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, Watch, World
@@ -39,6 +40,9 @@ from agentflow.env.tasks.base import Task
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
+
+UNEXPLAINED = 1000.0
+"""Energy that may come from nothing, J: less than throws a block far. A choice of ours."""
 
 
 class RefereeView:
@@ -334,7 +338,7 @@ class Trial:
             for item in self._broken
         )
         marginal = tuple(Marginal(*self._connection(*item)) for item in self._nearly_broken())
-        trace, verdict, feedback = self._judge(status, broken)
+        status, trace, verdict, feedback = self._judge(status, broken)
         events = sorted((*self._events, *verdict.events), key=lambda event: event.time)
         return Rollout(
             status=status,
@@ -370,14 +374,22 @@ class Trial:
 
     def _judge(
         self, status: Status, broken: tuple[Broken, ...]
-    ) -> tuple[Trace | None, Verdict, Feedback]:
-        """Trace, score and feedback: the task's after a whole window, else why the trial ended."""
+    ) -> tuple[Status, Trace | None, Verdict, Feedback]:
+        """Status, trace, score and feedback: the task's after a whole window in which no energy
+        came from nothing, else why the trial ended or does not count."""
         if status == "ok":
             whole = self._monitor.trace()
             verdict = self._referee.verdict(whole)
             measured = self._monitor.measure(verdict.moment, broken)
             trace = self._monitor.thin_out(whole, verdict.moment, broken)
             trace = replace(trace, measured=measured)
+            excess = self._monitor.unexplained
+            if excess > UNEXPLAINED and not any(item.load for item in self._scene.objects):
+                text = (
+                    f"The simulation gained {excess:.0f} J that no motor, spring, fall or wind "
+                    "gave: something hit faster than steps can follow"
+                )
+                return self._diverged(trace, text, broken)
             if self._power:
                 stalls = stalled_motors(self._machine, trace.even, self._switches)
                 verdict = replace(verdict, events=(*verdict.events, *stalls))
@@ -385,12 +397,19 @@ class Trial:
             if self._pilot:
                 end = self._elapsed / self._rate
                 feedback = tell_controllers(feedback, self._pilot, verdict.moment, end)
-            return trace, verdict, feedback
+            return status, trace, verdict, feedback
         recorded = self._settled and status != "timeout"
         states = self._monitor.trace() if recorded else None
         seconds = self._elapsed / self._rate
         if status == "diverged":
-            text = f"The simulation diverged after {seconds:.2f} s; this counts as score 0."
-        else:
-            text = f"The simulation was cut off after {self._cpu_limit:g} s of computing time."
-        return states, Verdict(0.0, {}), Feedback(text, {"status": status, "time": seconds})
+            return self._diverged(states, f"The simulation diverged after {seconds:.2f} s", broken)
+        text = f"The simulation was cut off after {self._cpu_limit:g} s of computing time."
+        return status, states, Verdict(0.0, {}), Feedback(text, {"status": status, "time": seconds})
+
+    def _diverged(
+        self, trace: Trace | None, text: str, broken: tuple[Broken, ...]
+    ) -> tuple[Status, Trace | None, Verdict, Feedback]:
+        """What counts as score 0, with what broke before."""
+        lines = [f"{text}; this counts as score 0.", *broken_lines(self._machine, broken)]
+        data = {"status": "diverged", "time": self._elapsed / self._rate}
+        return "diverged", trace, Verdict(0.0, {}), Feedback("\n".join(lines), data)

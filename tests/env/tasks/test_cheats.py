@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 
 import pytest
 
+from agentflow.env.physics.mujoco.engine import MuJoCoEngine
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_level, get_task, task_names
@@ -75,6 +77,16 @@ def test_a_tower_that_falls_forward_drives_nowhere() -> None:
     assert rollout.status == "ok", rollout.problems
     assert rollout.score is not None
     assert rollout.score < NEGLIGIBLE
+
+
+def test_energy_from_nothing_does_not_count() -> None:
+    """A rotor flings its root so fast that landing it adds more energy than it ever had."""
+    flung = load("movement/flung_root.json")
+    rollout = simulate(flung, get_task("movement/2"), engine=MuJoCoEngine())
+    assert (rollout.status, rollout.score) == ("diverged", 0.0)
+    first, *broken = rollout.feedback.text.splitlines()
+    assert re.match(r"The simulation gained \d{4,5} J that no motor, spring, fall or wind gave", first)
+    assert broken[0].startswith("Broken: block 22 (Log) off block 21 at 0.23 s")
 
 
 def test_a_car_drives_only_with_power() -> None:
