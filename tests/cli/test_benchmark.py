@@ -104,6 +104,25 @@ def test_lite_does_one_item_of_each_family(tmp_path: Path, capsys: Captured) -> 
     assert card["conditions"]["lite"] is True
 
 
+def test_a_folder_of_cards_stands_for_them_if_they_can_be_compared(
+    tmp_path: Path, capsys: Captured
+) -> None:
+    cards = Path(__file__).parents[2] / "docs" / "cards"
+    assert main(["leaderboard", str(cards)]) == 2
+    told = capsys.readouterr().err
+    assert f"{cards} has cards of 3 benchmarks, which cannot be compared: write " in told
+    words = next(each.split() for each in told.split(" or ") if "procedural.json" in each)
+    assert main(words[words.index("leaderboard") :]) == 0
+    capsys.readouterr()
+    for name in ("eleven-items-procedural.json", "eleven-items-random.json"):
+        shutil.copy(cards / name, tmp_path)
+    assert main(["leaderboard", str(tmp_path)]) == 0
+    assert "random edits" in capsys.readouterr().out
+    (tmp_path / "empty").mkdir()
+    assert main(["leaderboard", str(tmp_path / "empty")]) == 2
+    assert "empty has no card.json" in capsys.readouterr().err
+
+
 def test_cards_are_checked_before_they_are_compared(folder: Path, capsys: Captured) -> None:
     words = ["leaderboard", str(folder / "small"), "--check", "--benchmark"]
     assert main([*words, str(folder / "small.yaml")]) == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
@@ -34,6 +35,31 @@ OF_FRAGILE = (
     "fragile: number of items whose best machine fails under some small change of masses, "
     "friction, drives or time step."
 )
+
+
+def find_cards(paths: Sequence[Path]) -> list[Path]:
+    """Files of cards; a folder without one of its own stands for the cards in it.
+
+    Raises:
+        UsageError: A folder has cards of several benchmarks, which cannot be compared, or none.
+    """
+    found = list[Path]()
+    for path in paths:
+        if not path.is_dir() or (path / NAME).exists():
+            found.append(path)
+            continue
+        groups: dict[str, list[Path]] = {}
+        for file in (*sorted(path.glob("*.json")), *sorted(path.glob(f"*/{NAME}"))):
+            card = read_card(file)
+            groups.setdefault(f"{card.digest} {card.conditions}", []).append(file)
+        if len(groups) != 1:
+            choices = [f"agentflow leaderboard {shlex.join(map(str, g))}" for g in groups.values()]
+            several = f"{path} has cards of {len(groups)} benchmarks, which cannot be compared: "
+            raise UsageError(
+                f"{several}write {' or '.join(choices)}" if groups else f"{path} has no {NAME}"
+            )
+        found += next(iter(groups.values()))
+    return found
 
 
 def read_cards(paths: Sequence[Path]) -> list[Scorecard]:

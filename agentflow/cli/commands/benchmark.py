@@ -150,15 +150,16 @@ def leaderboard(
     copy a record are named.
 
     Args:
-        cards: Scorecards, or directories of benchmarks.
+        cards: Scorecards, directories of benchmarks, or folders of scorecards of one benchmark.
         html: Also write an HTML page to this file.
         check: Simulate all machines of the cards again; refuse cards that differ.
         source: With --check: the benchmark file of the cards.
         tolerance: With --check: how far scores may differ, as a share.
     """
-    from agentflow.app.benchmark.leaderboard import format_tables, read_cards
+    from agentflow.app.benchmark.leaderboard import find_cards, format_tables, read_cards
     from agentflow.app.benchmark.leaderboard import leaderboard as compare
 
+    cards = find_cards(cards)
     found = read_cards(cards)
     told: tuple[str, ...] = ()
     if check:
