@@ -459,6 +459,23 @@ def test_control_is_edited_checked_and_shown_as_curves_under_the_film(
     until(browser, lambda: text.get_property("value") == written)
     open_page(browser, served, "build?task=movement")
     assert not browser.find_elements(By.CSS_SELECTOR, ".control textarea")
+    open_page(browser, served, "build?task=movement/7&record=yes")
+    text, apply = find(browser, ".control textarea"), find(browser, ".control .play")
+    until(browser, lambda: "sensors" in str(text.get_property("value")))
+    write("{")
+    until(browser, lambda: told() and told()[0].startswith("this is not JSON: "))
+    above, below = find(browser, ".control li").rect, apply.rect  # in sight without scrolling
+    assert above["y"] + above["height"] <= below["y"]
+    told_at = browser.execute_script(
+        "return arguments[0].getBoundingClientRect().bottom - innerHeight",
+        find(browser, ".control li"),
+    )
+    assert told_at <= 0
+    write("{}")
+    find(browser, ".control button").click()  # a law that balances
+    until(browser, lambda: "lean" in str(text.get_property("value")) and apply.is_enabled())
+    find(browser, ".test").click()
+    said(browser, "Test 1: score 10")
     open_page(browser, served, "build?task=rocket/5")
     assert browser.find_elements(By.CSS_SELECTOR, ".side > .control[open]:first-child")
     assert "no faster than 4 m/s and at most 20 m" in find(browser, ".task-card summary").text

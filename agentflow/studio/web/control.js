@@ -22,7 +22,7 @@ export function controlEditor(editor) {
   const element = el("details", { class: "control", open: designed ? "" : null }, el("summary", {}, "Control"),
     el("p", { class: "quiet" }, designed ? "Machines of this task bring their own control: what runs when, and at which level. Example writes one for what this machine has."
       : "This task switches all blocks by its own schedule; machines of it bring no control."),
-    ...(designed ? [el("p", {}, parts, " ", el("button", { click: () => insert("example") }, "Example")), fields, json, el("p", {}, apply, " ", back), problems] : []));
+    ...(designed ? [el("p", {}, parts, " ", el("button", { click: () => insert("example") }, "Example")), fields, problems, json, el("p", {}, apply, " ", back)] : []));
   let timer = null;
 
   const own = () => {
@@ -74,8 +74,10 @@ export function controlEditor(editor) {
   }
   function tell(found) {
     apply.disabled = found.length > 0;
+    const first = found.length && !problems.children.length;
     problems.replaceChildren(...found.map((message) => el("li", { class: "bad" }, message, " ",
       place(message) ? el("button", { click: () => mark(place(message)) }, "Show") : "")));
+    if (first) problems.scrollIntoView({ block: "nearest" });
   }
   /** Where in the text a problem is: [begin, end]; null if it is not known. */
   function place(message) {
@@ -91,12 +93,25 @@ export function controlEditor(editor) {
     text.setSelectionRange(begin, end);
     text.scrollTop = text.scrollHeight * (text.value.slice(0, begin).split("\n").length / text.value.split("\n").length) - text.clientHeight / 2;
   }
+  const held = (data) => Object.assign(data, { controllers: { sensors: {}, laws: {}, outputs: [], ...data.controllers } }).controllers;
+  /** Motors that drive the machine back under its top, and against its speed. */
+  function balance(data) {
+    const { sensors, laws, outputs } = held(data);
+    const [lean, speed] = ["lean", "speed"].map((name) => free(name, sensors));
+    sensors[lean] = { kind: "tilt", axis: "z" };
+    sensors[speed] = { kind: "velocity", axis: "z" };
+    const [caught, kept, sum] = ["catch", "keep", "balance"].map((name) => free(name, laws));
+    laws[caught] = { kind: "pd", sensor: lean, p: -0.01, d: -0.003 };
+    laws[kept] = { kind: "pd", sensor: speed, p: -0.11 };
+    laws[sum] = { kind: "sum", terms: [{ law: caught }, { law: kept }] };
+    outputs.push({ group: "motors", law: sum });
+  }
   /** Motors that turn more slowly the nearer something ahead is; what turns itself does not look ahead. */
   function approach(data) {
     const { blocks } = editor.state;
     const turns = ({ group, name, parents }) => Boolean(group) || /wheel|hinge|joint|cog|propeller|axle/i.test(name) || parents.some((id) => id >= 0 && turns(blocks[id]));
     const [{ id }] = blocks.filter((block) => !turns(block)).sort((a, b) => b.position[2] - a.position[2]);
-    const { sensors, laws, outputs } = Object.assign(data, { controllers: { sensors: {}, laws: {}, outputs: [], ...data.controllers } }).controllers;
+    const { sensors, laws, outputs } = held(data);
     const [sensor, law] = [free("ahead", sensors), free("approach", laws)];
     sensors[sensor] = { kind: "distance", block: id, axis: "z+" };
     laws[law] = { kind: "pd", sensor, target: 2, p: -0.1 };
@@ -115,7 +130,7 @@ export function controlEditor(editor) {
     if (place === "example") {
       const driven = editor.state.blocks.filter(({ group }) => group);
       if (!driven.length) return tell(["Nothing to control: add a motor or a thruster."]);
-      if (senses && driven.some(({ group }) => group === "motors")) approach(data);
+      if (senses && driven.some(({ group }) => group === "motors")) (/upright/.test(editor.start.objective) ? balance : approach)(data);
       else (data.controls ??= []).push(...[...Map.groupBy(driven, ({ group }) => group)].map(([group, blocks], at) => ({ blocks: blocks.map(({ id }) => id), at, for: 2, level: +(group !== "grabbers") })));
     } else if (place === "controls") (data.controls ??= []).push({ blocks: [chosen], at: 0, for: 1, level: 1 });
     else {
