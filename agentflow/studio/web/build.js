@@ -12,6 +12,7 @@ import { Editor } from "./editor.js";
 import { EXAMPLE } from "./example.js";
 import { links } from "./first.js";
 import { carGuide } from "./guide.js";
+import { moment } from "./list.js";
 import { making } from "./making.js";
 import { blockPalette, blockTree, faceList, facts } from "./panel.js";
 import { Recorder } from "./recorder.js";
@@ -82,7 +83,7 @@ class BuildPage {
     if (session || !found.length) return "";
     const told = ({ count, best }) => `${count} block${count === 1 ? "" : "s"}${best === null ? "" : `, best ${withUnit(best, this.editor.start.unit)}`}`;
     const bar = el("p", { class: "earlier" }, "Earlier work on this task: ",
-      ...found.map((draft) => el("button", { class: "play", title: new Date(draft.saved).toLocaleString(), click: () => this.resume(draft, bar) }, `Continue (${told(draft)})`)), " or ",
+      ...found.map((draft) => el("button", { class: "play", title: moment(draft.saved / 1000), click: () => this.resume(draft, bar) }, `Continue (${told(draft)})`)), " or ",
       el("button", { click: () => bar.remove() }, "Start new"));
     this.offer = bar;
     return bar;

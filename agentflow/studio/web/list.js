@@ -178,12 +178,20 @@ export const pictureOf = ({ run, machine }, width, height, on) => el("img", { sr
 /** A time in minutes and seconds. */
 export const clock = (seconds) => `${Math.floor(Math.round(seconds) / 60)}:${String(Math.round(seconds) % 60).padStart(2, "0")} min`;
 
-/** When a run began: the time today, else the day. */
+const TIME = 5; // characters of a time of day
+
+/** A time in seconds since 1970 as a date, with its year unless that is this one, and a time of day. */
+export function moment(seconds) {
+  const at = new Date(1000 * seconds);
+  const year = at.getFullYear() === new Date().getFullYear() ? {} : { year: "numeric" };
+  return at.toLocaleString("en-GB", { day: "numeric", month: "short", ...year, hour: "2-digit", minute: "2-digit" });
+}
+
+/** When a run began: the time today, else the day too. */
 function started(begun) {
   if (begun === null) return "–";
-  const at = new Date(1000 * begun);
-  const [today, year] = [new Date().toDateString() === at.toDateString(), new Date().getFullYear() === at.getFullYear()];
-  return at.toLocaleString("en-GB", { ...(today ? {} : { day: "numeric", month: "short" }), ...(year ? { hour: "2-digit", minute: "2-digit" } : { year: "numeric" }) });
+  const today = new Date().toDateString() === new Date(1000 * begun).toDateString();
+  return today ? moment(begun).slice(-TIME) : moment(begun);
 }
 
 /** The best score over time as a line of steps from 0, to the end of the run. */

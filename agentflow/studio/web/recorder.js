@@ -2,7 +2,7 @@
 // goes to the server, which keeps the time and writes the file.
 
 import { el } from "../../report/web/dom.js";
-import { address, ask, send } from "./api.js";
+import { ask, send } from "./api.js";
 import { Microphone } from "./microphone.js";
 
 const TICK = 500; // milliseconds between two looks at the clock
@@ -123,7 +123,7 @@ export class Recorder {
     if (this.over.open) return;
     this.leave();
     this.finish();
-    this.over.replaceChildren(el("h2", {}, words), el("p", { class: "quiet" }, `sessions/${this.name}`), el("p", {}, el("a", { class: "button", href: address("replay", { session: this.name }) }, "Replay it"), " ", el("a", { class: "button", href: "#sessions" }, "All sessions")));
+    this.over.replaceChildren(el("h2", {}, words), el("p", {}, "Please tell the person who leads the study that you are done."), el("p", { class: "quiet" }, `Recorded in sessions/${this.name}. A reload of this page leads on.`));
     this.over.showModal();
   }
 

@@ -5,6 +5,7 @@ import { el, formatNumber } from "../../report/web/dom.js";
 import { Player } from "../../report/web/player.js";
 import { problem } from "../../report/web/text.js";
 import { ask } from "./api.js";
+import { moment } from "./list.js";
 
 const SPEEDS = [1, 4, 16, 64];
 const SPANS = ["pause", "break", "trial"]; // kinds of events that last
@@ -33,7 +34,7 @@ class Replay {
     };
     this.lines = data.events.map(({ at, text, kind }) => el("button", { class: kind, click: () => this.seek(at) }, el("span", {}, spell(at)), ` ${text}`));
     const notes = data.events.filter(({ kind }) => kind === "note").length;
-    const about = [data.participant && `participant ${data.participant}`, data.mode, new Date(1000 * data.began).toLocaleString("en-GB", { dateStyle: "medium", timeStyle: "short" }), spell(data.seconds), notes === 1 ? "1 note" : `${notes} notes`];
+    const about = [data.participant && `participant ${data.participant}`, data.mode, moment(data.began), spell(data.seconds), notes === 1 ? "1 note" : `${notes} notes`];
     const texts = Object.entries({ "Consent text": data.consent, Rationale: data.rationale }).filter(([, text]) => text);
     this.main = el("main", {}, el("header", {}, el("p", { class: "quiet" }, el("a", { href: "#sessions" }, "Sessions"), ` / ${session}`), el("h1", {}, data.task), el("p", { class: "lede" }, about.filter(Boolean).join(" · "))),
       el("section", { class: "replay", "aria-label": "Timeline" }, el("p", {}, this.play, speed, this.time, this.film),

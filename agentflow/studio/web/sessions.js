@@ -5,6 +5,7 @@ import { problem } from "../../report/web/text.js";
 import { address, ask, send } from "./api.js";
 import { taskOptions } from "./boards.js";
 import { field } from "./design.js";
+import { moment } from "./list.js";
 
 const CONSENT = "agentflow consent text"; // what the browser keeps the last one under
 
@@ -75,7 +76,7 @@ function list(sessions, units) {
   if (!sessions.length) return el("p", { class: "quiet" }, "No session is recorded yet.");
   const whole = sessions.filter(({ problem: fault }) => !fault);
   const rows = whole.map(({ session, task, mode, participant, began, seconds, actions, trials, best }) =>
-    [el("a", { href: address("replay", { session }) }, session), participant || "–", task, mode, new Date(1000 * began).toLocaleString("en-GB", { dateStyle: "short", timeStyle: "short" }), formatNumber(seconds / 60, 1), formatNumber(actions), formatNumber(trials), withUnit(best, units.get(task))]);
+    [el("a", { href: address("replay", { session }) }, session), participant || "–", task, mode, moment(began), formatNumber(seconds / 60, 1), formatNumber(actions), formatNumber(trials), withUnit(best, units.get(task))]);
   return section("Recorded sessions",
     rows.length ? table("", ["Session", "Participant", "Task", "Mode", "Started", "Minutes", "Actions", "Tests", "Best score"], rows, 5) : "",
     ...sessions.filter(({ problem: fault }) => fault).map(({ problem: fault }) => problem(fault)),
