@@ -138,8 +138,9 @@ def test_a_session_is_recorded_while_a_person_builds(
     end.click()
     until(browser, lambda: find(browser, ".ended").is_displayed())
     [path] = (runs / "sessions").iterdir()
-    find(browser, ".ended a").click()
-    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "replay")
+    assert "Please tell the person who leads the study" in find(browser, ".ended").text
+    assert not browser.find_elements(By.CSS_SELECTOR, ".ended a")  # to what others did
+    open_page(browser, served, f"replay?session={path.name}")
     assert "participant P-07" in find(browser, ".lede").text
     notes = browser.find_elements(By.CSS_SELECTOR, ".marks .note")
     assert [note.get_attribute("title") for note in notes] == [NASTY]
@@ -447,10 +448,37 @@ def test_cards_of_the_gallery_say_what_scores_are_worth(
     told = r"\d+ % of 179\.67 m, the record of throwing on pybullet 3\.2\.7"
     assert re.fullmatch(told, find(browser, ".card span ~ small").text)
     open_page(browser, served, "runs")
-    until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, "td.share"))
-    title = str(find(browser, "td.share").get_attribute("title"))
+    until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, "[data-run=throwing] td.share"))
+    title = str(find(browser, "[data-run=throwing] td.share").get_attribute("title"))
     assert re.fullmatch(told, title.replace("\u00a0", " "))
     assert complaints(browser) == []
+
+
+def test_verified_machines_come_first_and_those_made_by_hand_say_so(
+    browser: webdriver.Chrome, tmp_path: Path
+) -> None:
+    shutil.copytree(RECORDED, tmp_path / "recorded")
+    with studio(tmp_path) as own:
+        browser.get(own.address)
+        open_page(browser, own, "build?task=throwing&record=yes")
+        blocks(browser, 40)
+        find(browser, ".test").click()
+        said(browser, "Test 1: score")
+        for page in ("gallery", "tasks?task=throwing"):
+            open_page(browser, own, page)
+            best, hand = (item.text for item in browser.find_elements(By.CSS_SELECTOR, ".card b"))
+            assert best == "11.63 m verified"
+            assert re.fullmatch(r"[\d.]+ m not verified ?made by hand", hand.replace("\n", " "))
+            assert float(hand.split()[0]) > 11.63
+        with on_phone(browser, 390, 844, dark=False):
+            open_page(browser, own, "runs")
+            until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, "td.share")) == 2)
+            for cell in browser.find_elements(By.CSS_SELECTOR, "td.share"):
+                assert 0 < cell.rect["width"] <= 390 - cell.rect["x"]
+                shown = "return getComputedStyle(arguments[0], '::after').content"
+                told = str(browser.execute_script(shown, cell)).replace("\u00a0", " ")
+                assert " % of 179.67 m, the record of throwing" in told
+        assert complaints(browser) == []
 
 
 def test_all_tasks_are_shown_and_one_leads_to_a_machine_or_a_design(

@@ -58,7 +58,7 @@ function machinesSection({ cards, parts, words, machines, shapes, files }, actio
   };
   const cell = (card, name) => {
     const found = card.items.find(({ item }) => item === name);
-    const button = el("button", { disabled: found.machine ? null : "", "aria-pressed": "false", "aria-label": `${name}, ${card.model}: ${percent(found.share)}`, click: () => choose(button, card, found) }, percent(found.share), found.machine ? "" : el("small", {}, "no valid machine"));
+    const button = el("button", { disabled: found.machine ? null : "", "aria-pressed": "false", "aria-label": `${name}, ${card.model}: ${percent(found.share)}`, click: () => choose(button, card, found) }, percent(found.share), el("small", {}, found.machine ? withUnit(found.score, found.unit) : "no valid machine"));
     return shaded(el("td", {}, button), found.share);
   };
   const titles = Object.fromEntries(cards[0].items.map(({ item, title, about }) => [item, [title, about]]));

@@ -44,8 +44,9 @@ export function listParts(levels, linked) {
 const record = ({ record: best, unit }) => best && verifiedText(best.verified, best.fragile, unit);
 
 /** One level in full.
- *  @param actions elements that lead on from it */
-export function levelParts(level, actions = []) {
+ *  @param actions elements that lead on from it
+ *  @param own an element about what was reached here */
+export function levelParts(level, actions = [], own = "") {
   const best = level.record;
   const facts = [
     ["Scored time", `${formatNumber(level.window)} s`],
@@ -61,6 +62,7 @@ export function levelParts(level, actions = []) {
     el("div", { class: "pair" },
       el("figure", {}, el("img", { class: "still", src: level.picture, alt: `${level.name} with ${level.machine}`, width: 960, height: 720 }), el("figcaption", {}, `The level, with ${level.machine} at its start.`)),
       el("dl", { class: "facts" }, ...facts.flatMap(([name, text]) => [el("dt", {}, name), el("dd", {}, text)]))),
+    own,
     section("Scene and schedule", list([...level.scene, ...level.schedule])),
     section("Score", list(level.score)),
     section("Plan", el("p", { class: "quiet" }, "Dashed: where the machine is built. From the right, what does not cross x = 0 is only outlined."),

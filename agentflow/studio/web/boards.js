@@ -1,6 +1,6 @@
 // Pages over many runs or tasks: the gallery of best machines, leaderboards of scorecards, results of a sweep, tasks.
 
-import { capitalize, el, withUnit } from "../../report/web/dom.js";
+import { capitalize, el, section, withUnit } from "../../report/web/dom.js";
 import { leaderboardParts } from "../../report/web/leaderboard.js";
 import { sweepPage } from "../../report/web/sweep.js";
 import { levelParts, listParts } from "../../report/web/tasks.js";
@@ -9,29 +9,36 @@ import { address, ask } from "./api.js";
 import { holds, keep, pictureOf, searchField, shortName } from "./list.js";
 
 const CARD = "card.json"; // the name of a scorecard
+const OWN = 3; // of a task's best runs, on its page
+const HAND = "by hand"; // the workflow of a person
 const FIRST = 7; // cards of a task that are shown at once
 
-/** The best runs of each task, best verified score first; tasks by the share that is reached. */
+/** A run with a machine, as a card. */
+const runCard = (row) => el("a", { class: "card", href: address("run", { run: row.run }) }, pictureOf(row, 320, 240, "card"),
+  el("b", {}, withUnit(worth(row), row.unit), el("small", { class: row.verified === null ? "unverified" : null }, row.verified === null ? " not verified" : row.fragile ? " verified, fragile" : " verified"), row.workflow === HAND ? el("small", { class: "hand" }, "made by hand") : ""),
+  el("span", { title: row.run }, shortName(row.run)), el("small", {}, shareText(row.record, row.task, row.unit)), row.workflow === HAND ? "" : el("small", {}, [row.workflow, row.model].filter(Boolean).join(" · ")));
+const worth = ({ verified, score }) => verified ?? score;
+
+/** Runs whose machines differ and score above 0: verified ones first, then by score. */
+const bestRuns = (rows) => [...new Map(rows.filter((row) => row.machine && worth(row) > 0).sort((a, b) => (a.verified !== null) - (b.verified !== null) || worth(a) - worth(b)).map((row) => [row.machine, row])).values()].reverse();
+
+/** The best runs of each task, verified ones first, then by score; tasks by the share that is reached. */
 export async function galleryPage() {
   const [rows, { tasks: known }] = await Promise.all([ask("/api/runs"), ask("/api/start")]);
   const levels = new Map(known.map((level) => [level.name, level]));
-  const worth = ({ verified, score }) => verified ?? score;
   const scored = rows.filter((row) => row.machine && worth(row) > 0);
   const reached = ([, found]) => Math.max(...found.map(({ share }) => share ?? 0));
   const tasks = [...Map.groupBy(scored, ({ task }) => task)].sort((a, b) => reached(b) - reached(a) || a[0].localeCompare(b[0]));
-  const card = (row) => el("a", { class: "card", href: address("run", { run: row.run }) }, pictureOf(row, 320, 240, "card"),
-    el("b", {}, withUnit(worth(row), row.unit), el("small", { class: row.verified === null ? "unverified" : null }, row.verified === null ? " not verified" : row.fragile ? " verified, fragile" : " verified")),
-    el("span", { title: row.run }, shortName(row.run)), el("small", {}, shareText(row.record, row.task, row.unit)), el("small", {}, [row.workflow, row.model].filter(Boolean).join(" · ")));
   const part = ([task, rows]) => {
-    const best = [...new Map(rows.sort((a, b) => worth(a) - worth(b)).map((row) => [row.machine, row])).values()].reverse();
-    const cards = el("div", { class: "cards" }, ...best.slice(0, FIRST).map(card));
-    const more = best.length > FIRST ? el("button", { click: () => { cards.append(...best.slice(FIRST).map(card)); more.remove(); } }, `Show all ${best.length}`) : "";
+    const best = bestRuns(rows);
+    const cards = el("div", { class: "cards" }, ...best.slice(0, FIRST).map(runCard));
+    const more = best.length > FIRST ? el("button", { click: () => { cards.append(...best.slice(FIRST).map(runCard)); more.remove(); } }, `Show all ${best.length}`) : "";
     const level = levels.get(task);
     const whole = el("section", {}, el("h2", {}, level ? `${task} · ${level.title}` : task), level ? el("p", { class: "quiet" }, `${level.objective} `, goodFrom(level)) : "", cards, more);
     whole.style.setProperty("--cards", cards.children.length);
     return whole;
   };
-  return { elements: [el("main", { class: "alone wall gallery" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task, those nearest to a record first. Those that score 0 are left out. Open one to see its film and how it was found.")),
+  return { elements: [el("main", { class: "alone wall gallery" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task, those nearest to a record first, verified before not verified. Those that score 0 are left out. Open one to see its film and how it was found.")),
     ...(tasks.length ? tasks.map(part) : [el("p", {}, "No run has a machine that scores above 0 yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
 }
 
@@ -60,7 +67,7 @@ export async function leaderboardPage({ board = 0 }) {
   const picks = boards.map((item, index) => el("a", { class: "button", href: address("leaderboard", { board: index }), "aria-current": item === shown ? "page" : null }, item.about));
   const runOf = (machine) => rows.filter((row) => row.machine === machine).slice(0, 1).map(({ run }) => el("a", { class: "button", href: address("run", { run }) }, "Its run, with films"));
   const players = [];
-  return { close: () => players.forEach((player) => player.close()), elements: [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, "Leaderboard"), shown ? el("p", { class: "lede" }, `${shown.about}.`) : ""),
+  return { close: () => players.forEach((player) => player.close()), elements: [el("main", { class: "alone" }, el("header", {}, el("p", { class: "kind" }, "Models side by side, on the fixed items of a benchmark"), el("h1", {}, "Leaderboard"), shown ? el("p", { class: "lede" }, `${shown.about}. Each model has a scorecard. To add one: `, el("code", {}, `agentflow benchmark --model NAME --base-url URL --out ${runs}`)) : ""),
     picks.length > 1 ? el("nav", { class: "picks", "aria-label": "Benchmarks" }, ...picks) : "",
     ...(shown ? leaderboardParts(shown, runOf, players) : []), more)] };
 }
@@ -100,8 +107,11 @@ export async function tasksPage({ task, ...fields }) {
     const levels = (await ask("/api/start")).tasks.map((level) => pictured(level, "card"));
     return { elements: [el("main", { class: "alone wall" }, ...filtered(levels, fields))] };
   }
-  const level = pictured(await ask("/api/level", { task }), "page");
+  const [found, rows] = await Promise.all([ask("/api/level", { task }), ask("/api/runs")]);
+  const level = pictured(found, "page");
+  const own = bestRuns(rows.filter((row) => row.task === task)).slice(0, OWN);
   const lead = (page, fields, words, kind = "button") => el("a", { class: kind, href: address(page, fields) }, words);
   return { elements: [el("main", { class: "alone" }, el("p", { class: "quiet" }, el("a", { href: "#tasks" }, "Tasks"), ` / ${task}`),
-    ...levelParts(level, [lead("build", { task }, "Build a machine", "button play"), lead("runs", { design: task }, "Let a model design one"), lead("runs", { task }, "Runs on it"), ...(level.recorded ? [lead("build", { task, record: "yes" }, "Open the machine of the record")] : [])]))] };
+    ...levelParts(level, [lead("build", { task }, "Build a machine", "button play"), lead("runs", { design: task }, "Let a model design one"), lead("runs", { task }, "Runs on it"), ...(level.recorded ? [lead("build", { task, record: "yes" }, "Open the machine of the record")] : [])],
+      own.length ? section("Your best", el("div", { class: "cards" }, ...own.map(runCard))) : ""))] };
 }
