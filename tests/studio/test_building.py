@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from agentflow.app.tasks import find_task
+from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
 from agentflow.machine import check, place
 from agentflow.machine.blocks.library import BOULDER
@@ -88,7 +89,7 @@ def test_a_block_is_fixed_by_a_move_to_a_face_where_nothing_overlaps() -> None:
 
 
 def test_the_state_tells_what_check_and_geometry_tell() -> None:
-    state = describe_state(CAR, BRIEF, 3)
+    state = describe_state(CAR, get_task("movement"), 3)
     assert (state["machine"], state["chosen"], state["valid"]) == (CAR.to_json(), 3, True)
     assert [block["id"] for block in state["blocks"]] == list(range(7))
     assert state["size"] == list(place(CAR).size)

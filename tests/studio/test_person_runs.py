@@ -54,6 +54,20 @@ def test_machines_are_opened_in_every_format(browser: Browser) -> None:
         assert browser.post("/api/build/open", asked)["machine"] == CAR.to_json()
 
 
+def test_what_every_test_would_fail_for_is_told_before_it(browser: Browser) -> None:
+    record = browser.get("/api/build/record", task="movement/7")["machine"]
+    asked = {"task": "movement/7", "machine": record}
+    assert browser.post("/api/build/state", asked)["warnings"] == []
+    blocks = record["blocks"]
+    turned = {**record, "blocks": [*blocks[:3], {**blocks[3], "face_id": 5}, *blocks[4:]]}
+    told = browser.post("/api/build/state", {**asked, "machine": turned})
+    assert told["problems"] == []
+    message = "Every test fails: its wheels do not turn about one axis along x."
+    assert [each["message"] for each in told["warnings"]] == [message]
+    alone = browser.post("/api/build/state", {**asked, "machine": ROOT})
+    assert (bool(alone["problems"]), alone["warnings"]) == (True, [])
+
+
 LONG = [*ROOT, *({"type": 1, "id": i, "parent": i - 1, "face_id": 0} for i in range(1, 1001))]
 
 

@@ -37,26 +37,31 @@ class Balance(Parameters):
         return (0.0, "holds", 1.0), (0.0, "wind", 0.0), (at, "wind", 1.0), (at + LASTS, "wind", 0.0)
 
 
+def axle_problem(machine: Machine) -> str:
+    """What is wrong with the wheels, which must have one axis, along x; "" if they do."""
+    placed = place(machine)
+    wheels = [placed[step.id] for step in machine if step.type == WHEEL]
+    axles = {(wheel.facing[0], *(round(v, 3) for v in wheel.center[1:])) for wheel in wheels}
+    rolls = len(axles) == 1 and axles.pop()[0] == "x"
+    return "" if rolls else "its wheels do not turn about one axis along x"
+
+
 class BalanceReferee:
     """Watches the centre of mass, and what touches the ground or an object of the scene."""
 
     def __init__(self, machine: Machine, balance: Balance, around: tuple[str, ...]) -> None:
         self._least, self._around = balance.height, ("ground", *around)
         self._masses = [(step.id, library()[step.type].mass) for step in machine]
-        placed = place(machine)
         self._wheels = [step.id for step in machine if step.type == WHEEL]
-        wheels = [placed[block] for block in self._wheels]
-        axles = {(wheel.facing[0], *(round(v, 3) for v in wheel.center[1:])) for wheel in wheels}
-        self._rolls = len(axles) == 1 and axles.pop()[0] == "x"
-        """Whether the wheels have one axis, along x."""
+        self._fault = axle_problem(machine)
         self._due = 0.0
         self._fallen: tuple[float, str] | None = None
         """When it failed, s, and how."""
 
     def start(self, world: WorldView) -> None:
         """Look whether it stands as it must."""
-        if not self._rolls:
-            self._fallen = 0.0, "its wheels do not turn about one axis along x"
+        if self._fault:
+            self._fallen = 0.0, self._fault
         self.watch(world)
 
     def watch(self, world: WorldView) -> bool:

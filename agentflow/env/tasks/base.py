@@ -265,6 +265,11 @@ class Task(ABC):
         """
         return (self,)
 
+    def fault(self, machine: Machine) -> str:  # noqa: ARG002 - few levels demand more
+        """Why no simulation of a valid machine can succeed, which builders see before a test; "" if
+        that is not known."""
+        return ""
+
     @abstractmethod
     def referee(self, machine: Machine) -> Referee:
         """A new referee for one rollout of this machine."""

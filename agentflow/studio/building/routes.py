@@ -171,7 +171,7 @@ class Building:
         level, info = given.level, task_info(given.task, {})
         brief, scene = level.brief, level.scene()
         return {
-            **describe_state(brief.given, brief),
+            **describe_state(brief.given, level),
             "title": info.title,
             **task_wording(brief),
             **control_parts(brief),
@@ -203,8 +203,7 @@ class Building:
 
     async def state(self, given: MachineForTask) -> dict[str, Any]:
         """Everything about a machine."""
-        machine, rules = given.read()
-        return await asyncio.to_thread(describe_state, machine, rules.brief)
+        return await asyncio.to_thread(describe_state, given.read()[0], given.level)
 
     async def spots(self, given: Asked) -> list[dict[str, Any]]:
         """The faces where a block could go, and why it cannot go there."""
@@ -225,13 +224,13 @@ class Building:
         """The changed machine, or why it cannot be changed like this."""
         machine, rules = given.read()
         changed, chosen = await asyncio.to_thread(_changed, machine, rules, given)
-        return await asyncio.to_thread(describe_state, changed, rules.brief, chosen)
+        return await asyncio.to_thread(describe_state, changed, given.level, chosen)
 
     async def open(self, given: Opened) -> dict[str, Any]:
         """A machine from a file in any format."""
         is_bsg = given.name.lower().endswith(".bsg")
         machine = _read_for_task(given.level, given.text, is_bsg=is_bsg)
-        return await asyncio.to_thread(describe_state, machine, given.level.brief)
+        return await asyncio.to_thread(describe_state, machine, given.level)
 
     async def control(self, given: Controlled) -> dict[str, Any]:
         """The machine with other controls, or everything that is wrong with them."""
@@ -239,7 +238,7 @@ class Building:
         changed = controlled(machine, given.text, rules.brief)
         if not isinstance(changed, Machine):
             return {"problems": changed}
-        return {"state": await asyncio.to_thread(describe_state, changed, rules.brief)}
+        return {"state": await asyncio.to_thread(describe_state, changed, given.level)}
 
     async def made(self, given: Made) -> Response:
         """Instructions, or a file for CAD programs or printers."""

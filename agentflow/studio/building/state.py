@@ -14,6 +14,7 @@ from agentflow.env.constants import constants
 from agentflow.env.drawing.cameras import to_vec3
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.physics.assembly import assemble
+from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine import Brief, Machine, check, library, place
 from agentflow.machine.edits.changes import Change, Mending, add
@@ -23,9 +24,11 @@ from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.problems import RefusedEdit, type_problem
 
 
-def describe_state(machine: Machine, brief: Brief, chosen: int = 0) -> dict[str, Any]:
+def describe_state(machine: Machine, task: Task, chosen: int = 0) -> dict[str, Any]:
     """Everything about a machine: picture, tree, problems, balance. Places are in the world, m."""
-    report, shapes = check(machine, brief), Shapes()
+    brief, shapes = task.brief, Shapes()
+    report = check(machine, brief)
+    fault = "" if report.problems else task.fault(machine)
     geometry = place(machine, brief.banks)
     shift = _lift_of(machine, geometry)
     return {
@@ -48,7 +51,10 @@ def describe_state(machine: Machine, brief: Brief, chosen: int = 0) -> dict[str,
             for placed in geometry.blocks
         ],
         "problems": [problem.to_json() for problem in report.problems],
-        "warnings": [warning.to_json() for warning in report.warnings],
+        "warnings": [
+            *(warning.to_json() for warning in report.warnings),
+            *[{"message": f"Every test fails: {fault}.", "blocks": []}] * bool(fault),
+        ],
         "valid": report.task_valid,
         "size": list(geometry.size),
         "mass": mass(geometry),

@@ -14,7 +14,7 @@ from agentflow.env.feedback.compose import compose
 from agentflow.env.feedback.text import series, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, SceneObject
-from agentflow.env.tasks.balancing import FIRST, LASTS, WHEEL, Balance, BalanceReferee
+from agentflow.env.tasks.balancing import FIRST, LASTS, WHEEL, Balance, BalanceReferee, axle_problem
 from agentflow.env.tasks.base import ON_WHEELS, Descriptor, Parameters, Referee, WorldView
 from agentflow.env.tasks.family import TRIALS, CommonKnobs, Family
 from agentflow.env.tasks.features import roads
@@ -144,6 +144,10 @@ class Movement(Family):
         target = (0.0, 0.0, self._wall if knobs.stop.gap else 0.0)
         held = bool(knobs.balance.height)
         return Scene(objects, knobs.wind.velocity, target=target, machine_held=held)
+
+    def fault(self, machine: Machine) -> str:
+        """What is wrong with the wheels of a machine that must stay upright on them."""
+        return axle_problem(machine) if self.parameters.balance.height else ""
 
     def referee(self, machine: Machine) -> Referee:
         if self.parameters.balance.height:
