@@ -158,6 +158,9 @@ def test_scorecards_and_sweeps_have_their_pages(
         return [len(board["cards"]) for board in browser.get("/api/leaderboards")]
 
     assert models() == [3, 2, 1]  # those that the repository ships
+    with monkeypatch.context() as patch:  # which are not drawn again
+        patch.delattr("agentflow.studio.watching.routes.leaderboard_data")
+        assert models() == [3, 2, 1]
     (runs / "bench").mkdir()
     shutil.copy(RECORDED.parents[1] / "docs/cards/procedural.json", runs / "bench/card.json")
     assert models() == [2, 3, 1]  # a copy is no model more, and its board is the first

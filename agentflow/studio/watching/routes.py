@@ -11,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import BaseRoute, Route
 
+from agentflow.app.benchmark.card import Scorecard
 from agentflow.app.benchmark.page import leaderboard_data
 from agentflow.app.design.config import load_config
 from agentflow.app.design.plan import task_of_run
@@ -97,6 +98,7 @@ class Watching:
         """Prepare; nothing is read yet."""
         self._folder, self._designs, self._simulations = folder, designs, simulations
         self._listing = Listing(folder, designs)
+        self._boards: tuple[list[list[Scorecard]], list[dict[str, Any]]] = [], []
 
     @property
     def routes(self) -> list[BaseRoute]:
@@ -234,8 +236,12 @@ class Watching:
         return await asyncio.to_thread(self._listing.sweep, self._folder.sweep(given.sweep))
 
     async def leaderboards(self, _given: Nothing) -> list[dict[str, Any]]:
-        """A leaderboard for each benchmark that has scorecards, those of the folder first."""
-        return await asyncio.to_thread(lambda: [*map(leaderboard_data, self._folder.cards())])
+        """A leaderboard for each benchmark that has scorecards, those of the folder first; kept
+        until cards come or go, as drawing their machines takes seconds."""
+        boards = await asyncio.to_thread(self._folder.cards)
+        if boards != self._boards[0]:
+            self._boards = boards, await asyncio.to_thread(lambda: [*map(leaderboard_data, boards)])
+        return self._boards[1]
 
     async def follow(self, request: Request) -> Response:
         """The stream of one run, or of the list."""
