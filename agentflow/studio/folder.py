@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path, PurePosixPath
 
 from agentflow.app.benchmark.card import NAME as CARD
-from agentflow.app.benchmark.card import Scorecard, read_card
-from agentflow.app.benchmark.leaderboard import read_cards
+from agentflow.app.benchmark.card import Scorecard
+from agentflow.app.benchmark.leaderboard import cards_in, comparable, read_cards
 from agentflow.app.sweeps.folder import is_sweep
 from agentflow.errors import RunError, UsageError
 from agentflow.files.folders import require_plain_files
@@ -59,17 +59,7 @@ class RunFolder:
         """The scorecards below the folder and those that the repository ships, best first, those
         that can be compared together; a copy of a card counts once."""
         own = [path for path in sorted(self.root.rglob(CARD)) if not path.is_symlink()]
-        shipped = [*sorted(SHIPPED.glob("*.json")), *sorted(SHIPPED.glob(f"*/{CARD}"))]
-        found: dict[tuple[str, ...], list[Path]] = {}
-        known = set[bytes]()
-        for path in (*own, *shipped):
-            if (content := path.read_bytes()) in known:
-                continue
-            known.add(content)
-            card = read_card(path)
-            key = (card.digest, str(card.conditions), *card.parts)
-            found.setdefault(key, []).append(path)
-        return [read_cards(paths) for paths in found.values()]
+        return [read_cards(paths) for paths in comparable((*own, *cards_in(SHIPPED)))]
 
     def _path(self, name: str) -> Path:
         parts = PurePosixPath(name).parts

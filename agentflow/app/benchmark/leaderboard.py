@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from statistics import fmean
 
@@ -37,29 +37,36 @@ OF_FRAGILE = (
 )
 
 
-def find_cards(paths: Sequence[Path]) -> list[Path]:
-    """Files of cards; a folder without one of its own stands for the cards in it.
+def cards_in(folder: Path) -> list[Path]:
+    """Files of cards in a folder, and of those in folders of their own."""
+    return [*sorted(folder.glob("*.json")), *sorted(folder.glob(f"*/{NAME}"))]
+
+
+def comparable(paths: Iterable[Path]) -> list[list[Path]]:
+    """Files of cards, those that can be compared together; a copy of a card counts once."""
+    files, found = dict[bytes, Path](), dict[object, list[Path]]()
+    for path in paths:
+        files.setdefault(path.read_bytes(), path)
+    for path in files.values():
+        card = read_card(path)
+        found.setdefault((card.digest, str(card.conditions), *card.parts), []).append(path)
+    return list(found.values())
+
+
+def find_cards(path: Path) -> list[Path]:
+    """Files of cards that a path stands for: a folder without one of its own holds several.
 
     Raises:
-        UsageError: A folder has cards of several benchmarks, which cannot be compared, or none.
+        UsageError: They cannot be compared, or there are none.
     """
-    found = list[Path]()
-    for path in paths:
-        if not path.is_dir() or (path / NAME).exists():
-            found.append(path)
-            continue
-        groups: dict[str, list[Path]] = {}
-        for file in (*sorted(path.glob("*.json")), *sorted(path.glob(f"*/{NAME}"))):
-            card = read_card(file)
-            groups.setdefault(f"{card.digest} {card.conditions}", []).append(file)
-        if len(groups) != 1:
-            choices = [f"agentflow leaderboard {shlex.join(map(str, g))}" for g in groups.values()]
-            several = f"{path} has cards of {len(groups)} benchmarks, which cannot be compared: "
-            raise UsageError(
-                f"{several}write {' or '.join(choices)}" if groups else f"{path} has no {NAME}"
-            )
-        found += next(iter(groups.values()))
-    return found
+    if not path.is_dir() or (path / NAME).exists():
+        return [path]
+    groups = comparable(cards_in(path))
+    if len(groups) == 1:
+        return groups[0]
+    choices = [f"agentflow leaderboard {shlex.join(map(str, group))}" for group in groups]
+    several = f"cards of {len(groups)} benchmarks, which cannot be compared: write "
+    raise UsageError(f"{path} has {several + ' or '.join(choices) if groups else f'no {NAME}'}")
 
 
 def read_cards(paths: Sequence[Path]) -> list[Scorecard]:

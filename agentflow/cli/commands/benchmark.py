@@ -159,7 +159,7 @@ def leaderboard(
     from agentflow.app.benchmark.leaderboard import find_cards, format_tables, read_cards
     from agentflow.app.benchmark.leaderboard import leaderboard as compare
 
-    cards = find_cards(cards)
+    cards = [file for path in cards for file in find_cards(path)]
     found = read_cards(cards)
     told: tuple[str, ...] = ()
     if check:
