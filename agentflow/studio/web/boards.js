@@ -38,7 +38,7 @@ export async function galleryPage() {
     whole.style.setProperty("--cards", cards.children.length);
     return whole;
   };
-  return { elements: [el("main", { class: "alone wall gallery" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task, those nearest to a record first, verified before not verified. Those that score 0 are left out. Open one to see its film and how it was found.")),
+  return { elements: [el("main", { class: "alone wall gallery" }, el("header", {}, el("h1", {}, "Gallery"), el("p", { class: "lede" }, "The best machines of each task, those nearest to a record first. Verified ones come before others; those that score 0 are left out. Open one to see its film and how it was found.")),
     ...(tasks.length ? tasks.map(part) : [el("p", {}, "No run has a machine that scores above 0 yet. ", el("a", { href: "#runs" }, "Start a design"), ".")]))] };
 }
 
