@@ -326,6 +326,12 @@ def test_the_score_at_the_top_is_the_verified_one_and_its_fall_is_told(
     verified = {**data["run"]["verified"], "score": 9.0}
     data["task"]["greatest"] = 6000.0
     bare = {"machines": {}, "shapes": [], "files": ""}
+    unverified = {**data["run"], "score": 12.0, "verified": None}
+    page = whole_page("run", {**data, **bare, "run": unverified})
+    (tmp_path / "unverified.html").write_text(page, encoding="utf-8")
+    browser.get((tmp_path / "unverified.html").as_uri())
+    until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".score b"))
+    assert browser.find_elements(By.CSS_SELECTOR, ".failing") == []
     for score, warned in ((9.5, []), (12, ["Its score of 12 m falls to 9 m when verified"])):
         told_run = {**data["run"], "score": score, "verified": verified}
         page = whole_page("run", {**data, **bare, "run": told_run})

@@ -117,8 +117,8 @@ def read_sweep_result(path: Path, known: Callable[[Path], RunRecord] = record_of
             done.append(finished_run(planned, run, known(run)))
     if not done:
         raise RunError(
-            f"no run of {path} is finished; run it with agentflow {sweep.command} "
-            f"{quote(str(path))} --resume"
+            f"no run of {path} is finished yet; unless it is running now, go on with "
+            f"agentflow {sweep.command} {quote(str(path))} --resume"
         )
     require_same_engine(path, done)
     return SweepResult(path, sweep, tuple(done), every, read_failures(path))

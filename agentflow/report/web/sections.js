@@ -21,7 +21,7 @@ export function header(data, pick) {
     el("p", { class: "score" }, shown === null ? "no score" : el("b", {}, withUnit(shown, data.task.unit), data.task.greatest ? ` of ${withUnit(data.task.greatest, data.task.unit)}` : ""), trusted === null ? " " : " (verified) ", run.sentence),
     passedOver(data, pick),
     worth(data, shown),
-    trusted < FALL * run.score ? el("p", { class: "failing" }, `Its score of ${withUnit(run.score, data.task.unit)} falls to ${withUnit(trusted, data.task.unit)} when verified: small changes of physics cost this machine as much.`) : null,
+    trusted !== null && trusted < FALL * run.score ? el("p", { class: "failing" }, `Its score of ${withUnit(run.score, data.task.unit)} falls to ${withUnit(trusted, data.task.unit)} when verified: small changes of physics cost this machine as much.`) : null,
     failing(data),
     run.verified ? verification(run.verified, data.task.unit) : null,
     el("p", { class: "lede" }, run.about),
