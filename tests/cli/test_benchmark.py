@@ -188,7 +188,7 @@ def test_a_leaderboard_opens_in_a_browser(
         shares[-1].click()
         item, model = str(shares[-1].get_attribute("aria-label")).partition(":")[0].split(", ")
         shown = driver.find_element(By.CSS_SELECTOR, ".title").text
-        assert shown == f"{item} · {shares[-1].text} · {model}"
+        assert shown == f"{item} · {shares[-1].text.splitlines()[0]} · {model}"
         assert driver.find_element(By.CSS_SELECTOR, ".shares").text.split()[0] == "gearing"
         driver.find_element(By.CSS_SELECTOR, "svg .ratio")
         assert "procedural (no language model)" in driver.page_source

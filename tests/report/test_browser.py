@@ -504,9 +504,9 @@ def test_the_gallery_plays_one_machine_at_a_time(browser: webdriver.Chrome, tmp_
     cards = part.find_elements(By.CSS_SELECTOR, ".card")
     assert [card.get_attribute("aria-pressed") for card in cards] == ["true", "false"]
     assert cards[1].text.startswith(
-        f"{result.verified_score:.2f} m verified\n6 % of 179.67 m, the "
+        f"{result.verified_score:.2f} m verified\n5 % of 224.66 m, the "
     )
-    assert "Good from 45 m · record 179.67 m." in part.text
+    assert "Good from 45 m · record 224.66 m." in part.text
     cards[1].click()
     assert [card.get_attribute("aria-pressed") for card in cards] == ["false", "true"]
     assert browser.execute_script(
@@ -688,7 +688,7 @@ def test_where_nothing_scored_the_axis_has_plain_numbers(
 def test_a_sweep_words_ties_tells_ticks_apart_and_has_conditions_side_by_side_on_a_phone(
     browser: webdriver.Chrome, tmp_path: Path
 ) -> None:
-    record = {"verified": 179.67, "fragile": False, "engine": "pybullet 3.2.7"}
+    record = {"verified": 224.66, "fragile": False, "engine": "pybullet 3.2.7"}
     goal = {"level": "throwing", "good": 45.0, "record": {**record, "share": 0.5, "of": "record"}}
     best = {"run": "a", "score": 90.0, "picture": png_url(CAR, **STILL)}
     scores = {"a": (1.0, 9.0, 2.0), "b": (2.0, 8.0, 3.0), "c": (20.0, 21.0, 22.0)}
@@ -714,7 +714,7 @@ def test_a_sweep_words_ties_tells_ticks_apart_and_has_conditions_side_by_side_on
         told = [item.text for item in browser.find_elements(By.CSS_SELECTOR, "main section > p")]
         assert told[0] == (
             "At throwing, c has the highest mean, 21 m, before b with 4.33 m. Their intervals are "
-            "apart. Good from 45 m · record 179.67 m."
+            "apart. Good from 45 m · record 224.66 m."
         )
         assert told[1] == "At movement, a and b are alike: their means are equal, 500.00 m."
         ticks = browser.find_elements(By.CSS_SELECTOR, ".chart")[1].find_elements(
@@ -722,7 +722,7 @@ def test_a_sweep_words_ties_tells_ticks_apart_and_has_conditions_side_by_side_on
         )
         assert len({tick.text for tick in ticks}) == len(ticks) > 2
         assert find(browser, ".card small").text == (
-            "50 % of 179.67 m, the record of throwing on pybullet 3.2.7"
+            "50 % of 224.66 m, the record of throwing on pybullet 3.2.7"
         )
         shares = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".card small")]
         assert shares[-1] == "24 % of 6,000 kg, the greatest possible score"

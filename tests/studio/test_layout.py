@@ -150,5 +150,5 @@ def test_the_stages_of_a_run_and_the_list_of_runs_fit_without_scrolling(
             if width > 1000:
                 share = row.find_element(By.CSS_SELECTOR, ".share")
                 bar = "return parseFloat(arguments[0].style.getPropertyValue('--share'))"
-                assert f"{browser.execute_script(bar, share):.0f} %" == share.text == "56 %"
+                assert f"{browser.execute_script(bar, share):.0f} %" == share.text == "45 %"
     shutil.rmtree(path)

@@ -439,7 +439,7 @@ def test_cards_of_the_gallery_say_what_scores_are_worth(
     browser: webdriver.Chrome, served: Served
 ) -> None:
     open_page(browser, served, "gallery")
-    assert "Good from 45 m · record 179.67 m." in find(browser, "main section > p").text
+    assert "Good from 45 m · record 224.66 m." in find(browser, "main section > p").text
     for width in (1440, 820, 390):
         with on_phone(browser, width, 900, dark=False):
             cards = len(find(browser, "main section").find_elements(By.CSS_SELECTOR, ".card"))
@@ -477,7 +477,7 @@ def test_verified_machines_come_first_and_those_made_by_hand_say_so(
                 assert 0 < cell.rect["width"] <= 390 - cell.rect["x"]
                 shown = "return getComputedStyle(arguments[0], '::after').content"
                 told = str(browser.execute_script(shown, cell)).replace("\u00a0", " ")
-                assert " % of 179.67 m, the record of throwing" in told
+                assert " % of 224.66 m, the record of throwing" in told
         assert complaints(browser) == []
 
 
