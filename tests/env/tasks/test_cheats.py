@@ -81,7 +81,7 @@ def test_a_tower_that_falls_forward_drives_nowhere() -> None:
 
 def test_energy_from_nothing_does_not_count() -> None:
     """A rotor flings its root so fast that landing it adds more energy than it ever had."""
-    flung = load("flung_root.json")
+    flung = load("common/flung_root.json")
     rollout = simulate(flung, get_task("movement/2"), engine=MuJoCoEngine())
     assert (rollout.status, rollout.score) == ("diverged", 0.0)
     first, *broken = rollout.feedback.text.splitlines()
