@@ -389,7 +389,7 @@ def test_folders_without_a_sweep_or_finished_runs_are_refused(tmp_path: Path) ->
     with pytest.raises(RunError, match=r"is not a sweep directory: it has no readable sweep.yaml"):
         read_sweep_result(tmp_path)
     path = sweep(tmp_path, {})
-    with pytest.raises(RunError, match="; unless it is running now, .*hand --resume"):
+    with pytest.raises(RunError, match=r"; unless it is running now, .*hand --resume"):
         read_sweep_result(path)
     (path / "sweep.yaml").write_text("[")
     with pytest.raises(RunError, match=r"sweep.yaml is damaged: expected a mapping with schema"):
