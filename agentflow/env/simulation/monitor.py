@@ -35,9 +35,9 @@ LONG_BEFORE, BEFORE, AFTER = 0.2, 0.05, 0.05
 are kept, s: springs throw within 0.2 s."""
 PRESSING = 3
 """How many steps to read contacts in after a jump: what bounces off presses for as long."""
-ERROR = 0.05
-"""Share of the energy given by motors, springs, gravity and wind that errors of an engine's steps
-may add: ten times as much as with any machine of a record."""
+ERROR, SMALL = 0.05, 1000.0
+"""Energy that errors of an engine's steps may add: share of what motors, springs, gravity and wind
+gave, ten times as much as with any machine of a record; or J, too little to throw a block far."""
 LONG, SHORT, SHARE = 0.4, 0.2, 0.02
 """For how long to look closely, and to read contacts in every step, in any rollout, s; share of
 all other steps in which either may be done besides."""
@@ -69,8 +69,8 @@ class Monitor:
         self._touches: list[float] = []
         """Times at which bodies touched for the first time, s."""
         self.unexplained = 0.0
-        """Energy that all bodies have at the decisive moment and that nothing gave them, J: more
-        than `ERROR` of what was given; known once all is measured."""
+        """Energy that all bodies have at the decisive moment and that nothing gave them, J; 0 if
+        errors may have added it. Known once all is measured."""
 
     def start(self) -> None:
         """t = 0: what touches now stands."""
@@ -204,5 +204,6 @@ class Monitor:
         energies = before, after = self._world.energies(start), self._world.energies(then)
         given = np.append(done, before[:, 1].sum() - after[:, 1].sum())
         excess = float((after[:, 0] - before[:, 0]).sum() - given.sum())
-        self.unexplained = excess if excess > ERROR * float(given.clip(0.0).sum()) else 0.0
+        if excess > max(SMALL, ERROR * float(given.clip(0.0).sum())):
+            self.unexplained = excess
         return energy_until(time, done, energies, thrown, self.recorder.objects)

@@ -41,9 +41,6 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
-UNEXPLAINED = 1000.0
-"""Energy that may come from nothing, J: less than throws a block far. A choice of ours."""
-
 
 class RefereeView:
     """What referees see of a running world: a `tasks.base.WorldView`."""
@@ -384,7 +381,7 @@ class Trial:
             trace = self._monitor.thin_out(whole, verdict.moment, broken)
             trace = replace(trace, measured=measured)
             excess = self._monitor.unexplained
-            if excess > UNEXPLAINED and not any(item.load for item in self._scene.objects):
+            if excess and not any(item.load for item in self._scene.objects):  # those grow
                 text = (
                     f"The simulation gained {excess:.0f} J that no motor, spring, fall or wind "
                     "gave: something hit faster than steps can follow"

@@ -13,7 +13,7 @@ export function header(data, pick) {
   const trusted = run.verified?.score ?? null;
   const shown = trusted ?? run.score;
   const budget = run.trajectories === 1 ? "1 trajectory" : `${run.trajectories} trajectories`;
-  const attempts = !run.trajectories ? "" : run.begun > run.trajectories ? ` · ${run.begun} first designs, with calls and simulations for ${budget}` : ` · ${budget}`;
+  const attempts = !run.trajectories ? "" : run.begun > run.trajectories ? ` · ${run.begun} first designs` : ` · ${budget}`;
   return el("header", {},
     el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}${attempts}`),
     el("h1", {}, run.task),

@@ -20,7 +20,7 @@ const step = (type, parent, sides, text) => {
 const bodyStep = (end, text) => step(BLOCK, () => 0, [end], text);
 const wheelStep = (end, text) => step(WHEEL, (state) => body(state, end)?.id ?? -1, ["x-", "x+"], text);
 const STEPS = [
-  bodyStep("z+", "Choose Wooden Block in the list of blocks, then the green mark on the front (z+) of the Starting Block."),
+  bodyStep("z+", "Choose Wooden Block in the list of blocks, then the mark Here on the front (z+) of the Starting Block."),
   bodyStep("z-", "Attach a second Wooden Block to the back (z-), opposite the first: the body is done."),
   wheelStep("z+", "Choose Powered Wheel, then one side of the front block, then the mark opposite."),
   wheelStep("z-", "Put two more wheels on both sides of the back block."),
